@@ -103,10 +103,10 @@ def _table_keys(name: str, seen: dict[str, int], *, array: bool) -> Keys:
 def _place_in_line(line: str, start: int, keys: Sequence[str | int]) -> int:
     """Find where keys of an inline table stand in a line, as far as they are there."""
     for key in keys:
-        found = re.search(rf"\b{re.escape(str(key))}\s*=", line[start:])
-        if not found:
+        match = re.search(rf"\b{re.escape(str(key))}\s*=", line[start:])
+        if not match:
             break
-        start += found.start()
+        start += match.start()
     return start
 
 

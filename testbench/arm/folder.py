@@ -149,11 +149,11 @@ class JointMap:
         """Move the dependent joints of poses, (..., n) [rad, m], to where the free ones bring them."""
         if self.square:
             return q
-        found = q.copy()
+        moved = q.copy()
         others = np.setdiff1d(np.arange(len(self.q_0)), self.free)
         at = (q - self.q_0) @ self.dependence.T + self.q_0
-        found[..., others] = at[..., others]
-        return found
+        moved[..., others] = at[..., others]
+        return moved
 
     def followed_joint(self, k: int) -> tuple[int, float, float] | None:
         """Find the one free joint that chain joint k follows, q_k = c q_j + offset.
@@ -204,13 +204,13 @@ def build_map(
     """
     # names of file joints, in the order of the chain
     known = {joint.name: k for k, joint in enumerate(joints)}
-    own = {joint.name: rows.get(joint.name, {joint.name: 1.0}) for joint in joints}
+    coefficients = {joint.name: rows.get(joint.name, {joint.name: 1.0}) for joint in joints}
     place: dict[str, tuple[int, int]] = {}
-    for k, row in enumerate(own.values()):
+    for k, row in enumerate(coefficients.values()):
         for name in (name for name, c in row.items() if c):
             place.setdefault(name, (known.get(name, k), len(place)))
     names = tuple(sorted(place, key=lambda name: place[name]))
-    L = np.array([[float(row.get(name, 0.0)) for name in names] for row in own.values()])
+    L = np.array([[float(row.get(name, 0.0)) for name in names] for row in coefficients.values()])
     L = L.reshape(len(joints), len(names))
     offsets = np.array([q_0.get(joint.name, 0.0) for joint in joints])
     if names == tuple(known) and np.array_equal(L, np.eye(len(names))) and not offsets.any():
@@ -219,7 +219,9 @@ def build_map(
     if np.abs(L).max(initial=0.0) > MAX_COEFFICIENT:
         raise BenchError(f"expected coefficients up to {MAX_COEFFICIENT:g}, got {np.abs(L).max():g}")
     # free chain joints: m independent rows of L, those that are a file joint of their own first
-    alone = [k for k, (name, row) in enumerate(own.items()) if [n for n, c in row.items() if c] == [name]]
+    alone = [
+        k for k, (name, row) in enumerate(coefficients.items()) if [n for n, c in row.items() if c] == [name]
+    ]
     free = _independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
         listed = shorten(", ".join(names), MAX_LISTED) or "none"
@@ -239,13 +241,13 @@ def build_map(
 
 def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
     """Find rows that are independent of all earlier ones in an order; their indices are sorted."""
-    found: list[int] = []
+    independent: list[int] = []
     for k in order:
-        rows = L[[*found, k]]
+        rows = L[[*independent, k]]
         s = np.linalg.svd(rows, compute_uv=False)
         if len(rows) <= L.shape[1] and s[-1] > ZERO_COEFFICIENT * max(1.0, s[0]):
-            found.append(k)
-    return np.array(sorted(found), dtype=int)
+            independent.append(k)
+    return np.array(sorted(independent), dtype=int)
 
 
 def file_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
@@ -320,10 +322,10 @@ def find_arm(name: str | Path) -> Path:
     check_type(name, (str, Path), "arm")
     if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
         return Path(name)
-    found = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
-    if str(name) in found:
-        return found[str(name)]
-    ours = ", ".join(sorted(found))
+    folders = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
+    if str(name) in folders:
+        return folders[str(name)]
+    ours = ", ".join(sorted(folders))
     raise InputError(Path(name), "", f"expected a folder with rigid.xml and elastic.toml, or one of {ours}")
 
 
@@ -376,8 +378,8 @@ class Arm(Displayed):
 
     def about(self) -> dict[str, object]:
         """Summarise the arm by name, joints, markers and rated payload."""
-        own = {"name": self.name, "joints": self.n_joints, "markers": " ".join(self.markers)}
-        return own | ({} if self.payload is None else {"payload_kg": self.payload})
+        summary = {"name": self.name, "joints": self.n_joints, "markers": " ".join(self.markers)}
+        return summary | ({} if self.payload is None else {"payload_kg": self.payload})
 
     @property
     def n_joints(self) -> int:
@@ -580,10 +582,10 @@ def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
         place = toml_place(path, ["joints", name])
         if name not in known:
             raise InputError(path, place, f"expected one of the joints {', '.join(known)}, got {name!r}")
-        own, other = OFFSETS[:: -1 if known[name].prismatic else 1]
-        if other in row:
-            raise InputError(path, place, f"expected {own} of this joint, got {other}")
-        q_0[name] = row.pop(own, 0.0) / known[name].shown
+        key, wrong_key = OFFSETS[:: -1 if known[name].prismatic else 1]
+        if wrong_key in row:
+            raise InputError(path, place, f"expected {key} of this joint, got {wrong_key}")
+        q_0[name] = row.pop(key, 0.0) / known[name].shown
         if abs(q_0[name]) > MAX_JOINT_COORDINATE:
             raise InputError(path, place, f"expected offsets up to {MAX_JOINT_COORDINATE:g} rad or m")
     place = toml_place(path, ["joints"])
@@ -615,22 +617,23 @@ def _link(path: Path, index: int, link: LinkEntry) -> Link:
 
 
 def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJoint:
-    found = find_body(rigid, root, body).findall("joint")
-    names = [j.get("name") for j in found]
+    elements = find_body(rigid, root, body).findall("joint")
+    names = [j.get("name") for j in elements]
     if names != [joint.name]:
         problem = f"expected exactly the joint {joint.name!r} of elastic.toml, got {names}"
         raise InputError(rigid, f"<body name={body!r}>", problem)
-    [own] = found
-    prismatic = own.get("type", "hinge") == "slide"
+    [element] = elements
+    prismatic = element.get("type", "hinge") == "slide"
     unit = 1.0 if prismatic else angle_unit(root)
-    lower, upper = (x * unit for x in numbers(rigid, own, "range", 2))
-    moved = "pos" in own.attrib and any(numbers(rigid, own, "pos", 3))
+    lower, upper = (x * unit for x in numbers(rigid, element, "range", 2))
+    moved = "pos" in element.attrib and any(numbers(rigid, element, "pos", 3))
     problems = {
-        f"expected a hinge or a slide, got {own.get('type')!r}": own.get("type", "hinge") not in JOINT_KINDS,
+        f"expected a hinge or a slide, got {element.get('type')!r}": element.get("type", "hinge")
+        not in JOINT_KINDS,
         "expected no pos: the body's origin lies on the joint": moved,
-        "axis: expected a direction, got zero": not any(numbers(rigid, own, "axis", 3)),
-        f"range: expected lower < upper, got {own.get('range')!r}": not lower < upper,
-        f"range: expected limits up to {MAX_JOINT_COORDINATE:g} rad or m, got {own.get('range')!r}": (
+        "axis: expected a direction, got zero": not any(numbers(rigid, element, "axis", 3)),
+        f"range: expected lower < upper, got {element.get('range')!r}": not lower < upper,
+        f"range: expected limits up to {MAX_JOINT_COORDINATE:g} rad or m, got {element.get('range')!r}": (
             max(abs(lower), abs(upper)) > MAX_JOINT_COORDINATE
         ),
     }

@@ -159,13 +159,13 @@ def asset_paths(path: Path, root: ET.Element) -> list[str]:
         InputError: When a path is absolute or leads out of the folder, so that a copy of the folder lacks the
             file.
     """
-    folder, found = path.parent.absolute(), set()
+    folder, paths = path.parent.absolute(), set()
     for name, file in mesh_files(path, root).items():
         real = os.path.normpath(file.absolute())
         if Path(name).is_absolute() or not Path(real).is_relative_to(folder):
             raise InputError(path, f"<mesh file={name!r}>", "file: expected a path from the arm's folder")
-        found.add(Path(real).relative_to(folder).as_posix())
-    return sorted(found)
+        paths.add(Path(real).relative_to(folder).as_posix())
+    return sorted(paths)
 
 
 def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MAX_NUMBER) -> list[float]:
@@ -214,11 +214,11 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
         InputError: When there is none, or more than one.
     """
     names = [b.get("name") for b in root.iter("body")]
-    found = [b for b in root.iter("body") if b.get("name") == name]
-    if len(found) != 1:
-        what = "no body" if not found else f"{len(found)} bodies"
+    matches = [b for b in root.iter("body") if b.get("name") == name]
+    if len(matches) != 1:
+        what = "no body" if not matches else f"{len(matches)} bodies"
         raise InputError(path, "", f"{what} {name!r}; bodies are {names}")
-    return found[0]
+    return matches[0]
 
 
 # --- Mesh files of an arm: checked for kind and size, and read, before MuJoCo sees them ---------------------
@@ -235,11 +235,11 @@ def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
         InputError: When a file is no plain file, of a kind that MuJoCo does not read, or too large; or when
             all files together are too large.
     """
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     for name, file in files.items():
         if file.suffix[1:].lower() not in MESH_SUFFIXES:
             raise InputError(file, "", f"expected a mesh: {', '.join(MESH_SUFFIXES)}")
-        found[name] = read_bytes(file, MAX_MESH_BYTES)
-        if sum(map(len, found.values())) > MAX_TOTAL:
+        contents[name] = read_bytes(file, MAX_MESH_BYTES)
+        if sum(map(len, contents.values())) > MAX_TOTAL:
             raise InputError(file, "", f"expected at most {MAX_TOTAL} bytes in all meshes of an arm together")
-    return found
+    return contents

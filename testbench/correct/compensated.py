@@ -91,21 +91,23 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
     e, J = _error(vjm, lever, q, target)
     cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
     for _ in range(MAX_STEPS):
-        some = np.flatnonzero((cost > STOP_ERROR**2) & (dull < PATIENCE))
-        if not len(some):
+        active = np.flatnonzero((cost > STOP_ERROR**2) & (dull < PATIENCE))
+        if not len(active):
             break
         # Levenberg's damping, in proportion to the squared error
-        weight = damping[some] * cost[some] + MIN_DAMPING * lever**2
-        trial = vjm.arm.clip_to_limits(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
-        e_trial, J_trial = _error(vjm, lever, trial, select_rows(target, some))
-        gain = 1 - _square(e_trial) / cost[some]
+        weight = damping[active] * cost[active] + MIN_DAMPING * lever**2
+        trial = vjm.arm.clip_to_limits(
+            q[active] + _step(J[active], e[active], weight, q[active], vjm.arm.limits)
+        )
+        e_trial, J_trial = _error(vjm, lever, trial, select_rows(target, active))
+        gain = 1 - _square(e_trial) / cost[active]
         # accept what comes nearer: less damping after a gain, more after none (Levenberg-Marquardt)
         better = gain > 0
-        taken = some[better]
+        taken = active[better]
         q[taken], e[taken], J[taken] = trial[better], e_trial[better], J_trial[better]
         cost[taken] = _square(e[taken])
-        damping[some] *= np.where(better, 0.2, 10.0)
-        dull[some] = np.where(gain > STALLED_GAIN, 0, dull[some] + 1)
+        damping[active] *= np.where(better, 0.2, 10.0)
+        dull[active] = np.where(gain > STALLED_GAIN, 0, dull[active] + 1)
     return Reached(q, np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / lever)
 
 
@@ -127,9 +129,9 @@ def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
     step = _damped(J, e, weight)
     # a joint at its limit that would leave it is held, and the others take the step
     blocked = ((q <= limits[0]) & (step < 0)) | ((q >= limits[1]) & (step > 0))
-    some = np.flatnonzero(blocked.any(axis=1))
-    if len(some):
-        step[some] = _damped(J[some] * ~blocked[some][:, None], e[some], weight[some])
+    at_limit = np.flatnonzero(blocked.any(axis=1))
+    if len(at_limit):
+        step[at_limit] = _damped(J[at_limit] * ~blocked[at_limit][:, None], e[at_limit], weight[at_limit])
     size = np.abs(step).max(axis=1, keepdims=True)
     return np.asarray(step * np.minimum(1, MAX_STEP / np.maximum(size, MAX_STEP)))
 
@@ -200,11 +202,11 @@ def _best_start(vjm: Vjm, target: Target, tries: Array) -> Array:
     """Choose the first of some start configurations from which most of the path is reached, (n,) [rad, m]."""
     if len(tries) == 1:
         return np.asarray(tries[0])
-    some = np.arange(0, len(target.position), math.ceil(len(target.position) / MAX_SAMPLE))
+    sample = np.arange(0, len(target.position), math.ceil(len(target.position) / MAX_SAMPLE))
     counts: list[int] = []
     for q in tries:
-        counts.append(int(_follow_once(vjm, select_rows(target, some), q)[0].converged.sum()))
-        if counts[-1] == len(some):
+        counts.append(int(_follow_once(vjm, select_rows(target, sample), q)[0].converged.sum()))
+        if counts[-1] == len(sample):
             break
     return np.asarray(tries[int(np.argmax(counts))])
 
@@ -253,7 +255,7 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
         np.tile(position, (START_CONFIGURATIONS, 1)), np.tile(rotation, (START_CONFIGURATIONS, 1, 1))
     )
     many = solve_poses(vjm, target, seeds)
-    turns = [(-1, 0, 1) if own else (0,) for own in vjm.arm.full_turn_joints]
+    turns = [(-1, 0, 1) if full else (0,) for full in vjm.arm.full_turn_joints]
     shifts = 2 * np.pi * np.array([*itertools.product(*turns)], dtype=float)
     q = (many.q[many.converged][:, None] + shifts).reshape(-1, len(lower))
     q = q[((q >= lower) & (q <= upper)).all(axis=1)]
@@ -292,12 +294,12 @@ def _follow_path(vjm: Vjm, target: Target, first: Array) -> Reached:
         back, _ = _follow_once(vjm, select_rows(target, before), reached.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - reached.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
-        own = np.arange(meet, i + 2)
+        between = np.arange(meet, i + 2)
         if (
             gap[meet - 1] < MAX_STEADY_MOTION
-            and back.converged[: len(own)].sum() >= reached.converged[own].sum()
+            and back.converged[: len(between)].sum() >= reached.converged[between].sum()
         ):
-            reached = with_rows(reached, own, select_rows(back, i + 1 - own))
+            reached = with_rows(reached, between, select_rows(back, i + 1 - between))
     return reached
 
 
@@ -307,7 +309,7 @@ def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / FAR_ROTATION + 1e-9)])
     places, q = path_supports(vjm, target, _support_places(way), first)
-    start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
+    start = np.stack([np.interp(way, way[places], joint) for joint in q.T], axis=1)
     # a motion well beyond the interpolated one is a jump to another branch
     steady = MAX_STEADY_MOTION + np.minimum(
         2 * np.abs(np.diff(start, axis=0)), MAX_MOTION_PER_STRIDE * np.diff(way)[:, None]
@@ -319,10 +321,10 @@ def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
 
 def _support_places(way: Array) -> Ids:
     """Select points about one stride apart along the way, the first and the last one among them."""
-    found = [0]
-    while found[-1] < len(way) - 1:
-        found.append(max(found[-1] + 1, int(np.searchsorted(way, way[found[-1]] + 1, side="right")) - 1))
-    return np.array(found)
+    places = [0]
+    while places[-1] < len(way) - 1:
+        places.append(max(places[-1] + 1, int(np.searchsorted(way, way[places[-1]] + 1, side="right")) - 1))
+    return np.array(places)
 
 
 def _retry_unreached(vjm: Vjm, target: Target, reached: Reached) -> Reached:
@@ -379,23 +381,23 @@ def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[
     Returns:
         Indices of all supports, (supports,), and their joints, (supports, n) [rad, m].
     """
-    found = solve_poses(vjm, select_rows(target, places), np.tile(first, (len(places), 1)))
+    supports = solve_poses(vjm, select_rows(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
         # the supports so far, each from the one before
-        found = solve_path(vjm, select_rows(target, places), found, open_)
-        far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > MAX_SUPPORT_MOTION
-        wide = np.flatnonzero(far & found.converged[1:] & found.converged[:-1] & (np.diff(places) > 1))
+        supports = solve_path(vjm, select_rows(target, places), supports, open_)
+        far = np.abs(np.diff(supports.q, axis=0)).max(axis=1, initial=0) > MAX_SUPPORT_MOTION
+        wide = np.flatnonzero(far & supports.converged[1:] & supports.converged[:-1] & (np.diff(places) > 1))
         if not len(wide):
             break
         # halfway between supports whose joints are far apart a new one is added
         between = (places[wide] + places[wide + 1]) // 2
-        reached = solve_poses(vjm, select_rows(target, between), found.q[wide])
+        reached = solve_poses(vjm, select_rows(target, between), supports.q[wide])
         order = np.argsort(np.concatenate([places, between]))
         places = np.concatenate([places, between])[order]
-        found = select_rows(join_rows([found, reached]), order)
+        supports = select_rows(join_rows([supports, reached]), order)
         open_ = np.flatnonzero(np.isin(places, between)) + 1
-    return places, found.q
+    return places, supports.q
 
 
 # --- Compensation of a program ------------------------------------------------------------------------------
@@ -479,12 +481,12 @@ def compensate(
     # the target of the program, and how far the uncorrected tool is from it
     target = target_of(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).at(point) - target.position
-    found, held = within_limits(model, q, loads, target, aim)
-    refused = _refused(model.arm, found, q, room)
+    solution, held = within_limits(model, q, loads, target, aim)
+    refused = _refused(model.arm, solution, q, room)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     # refused points keep their joints, and their error before correction
-    left = np.where(bad[:, None], before, -found.position_error)
-    corrected = np.where(bad[:, None], q, found.q)
+    left = np.where(bad[:, None], before, -solution.position_error)
+    corrected = np.where(bad[:, None], q, solution.q)
     acts = np.asarray(before.any(axis=1))
     corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
     # interval of the error: of a position, or of the motion from the programmed to the corrected pose
@@ -492,7 +494,7 @@ def compensate(
     end = LoadedPoses(corrected, loads, with_own_weight=meant == "drawn")
     half = half_widths(model, end, start, point[None])[:, 0]
     return Compensated(
-        corrected, q, target, before, left, found.rotation_error, half, held, tuple(refused), meant
+        corrected, q, target, before, left, solution.rotation_error, half, held, tuple(refused), meant
     )
 
 
@@ -520,8 +522,8 @@ def within_limits(
     corrected = solve_inverse_statics(points)
     for _ in range(arm.n_joints):
         beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.may_move > 0) & free_joints
-        some = np.flatnonzero(beyond.any(axis=1) & corrected.solved)
-        if not len(some):
+        passed = np.flatnonzero(beyond.any(axis=1) & corrected.solved)
+        if not len(passed):
             break
         # hold the joints that passed a limit there, and solve these points again
         free = points.may_move * ~(beyond & corrected.solved[:, None])
@@ -529,7 +531,7 @@ def within_limits(
             np.where(free > 0, points.start, np.clip(corrected.q, lower, upper))
         )
         points = replace(points, start=start, may_move=free)
-        assign_rows(corrected, some, solve_inverse_statics(points.select(some)))
+        assign_rows(corrected, passed, solve_inverse_statics(points.select(passed)))
     return corrected, points.may_move == 0
 
 

@@ -70,9 +70,9 @@ def with_rows(rows: Rows, places: Ids, others: Rows) -> Rows:
     Returns:
         The copy; the input stays as it is.
     """
-    found = join_rows([rows])
-    assign_rows(found, places, others)
-    return found
+    copied = join_rows([rows])
+    assign_rows(copied, places, others)
+    return copied
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,11 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPo
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
     loads = [load.over(len(q)) for load in loads]
-    found = (
-        joint_equilibrium(state, q[some], [load.select(some) for load in loads]) for some in batches(len(q))
+    parts = (
+        joint_equilibrium(state, q[batch], [load.select(batch) for load in loads])
+        for batch in batches(len(q))
     )
-    return join_rows([RestPoses(one.theta, one.chain.position, one.chain.rotation) for one in found])
+    return join_rows([RestPoses(part.theta, part.chain.position, part.chain.rotation) for part in parts])
 
 
 CorrectedPart = Literal["pose", "axis", "position"]
@@ -345,8 +346,8 @@ def solve_inverse_statics(points: Points) -> Corrected:
 
 def _in_batches(points: Points, max_steps: int, *, renewed: bool = False) -> Corrected:
     """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
-    some = batches(len(points.start))
-    return join_rows([_solve_batch(points.select(part), max_steps, renewed=renewed) for part in some])
+    slices = batches(len(points.start))
+    return join_rows([_solve_batch(points.select(part), max_steps, renewed=renewed) for part in slices])
 
 
 def _solve_batch(points: Points, max_steps: int, *, renewed: bool) -> Corrected:

@@ -109,7 +109,7 @@ def predict(
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
     every = LoadedPoses(q, loads)
-    return join_rows([_predict(model, every.select(some), points, linear) for some in batches(len(q))])
+    return join_rows([_predict(model, every.select(batch), points, linear) for batch in batches(len(q))])
 
 
 def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) -> Prediction:
@@ -259,17 +259,17 @@ def tangents(position: Array, acts: Mask) -> Array:
     cut = np.bincount(group, acts) > 0
     unit = step[moves] / length[moves, None]
     inside = _mean_directions(unit * (cut[:-1] & cut[1:])[:, None])
-    own = np.where(inside.any(axis=1, keepdims=True), inside, _mean_directions(unit))
-    return np.asarray(own[group])
+    tangent = np.where(inside.any(axis=1, keepdims=True), inside, _mean_directions(unit))
+    return np.asarray(tangent[group])
 
 
 def _mean_directions(unit: Array) -> Array:
     """Compute directions between those before and behind, (points, 3); zero where opposite or missing."""
-    both = np.zeros((len(unit) + 1, 3))
-    both[:-1] += unit
-    both[1:] += unit
-    size = np.linalg.norm(both, axis=1, keepdims=True)
-    return np.asarray(np.divide(both, size, out=np.zeros_like(both), where=size > MIN_DIRECTION_LENGTH))
+    sums = np.zeros((len(unit) + 1, 3))
+    sums[:-1] += unit
+    sums[1:] += unit
+    size = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.asarray(np.divide(sums, size, out=np.zeros_like(sums), where=size > MIN_DIRECTION_LENGTH))
 
 
 @dataclass(frozen=True, repr=False)
@@ -299,9 +299,9 @@ class Stiffness(Displayed):
     @cached_property
     def softest(self) -> Array:
         """Return the unit vector of the softest direction, its largest component positive, (poses, 3) [1]."""
-        found = self.axes[:, :, 0]
-        largest = np.take_along_axis(found, np.abs(found).argmax(axis=1)[:, None], axis=1)
-        return np.asarray(found * np.where(largest < 0, -1.0, 1.0))
+        axis = self.axes[:, :, 0]
+        largest = np.take_along_axis(axis, np.abs(axis).argmax(axis=1)[:, None], axis=1)
+        return np.asarray(axis * np.where(largest < 0, -1.0, 1.0))
 
 
 def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Array | None = None) -> Stiffness:
@@ -330,7 +330,9 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
     check_items(loads, Load, "loads")
     every = LoadedPoses(q, loads)
     theta = equilibrium(model.state, q, every.loads).theta if theta is None else theta
-    return join_rows([_stiffness(model.state, every.select(some), theta[some]) for some in batches(len(q))])
+    return join_rows(
+        [_stiffness(model.state, every.select(batch), theta[batch]) for batch in batches(len(q))]
+    )
 
 
 def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:
@@ -363,11 +365,11 @@ def compliance_half_widths(model: ArmModel, q: Array, tool: Stiffness, force: fl
     Raises:
         NoEquilibrium: When the arm has no equilibrium under the force.
     """
-    found, origin = np.empty((len(q), 3)), np.zeros(3)
-    for some in batches(len(q)):
-        free = LoadedPoses(q[some], equilibrium=equilibrium(model.state, q[some]))
+    widths, origin = np.empty((len(q), 3)), np.zeros(3)
+    for batch in batches(len(q)):
+        free = LoadedPoses(q[batch], equilibrium=equilibrium(model.state, q[batch]))
         for k in range(3):
-            push = force * tool.axes[some, :, k]
-            pushed = LoadedPoses(q[some], [Load(np.hstack([push, 0 * push]), origin)])
-            found[some, k] = half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
-    return found
+            push = force * tool.axes[batch, :, k]
+            pushed = LoadedPoses(q[batch], [Load(np.hstack([push, 0 * push]), origin)])
+            widths[batch, k] = half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
+    return widths

@@ -83,14 +83,14 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
     """
     if start is None and not model.absolute:
         raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
-    scatter, found = _scatter(model), []
-    for some in batches(len(end.q)):
-        before = None if start is None else start.select(some)
+    scatter, widths = _scatter(model), []
+    for batch in batches(len(end.q)):
+        before = None if start is None else start.select(batch)
         # Widths by the posterior, then what a linear model leaves out, or the scatter of positions.
-        rows = rows_between(model, end.select(some), before, points)
+        rows = rows_between(model, end.select(batch), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
-            loaded_poses = end.select(some)
+            loaded_poses = end.select(batch)
             free = (
                 before
                 if before is not None and before.releases(loaded_poses)
@@ -99,8 +99,8 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
             half = np.hypot(half, curvature(model, loaded_poses, free, points))
         elif start is None:
             half = np.hypot(half, scatter)
-        found.append(half)
-    return np.concatenate(found)
+        widths.append(half)
+    return np.concatenate(widths)
 
 
 def _scatter(model: ArmModel) -> float:
@@ -173,17 +173,17 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     every other; where the data have not shown one of them, that little would become infinite. `curvature`
     covers what is left out.
     """
-    state, told = model.state, nominal_chain(model.vjm, poses.q, poses.loads)
+    state, at_rest = model.state, nominal_chain(model.vjm, poses.q, poses.loads)
     if model.absolute:
         theta = poses.at_rest(state).theta
         where = chain(model.vjm, poses.q, theta)
-        told = replace(told, theta=theta, chain=where, u=on_joints(where, poses.loads))
+        at_rest = replace(at_rest, theta=theta, chain=where, u=on_joints(where, poses.loads))
     if model.absolute or poses.with_own_weight:
-        told = replace(told, u=own_weight(told.chain, state.weights) + told.u)
+        at_rest = replace(at_rest, u=own_weight(at_rest.chain, state.weights) + at_rest.u)
     phi = joint_error_basis(
-        state.errors, model.arm, poses.q, told.u[model.vjm.joint_slice], state.torque_scale
+        state.errors, model.arm, poses.q, at_rest.u[model.vjm.joint_slice], state.torque_scale
     )
-    A = jacobian(model.unknowns, replace(told, phi=phi), points, rotations=False)
+    A = jacobian(model.unknowns, replace(at_rest, phi=phi), points, rotations=False)
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
 
@@ -245,13 +245,13 @@ def largest_uncertainty(
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    some = evenly(np.arange(len(q)), MAX_POSES)
-    end = LoadedPoses(q, loads, with_own_weight=absolute).select(some)
-    rows = rows_between(model, end, None if absolute else LoadedPoses(q[some]), point[None])
+    sample = evenly(np.arange(len(q)), MAX_POSES)
+    end = LoadedPoses(q, loads, with_own_weight=absolute).select(sample)
+    rows = rows_between(model, end, None if absolute else LoadedPoses(q[sample]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
     unseen = np.isinf(model.posterior.deviations(rows))
     shares = _bounded_shares(model, rows[unseen]) if unseen.any() else _variance_shares(model, rows)
-    (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda one: -one[1])[:2]
+    (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda entry: -entry[1])[:2]
     if share < MIN_VARIANCE_SHARE or share < MIN_LEAD * second:
         return None
     return LargestUncertainty(best, share, best in [joint.name for joint in model.arm.joints])

@@ -70,11 +70,11 @@ class Dataset(Displayed):
         rotations = (self.rotation_before, self.rotation_after, self.sigma_rotation)
         if any(x is None for x in rotations) != all(x is None for x in rotations):
             raise BenchError("orientations: expected before, after and sigma together, or none")
-        own: Shapes = {"before [m]": (runs, m, 3), "after [m]": (runs, m, 3), "taken_off": (runs,)}
-        own |= {"rotation_before [rad]": (runs, 3), "rotation_after [rad]": (runs, 3)}
-        own |= {"direction [1]": (runs, m, 3), "tilt [rad]": (runs, m), "reach [m]": (runs, m)}
-        own |= {"slide [m]": (runs, m, 3)}
-        check_rows(self, runs, ("run", "pose", "station"), own)
+        shapes: Shapes = {"before [m]": (runs, m, 3), "after [m]": (runs, m, 3), "taken_off": (runs,)}
+        shapes |= {"rotation_before [rad]": (runs, 3), "rotation_after [rad]": (runs, 3)}
+        shapes |= {"direction [1]": (runs, m, 3), "tilt [rad]": (runs, m), "reach [m]": (runs, m)}
+        shapes |= {"slide [m]": (runs, m, 3)}
+        check_rows(self, runs, ("run", "pose", "station"), shapes)
         if self.precision is not None:
             _check_precision(self.precision, self.lines)
         _check_lines(self)
@@ -138,12 +138,12 @@ class Dataset(Displayed):
         if self.precision is None:
             return np.broadcast_to(2 * self.sigma**2 * np.eye(3), (*self.before.shape, 3))
         whole = np.where((self.seen & ~self.lines)[..., None, None], self.precision, np.eye(3))
-        found = np.asarray(np.linalg.inv(whole))
+        covariances = np.asarray(np.linalg.inv(whole))
         if self.direction is None:
-            return found
+            return covariances
         P = self.precision
         trace = np.where(self.lines, np.trace(P, axis1=2, axis2=3), 1.0)[..., None, None]
-        return np.where(self.lines[..., None, None], P / trace**2, found)
+        return np.where(self.lines[..., None, None], P / trace**2, covariances)
 
     def as_read(self, vectors: Array) -> Array:
         """Project motions of the markers, (..., runs, m, 3) [m], on what was read of them.
@@ -217,9 +217,9 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], shapes:
             not positive.
     """
     have = vars(data)
-    for name, found in ((name, np.asarray(have[name])) for name in ids if have[name] is not None):
-        if found.shape != (rows,) or not np.issubdtype(found.dtype, np.integer):
-            raise BenchError(f"{name}: expected {rows} integers, got {found.dtype} {found.shape}")
+    for name, identifiers in ((name, np.asarray(have[name])) for name in ids if have[name] is not None):
+        if identifiers.shape != (rows,) or not np.issubdtype(identifiers.dtype, np.integer):
+            raise BenchError(f"{name}: expected {rows} integers, got {identifiers.dtype} {identifiers.shape}")
     markers = have["markers"]
     if not markers or len(set(markers)) != len(markers):
         raise BenchError(f"markers: expected different names, got {markers}")
@@ -249,15 +249,15 @@ def along_lines(direction: Array, sigma: float | Array) -> Array:
 def _check_lines(data: Dataset) -> None:
     """Refuse directions without tilt, reach and precision, and what no instrument has."""
     together = (data.direction, data.tilt, data.reach)
-    if any(own is None for own in together) and any(own is not None for own in together):
+    if any(values is None for values in together) and any(values is not None for values in together):
         raise BenchError("readings along lines: expected direction, tilt and reach together, or none")
     if data.direction is None or data.tilt is None or data.reach is None:
         return
     if data.precision is None:
         raise BenchError("readings along lines: expected a precision with them, got None")
-    for name, own in (("tilt [rad]", data.tilt), ("reach [m]", data.reach)):
-        if own.size and own.min() < 0:
-            raise BenchError(f"{name}: expected 0 or more, got {own.min():g}")
+    for name, values in (("tilt [rad]", data.tilt), ("reach [m]", data.reach)):
+        if values.size and values.min() < 0:
+            raise BenchError(f"{name}: expected 0 or more, got {values.min():g}")
     length = np.linalg.norm(data.direction, axis=2)[data.lines]
     if (np.abs(length - 1) > ASYMMETRY_TOLERANCE).any():
         raise BenchError(f"direction [1]: expected unit vectors, got one of length {length[0]:g}")
@@ -303,14 +303,14 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 def join_rows(parts: Sequence[Rows]) -> Rows:
     """Concatenate the rows of several parts; all else is taken from the first."""
     every = [row_arrays(part) for part in parts]
-    whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
+    whole = {name: np.concatenate([arrays[name] for arrays in every]) for name in every[0]}
     return replace(parts[0], **whole)
 
 
 def row_arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
     """Return the fields of a dataclass that are arrays with one row per run, reading or pose, by name."""
     every = {field.name: getattr(data, field.name) for field in fields(data)}
-    return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
+    return {name: values for name, values in every.items() if isinstance(values, np.ndarray)}
 
 
 def select_rows(data: Rows, rows: Ids | Mask | slice) -> Rows:
@@ -320,7 +320,7 @@ def select_rows(data: Rows, rows: Ids | Mask | slice) -> Rows:
         data: The rows.
         rows: Mask, (rows,), or indices in any order.
     """
-    return replace(data, **{name: own[rows] for name, own in row_arrays(data).items()})
+    return replace(data, **{name: values[rows] for name, values in row_arrays(data).items()})
 
 
 def evenly(runs: Ids, count: int = MAX_SHOWN) -> Ids:
@@ -433,9 +433,9 @@ class Series(Displayed):
         rows, m = len(self.row), len(self.markers)
         if (self.rotation is None) != (self.sigma_rotation is None):
             raise BenchError("orientations: expected rotation and sigma together, or none")
-        own: Shapes = {"position [m]": (rows, m, 3), "temperature": (rows,), "time": (rows,)}
-        own |= {"torque [N m, N]": np.shape(self.q), "distance [m]": (rows, m)}
-        check_rows(self, rows, ("row", "pose"), own)
+        shapes: Shapes = {"position [m]": (rows, m, 3), "temperature": (rows,), "time": (rows,)}
+        shapes |= {"torque [N m, N]": np.shape(self.q), "distance [m]": (rows, m)}
+        check_rows(self, rows, ("row", "pose"), shapes)
         if (self.distance is None) != (self.fixed is None):
             raise BenchError("distances: expected them and a fixed point together, or none")
         if self.distance is not None:
@@ -494,7 +494,7 @@ def numbers_per_target(series: Sequence[Series]) -> float:
     Returns:
         The mean number [1].
     """
-    read = [(one.distance is None, int(one.seen.sum())) for one in series]
+    read = [(readings.distance is None, int(readings.seen.sum())) for readings in series]
     return sum((3 if position else 1) * n for position, n in read) / sum(n for _, n in read)
 
 
@@ -508,16 +508,19 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
     """
     stations = [1] if data.station is None else np.unique(data.station).tolist()
     every = [(station, select_rows(data, runs_of_station(data, station))) for station in stations]
-    return tuple(_unloaded_and_loaded(own, name, f"{name} {station}", target) for station, own in every)
+    return tuple(
+        _unloaded_and_loaded(station_runs, name, f"{name} {station}", target)
+        for station, station_runs in every
+    )
 
 
 def _unloaded_and_loaded(data: Dataset, name: str, frame: str, target: str) -> Series:
     """Combine the unloaded and then the loaded readings of some runs."""
-    rotation, both = None, select_rows(data, np.tile(np.arange(data.runs), 2))
+    rotation, doubled = None, select_rows(data, np.tile(np.arange(data.runs), 2))
     placed = (data.seen & ~data.lines)[..., None]  # a reading along a line is no position
-    P = both.precision
-    if P is not None and both.direction is not None:
-        P = P * ~both.lines[..., None, None]
+    P = doubled.precision
+    if P is not None and doubled.direction is not None:
+        P = P * ~doubled.lines[..., None, None]
     if data.rotation_before is not None and data.rotation_after is not None:
         from scipy.spatial.transform import Rotation  # here: it takes long to import
 
@@ -528,12 +531,12 @@ def _unloaded_and_loaded(data: Dataset, name: str, frame: str, target: str) -> S
         markers=data.markers,
         frame=frame,
         target=target,
-        row=both.run,
+        row=doubled.run,
         pose=np.concatenate([np.arange(data.runs)] * 2),
-        q=both.q,
+        q=doubled.q,
         wrench=np.concatenate([np.zeros((data.runs, 6)), data.wrench]),
-        point=both.point,
-        position=np.concatenate([own * placed for own in (data.before, data.after)]),
+        point=doubled.point,
+        position=np.concatenate([read * placed for read in (data.before, data.after)]),
         sigma=data.sigma,
         precision=None if P is None else 2 * P,  # that is of a deflection
         rotation=rotation,

@@ -108,11 +108,11 @@ def measured_rows(union: JointUnknowns, q: Array, onto: Array | None = None) -> 
     Returns:
         Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
     """
-    rows = (_whitened(union, some) for some in _batches(q))
+    rows = (_whitened(union, batch) for batch in _batches(q))
     if onto is None:
-        return np.concatenate([own @ union.L for own in rows])
+        return np.concatenate([whitened @ union.L for whitened in rows])
     scale = union.L @ onto
-    return np.concatenate([row_products(own, scale) for own in rows])
+    return np.concatenate([row_products(whitened, scale) for whitened in rows])
 
 
 def position_rows(union: JointUnknowns, q: Array) -> Array:
@@ -127,11 +127,11 @@ def position_rows(union: JointUnknowns, q: Array) -> Array:
     """
     m = len(union.pose.markers)
 
-    def rows(some: Array) -> Array:
-        A = series_rows(union.unknowns, union.state, series_at(union, some))[:m, :, :-1]
-        return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(some), -1, A.shape[2]) @ union.L)
+    def rows(batch: Array) -> Array:
+        A = series_rows(union.unknowns, union.state, series_at(union, batch))[:m, :, :-1]
+        return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]) @ union.L)
 
-    return np.concatenate([rows(some) for some in _batches(q)])
+    return np.concatenate([rows(batch) for batch in _batches(q)])
 
 
 def realignment_loss(union: JointUnknowns, rows: Array) -> float:
@@ -179,7 +179,9 @@ def sag(union: JointUnknowns, q: Array) -> Array:
     series, state = series_at(union, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
-    bent, straight = (series_equilibrium(one, series).chain.points(points) for one in (state, rigid))
+    bent, straight = (
+        series_equilibrium(arm_state, series).chain.points(points) for arm_state in (state, rigid)
+    )
     moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
@@ -201,8 +203,8 @@ def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
         BenchError: When no direction is seen.
     """
     mean = np.zeros((union.L.shape[1],) * 2)
-    for some in _batches(q):
-        A = measured_rows(union, some).reshape(-1, len(mean))
+    for batch in _batches(q):
+        A = measured_rows(union, batch).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
     # directions in which `poses` average candidates tell more than the threshold
     values, V = np.linalg.eigh(mean)
@@ -210,7 +212,7 @@ def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
     if not seen.any():
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
-    rows = np.concatenate([measured_rows(union, some) @ lift for some in _batches(q)])
+    rows = np.concatenate([measured_rows(union, batch) @ lift for batch in _batches(q)])
     problem = DesignProblem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
     return CandidateSet(q, np.zeros(len(q), dtype=int), problem)
 
@@ -225,7 +227,7 @@ def information_of(union: JointUnknowns, q: Array) -> Array:
     Returns:
         Sum of A^T A of the whitened rows A per unit of the unknowns, (size, size).
     """
-    rows = (_whitened(union, some).reshape(-1, union.unknowns.size) for some in _batches(q))
+    rows = (_whitened(union, batch).reshape(-1, union.unknowns.size) for batch in _batches(q))
     return np.asarray(sum(A.T @ A for A in rows))
 
 

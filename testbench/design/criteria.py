@@ -146,15 +146,15 @@ class LargestCriterion:
         Returns:
             Phi(M + F^T F) of every candidate on the short list, 0 for the others, (candidates,).
         """
-        found = np.zeros(len(rows))
+        values = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
             gain = gains_of(M, rows, self._weighted(M, self.costs(M))).reductions()
             first = np.argpartition(-gain, SHORTLIST)[:SHORTLIST]
         few = rows[first]
         # exact costs of the short list; all others keep 0
-        found[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
-        return found
+        values[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
+        return values
 
     def tangent(self, M: Array) -> Tangent:
         """Compute a plane above Phi: that of 1 / the power mean of the costs, which is at most their maximum.
@@ -300,13 +300,13 @@ class Gains:
         """
         K, N = self.K, self.N
         # symmetric elimination: pivot by pivot, each leaves a smaller K and N
-        found = N[0, 0] / K[0, 0]
+        reduction = N[0, 0] / K[0, 0]
         while len(K) > 1:
             factor = K[1:, 0] / K[0, 0]
             mixed = factor[:, None] * (N[1:, 0] - factor * (N[0, 0] / 2))
             K, N = K[1:, 1:] - factor[:, None] * K[0, 1:], N[1:, 1:] - mixed - mixed.swapaxes(0, 1)
-            found = found + N[0, 0] / K[0, 0]
-        return np.asarray(found)
+            reduction = reduction + N[0, 0] / K[0, 0]
+        return np.asarray(reduction)
 
 
 def gains_of(M: Array, rows: Array, W: Array) -> Gains:
@@ -319,8 +319,8 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
     """
     (count, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
     P = row_products(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)
-    both = np.ascontiguousarray((P @ rows.swapaxes(1, 2)).transpose(1, 2, 0))
-    return Gains(rows, W, M, I, np.eye(k)[:, :, None] + both[0::2], both[1::2])
+    products = np.ascontiguousarray((P @ rows.swapaxes(1, 2)).transpose(1, 2, 0))
+    return Gains(rows, W, M, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
 
 
 def grow(gains: Gains, rows: Array) -> Gains:
@@ -342,8 +342,8 @@ def grow(gains: Gains, rows: Array) -> Gains:
     growth = gains.growth * float(np.linalg.eigvalsh(S)[-1])
     if not growth < MAX_GROWTH:
         return gains_of(M, gains.rows, gains.W)
-    both = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
-    T, R = np.ascontiguousarray(both[:, :k]), both[:, k:]
+    products = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
+    T, R = np.ascontiguousarray(products[:, :k]), products[:, k:]
     X = np.einsum("ilp,lj->ijp", T, np.linalg.inv(S))
     half = np.einsum("ilp,jlp->ijp", X, R - np.einsum("ilp,lj->ijp", X, U.T @ gains.W @ U / 2))
     return replace(

@@ -267,9 +267,9 @@ def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int
         # of a linear criterion the gains follow M; the others are computed from it
         worth = criterion.after(M, rows) if gains is None else gains.after()
         plan[k] = worth.argmax()
-        own = rows[plan[k]]
-        M = M + own.T @ own
-        gains = None if gains is None or k == poses - 1 else grow(gains, own)
+        added = rows[plan[k]]
+        M = M + added.T @ added
+        gains = None if gains is None or k == poses - 1 else grow(gains, added)
     return plan
 
 
@@ -394,10 +394,10 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     Returns:
         Improved poses, (poses, n) [rad, m].
     """
-    q, step, own = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
-    M = sum_information(prior, own)
+    q, step, read = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
+    M = sum_information(prior, read)
     for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
-        before, after = prior, suffix_information(own)
+        before, after = prior, suffix_information(read)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
             # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
             trials = search.draw_around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
@@ -405,14 +405,14 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
                 # the best feasible neighbour that helps replaces the pose; without one its step shrinks
-                better = _better(criterion, M, own[k], tells, rest)
+                better = _better(criterion, M, read[k], tells, rest)
                 allowed = better[search.feasibility.feasible(trial[better])] if len(better) else better
                 if len(allowed):
-                    q[k], own[k] = trial[allowed[0]], tells[allowed[0]]
-                    M = rest + own[k].T @ own[k]
+                    q[k], read[k] = trial[allowed[0]], tells[allowed[0]]
+                    M = rest + read[k].T @ read[k]
                 else:
                     step[k] *= SHRINK
-                before = before + own[k].T @ own[k]
+                before = before + read[k].T @ read[k]
     return q
 
 

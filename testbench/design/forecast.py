@@ -114,8 +114,8 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     # a root of the covariance of x, lift M^-1 lift^T + hidden
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.hidden)
-    found = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
-    return without_bound(found, unbounded_rows(problem, rows))
+    errors = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
+    return without_bound(errors, unbounded_rows(problem, rows))
 
 
 def without_bound(forecast: Forecast, unbounded: Mask) -> Forecast:
@@ -149,9 +149,9 @@ def forecast_of(bias: Array, spread: Array) -> Forecast:
     """
     targets = bias.shape[1] / 3
     draws = _draws(spread.shape[2])
-    each = zip(bias, spread, strict=True)
+    pairs = zip(bias, spread, strict=True)
     # mean square distance of every draw in every pose, (poses, draws)
-    square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in each])  # (poses, draws)
+    square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in pairs])  # (poses, draws)
     square /= targets
     variance = np.square(bias) + np.square(spread).sum(axis=2)
     mean = mean_square_of(bias, spread)
@@ -250,10 +250,10 @@ def error_on(fit: LinearFit, q: Array, load: Load) -> Array:
 def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
     """Compute bias and spread of the predictions, as `forecast_of` takes them."""
     # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
-    T, own = (deflection_rows(experiment, q, load) for experiment in (fit.full_setup, fit.model_setup))
-    D = T - own @ fit.gain
-    bias = D @ fit.full_setup.scaling.expected - own @ fit.constant
-    return bias, np.concatenate([fit.uncertainty * D, own @ fit.scatter], axis=2)
+    T, model_rows = (deflection_rows(experiment, q, load) for experiment in (fit.full_setup, fit.model_setup))
+    D = T - model_rows @ fit.gain
+    bias = D @ fit.full_setup.scaling.expected - model_rows @ fit.constant
+    return bias, np.concatenate([fit.uncertainty * D, model_rows @ fit.scatter], axis=2)
 
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:

@@ -113,8 +113,8 @@ def placed_gauges(
         chosen: Their markers and axes.
     """
     d = _motions(spec, q, load, gauges) @ spec.experiment.scaling.expected
-    own = np.arange(len(q))[:, None], chosen.marker, chosen.axis
-    return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[own])
+    index = np.arange(len(q))[:, None], chosen.marker, chosen.axis
+    return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[index])
 
 
 def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
@@ -128,11 +128,11 @@ def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids
     Returns:
         Markers and axes, (poses, count) each, and the sensitivity <Z, F^T F> of the poses, (poses,).
     """
-    told = sensitivity(rows.reshape(-1, 1, rows.shape[-1]), Z).reshape(rows.shape[:3])
-    best = told.max(axis=2)
+    sensitivities = sensitivity(rows.reshape(-1, 1, rows.shape[-1]), Z).reshape(rows.shape[:3])
+    best = sensitivities.max(axis=2)
     marker = np.sort(np.argsort(-best, axis=1, kind="stable")[:, :count], axis=1)
     every = np.arange(len(rows))[:, None]
-    return marker, told.argmax(axis=2)[every, marker], best[every, marker].sum(axis=1)
+    return marker, sensitivities.argmax(axis=2)[every, marker], best[every, marker].sum(axis=1)
 
 
 def choose_places(
@@ -155,9 +155,9 @@ def choose_places(
     """
     marker, axis = _gauge_choices(rows.shape[1], gauges.count)
     every = rows[:, marker, axis].reshape(-1, *rows[0][marker, axis].shape[1:])
-    found = exchange(problem, criterion, every, greedy(problem, criterion, every, poses))
-    pose, way = np.divmod(np.sort(found), len(marker))
-    A = every[found].reshape(-1, every.shape[-1])
+    chosen = exchange(problem, criterion, every, greedy(problem, criterion, every, poses))
+    pose, way = np.divmod(np.sort(chosen), len(marker))
+    A = every[chosen].reshape(-1, every.shape[-1])
     return GaugePlan(pose, marker[way], axis[way], problem.prior + A.T @ A)
 
 
@@ -180,8 +180,8 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     every, poses = rows[:, marker, axis], len(rows)
     M, way, left = problem.prior, np.full(poses, -1), poses
     for p in islice(cycle(range(poses)), SWEEPS * poses):
-        own = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
-        rest = M - own.T @ own
+        present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
+        rest = M - present.T @ present
         reached = criterion.after(rest, every[p])
         better = way[p] < 0 or reached.max() > (1 + MIN_GAIN) * reached[way[p]]
         way[p] = int(reached.argmax()) if better else way[p]
@@ -196,6 +196,6 @@ def _gauge_choices(markers: int, count: int) -> tuple[Ids, Ids]:
     """List markers and axes of all ways to place gauges in a pose, (ways, count) each."""
     if not 1 <= count <= markers:
         raise BenchError(f"gauges: expected 1 to {markers}, one per marker, got {count}")
-    both = [(m, a) for m in combinations(range(markers), count) for a in product(range(3), repeat=count)]
-    marker, axis = zip(*both, strict=True)
+    choices = [(m, a) for m in combinations(range(markers), count) for a in product(range(3), repeat=count)]
+    marker, axis = zip(*choices, strict=True)
     return np.array(marker), np.array(axis)

@@ -172,9 +172,9 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool
     inside = np.array([part[legs].all(axis=1) for part in parts], dtype=float).reshape(-1, len(legs))
     rules = [LinearConstraint(ends, 2, 2), LinearConstraint(inside, ub=[part.sum() - 1 for part in parts])]
     integrality = np.full(len(legs), int(integer))
-    found = milp(price, integrality=integrality, bounds=Bounds(0, 1), constraints=rules)
-    assert found.x is not None, found.message  # from each place to the next is a trip
-    return np.flatnonzero(found.x > (0.5 if integer else ZERO_LEG))
+    result = milp(price, integrality=integrality, bounds=Bounds(0, 1), constraints=rules)
+    assert result.x is not None, result.message  # from each place to the next is a trip
+    return np.flatnonzero(result.x > (0.5 if integer else ZERO_LEG))
 
 
 MAX_ASCENTS, POSES_PER_ASCENT = 2, 60
@@ -428,10 +428,10 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
     # the order of measuring, and the bound over all poses examined, those of the plan among them
     order = _measuring_order(q, load, search.feasibility)
-    found = _add_candidates(search, examined, q[order], load[order])
-    chosen = np.arange(len(found.q) - search.poses, len(found.q))
-    last = relax(found.problem, criterion, search.poses, relaxed)
-    return _assemble(search, criterion, found, chosen, last)
+    extended = _add_candidates(search, examined, q[order], load[order])
+    chosen = np.arange(len(extended.q) - search.poses, len(extended.q))
+    last = relax(extended.problem, criterion, search.poses, relaxed)
+    return _assemble(search, criterion, extended, chosen, last)
 
 
 def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
@@ -492,16 +492,16 @@ def _add_candidates(search: Search, examined: CandidateSet, q: Array, load: Ids)
 
 def _measuring_order(q: Array, load: Ids, reach: Feasibility) -> Ids:
     """Order the poses: one load after the other, each on the shortest way through its poses, (poses,)."""
-    found: list[int] = []
+    order: list[int] = []
     for kind in np.unique(load):
-        own = q[load == kind]
+        poses = q[load == kind]
 
-        def detour(a: int, b: int, own: Array = own) -> float:
+        def detour(a: int, b: int, poses: Array = poses) -> float:
             """Compute what a motion costs beyond its length."""
-            return 0.0 if reach.clear(own[a], own[b]) else COLLISION_DETOUR
+            return 0.0 if reach.clear(poses[a], poses[b]) else COLLISION_DETOUR
 
-        found += np.flatnonzero(load == kind)[shortest_path(joint_travel(own), detour)].tolist()
-    return np.array(found)
+        order += np.flatnonzero(load == kind)[shortest_path(joint_travel(poses), detour)].tolist()
+    return np.array(order)
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:

@@ -143,7 +143,9 @@ def loads_of(spec: Specification, load: Ids) -> Load:
     Returns:
         One load with a row per pose.
     """
-    wrench, point = (np.stack([getattr(each, part) for each in spec.loads]) for part in ("wrench", "point"))
+    wrench, point = (
+        np.stack([getattr(option, part) for option in spec.loads]) for part in ("wrench", "point")
+    )
     return Load(wrench[load], point[load])
 
 
@@ -264,10 +266,10 @@ def suffix_information(rows: Array) -> Array:
         Suffix sums, the last one zero, (poses + 1, r, r).
     """
     r = rows.shape[2]
-    found = np.zeros((len(rows) + 1, r, r))
+    sums = np.zeros((len(rows) + 1, r, r))
     for k in range(len(rows) - 1, -1, -1):
-        found[k] = found[k + 1] + rows[k].T @ rows[k]
-    return found
+        sums[k] = sums[k + 1] + rows[k].T @ rows[k]
+    return sums
 
 
 def sum_information(prior: Array, rows: Array) -> Array:

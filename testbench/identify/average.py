@@ -110,8 +110,8 @@ def _uncoupled_fit(estimate: Estimate) -> Estimate:
 
 def _parameters_by_link(r: Regression, pi: Array) -> Array:
     """Rows of the parameters of every link, (links, n), zero for those of all others."""
-    own = np.arange(r.structure.links)[:, None] == r.structure.a // 6
-    return np.asarray(own * np.pad(pi, (0, r.structure.n - len(pi))))
+    of_link = np.arange(r.structure.links)[:, None] == r.structure.a // 6
+    return np.asarray(of_link * np.pad(pi, (0, r.structure.n - len(pi))))
 
 
 def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
@@ -128,14 +128,14 @@ def _log_evidence(
     rho: float, belief: WeightedPrior, poses: list[tuple[Array, Array]], lost: int, left: float
 ) -> float:
     """Compute the log density of the readings, up to a constant; their noise is as stated or as learnt."""
-    B, c = (own / belief.misfit for own in precision_root(belief.scaling, belief.strength))
+    B, c = (part / belief.misfit for part in precision_root(belief.scaling, belief.strength))
     prior, L, best = np.c_[B, c].T @ np.c_[B, c], belief.scaling.L, -math.inf
     for kappa in {1.0, belief.misfit}:
         H, spread = prior.copy(), 2 * lost * math.log(kappa)
         for values, rows in poses:
             variance = kappa**2 + rho**2 * values
-            own = np.c_[rows[:, :-1] @ L, rows[:, -1]] / np.sqrt(variance)[:, None]
-            H += own.T @ own
+            whitened = np.c_[rows[:, :-1] @ L, rows[:, -1]] / np.sqrt(variance)[:, None]
+            H += whitened.T @ whitened
             spread += float(np.log(variance).sum())
         _, size_of = np.linalg.slogdet(H[:-1, :-1])
         chi = float(H[-1, -1] - H[-1, :-1] @ np.linalg.solve(H[:-1, :-1], H[:-1, -1])) + left / kappa**2
@@ -157,12 +157,12 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
     poses, points = [_pose_variances(rows, links) for rows in r.poses], term.equations / 3
     weighed = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
     rest = term.unexplained + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
-    own = term_from_triangle(
+    weighed_term = term_from_triangle(
         triangular_factor(np.vstack(weighed) / math.sqrt(points)), max(0.0, rest), term.equations
     )
     # rho is known from as many poses only: Student's quantile in place of the normal one
     width = float(stdtrit(len(poses) - 1, NEW_POSE_PROBABILITY) / ndtri(NEW_POSE_PROBABILITY))
-    return replace(regression_of(r.structure, (own,)), wander=width * rho * links)
+    return replace(regression_of(r.structure, (weighed_term,)), wander=width * rho * links)
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
@@ -274,7 +274,7 @@ def _fit_before_laws(r: Regression, estimate: Estimate) -> Estimate:
     known = estimate.average
     if known is None or known.with_laws is None or known.laws_weight <= 0.5:
         return estimate
-    plain, lawful = (own.weighted_prior for own in (known.all_parts, known.with_laws))
+    plain, lawful = (model.weighted_prior for model in (known.all_parts, known.with_laws))
     if plain is None or lawful is None or plain.log_evidence is None or lawful.log_evidence is None:
         return estimate
     gains = _scatter_evidence(r, known.all_parts)
@@ -309,9 +309,13 @@ class LinksAndJoints:
         with it a fit without a pose is one solution of normal equations. The cone is left out.
         """
         wander, rigid = self.likeliest.regression.wander, self.joints_regression.poses
-        own = restrict_to(self.regression, self.likeliest.structure).poses
-        weighed = own if wander is None else tuple(_weigh_pose(rows, wander) for rows in own)
-        return _held_out_errors(own, weighed, self.belief), _held_out_errors(rigid, rigid, self.joints_prior)
+        rows_by_pose = restrict_to(self.regression, self.likeliest.structure).poses
+        weighed = (
+            rows_by_pose if wander is None else tuple(_weigh_pose(rows, wander) for rows in rows_by_pose)
+        )
+        return _held_out_errors(rows_by_pose, weighed, self.belief), _held_out_errors(
+            rigid, rigid, self.joints_prior
+        )
 
 
 def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
@@ -384,9 +388,9 @@ def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> f
     better = MIN_JOINTS_WEIGHT if changes else 0.0
     if held_out is None:
         return better
-    own, alone = np.log(np.maximum(held_out, TINY))
-    gain, error = paired(alone - own)
-    sure = float(stdtrit(len(own) - 1, SELECTION_PROBABILITY)) * error
+    likeliest, alone = np.log(np.maximum(held_out, TINY))
+    gain, error = paired(alone - likeliest)
+    sure = float(stdtrit(len(likeliest) - 1, SELECTION_PROBABILITY)) * error
     if gain > sure:
         return better
     return JOINTS_WEIGHT_IF_UNSURE if changes and gain > -sure else 1.0
@@ -448,15 +452,15 @@ def _average_priors(
     pi, weighed = np.zeros(widest.structure.n), ((1 - share, first), (share, second))
     for weight, estimate in weighed:
         pi[: estimate.structure.n] += weight * estimate.pi
-    known = [(weight, own.average or ModelAverage(0.0, own)) for weight, own in weighed]
+    known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighed]
     average = ModelAverage(
-        weight=sum(weight * own.weight for weight, own in known),
+        weight=sum(weight * model.weight for weight, model in known),
         all_parts=known[share > 0.5][1].all_parts,
-        laws_weight=sum(weight * own.laws_weight for weight, own in known),
-        laws_probability=sum(weight * own.laws_probability for weight, own in known),
-        with_laws=next((own.with_laws for _, own in known if own.with_laws is not None), None),
-        ties_weight=sum(weight * own.ties_weight for weight, own in known),
-        with_ties=next((own.with_ties for _, own in known if own.with_ties is not None), None),
+        laws_weight=sum(weight * model.laws_weight for weight, model in known),
+        laws_probability=sum(weight * model.laws_probability for weight, model in known),
+        with_laws=next((model.with_laws for _, model in known if model.with_laws is not None), None),
+        ties_weight=sum(weight * model.ties_weight for weight, model in known),
+        with_ties=next((model.with_ties for _, model in known if model.with_ties is not None), None),
         parts=((1 - likely, first), (likely, second)),
     )
     return _average(widest.regression, pi, (first, second), likelier.weighted_prior, average)
@@ -579,13 +583,13 @@ def restrict_scaling(metric: PriorScaling, structure: Structure) -> PriorScaling
     Returns:
         The metric of these unknowns.
     """
-    own = structure.places_in(metric.structure)
+    places = structure.places_in(metric.structure)
     row, column = metric.structure.triangles
     wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
-    found = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
-    keep = np.flatnonzero(found)
+    in_structure = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
+    keep = np.flatnonzero(in_structure)
     sizes = tuple(len(block) for block in structure.blocks)
-    return PriorScaling(metric.prior, structure, metric.L[np.ix_(own, keep)], metric.expected[keep], sizes)
+    return PriorScaling(metric.prior, structure, metric.L[np.ix_(places, keep)], metric.expected[keep], sizes)
 
 
 def _average_joints(

@@ -240,12 +240,12 @@ def psd_part(X: Array) -> Array:
 
 def settings(tolerance: float) -> clarabel.DefaultSettings:
     """Make Clarabel's settings with a tolerance of feasibility and gap [1]."""
-    own = clarabel.DefaultSettings()
-    own.verbose = False
-    own.max_threads = 1
-    own.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
-    own.tol_gap_abs = own.tol_gap_rel = own.tol_feas = tolerance
-    return own
+    options = clarabel.DefaultSettings()
+    options.verbose = False
+    options.max_threads = 1
+    options.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
+    options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = tolerance
+    return options
 
 
 def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
@@ -285,14 +285,14 @@ def solved(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
     Returns:
         Unknowns, duals and status.
     """
-    found = solver.solve()
+    result = solver.solve()
     sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
     ends = np.cumsum(sizes)[:-1]
     return Solution(
-        x=np.array(found.x),
-        duals=tuple(np.split(np.array(found.z), ends)),
-        cost=found.obj_val,
-        bound=found.obj_val_dual,
-        solver_status=str(found.status),
-        seconds=found.solve_time,
+        x=np.array(result.x),
+        duals=tuple(np.split(np.array(result.z), ends)),
+        cost=result.obj_val,
+        bound=result.obj_val_dual,
+        solver_status=str(result.status),
+        seconds=result.solve_time,
     )

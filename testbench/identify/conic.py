@@ -243,8 +243,8 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     sensitivity = regression.weight[used] * unit
     sensitivity[sensitivity == 0] = UNSEEN_SHARE * (sensitivity.max() or 1.0)
     allowed = 2 * f_m(regression, np.zeros(s.n)) / sensitivity
-    own = 2 * np.diag(s.matrix(pi))[used] / unit
-    return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, own)))
+    doubled = 2 * np.diag(s.matrix(pi))[used] / unit
+    return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, doubled)))
 
 
 def total_trace(structure: Structure, pi: Array) -> float:
@@ -561,8 +561,8 @@ def psd_blocks(s: Structure, first: int) -> tuple[cone.Block, ...]:
     Returns:
         One block per block of C_theta.
     """
-    found = [(psd_entries(s, block), len(block)) for block in s.blocks]
-    return tuple(cone.Block(first + entries, size, svec) for (entries, svec), size in found)
+    blocks = [(psd_entries(s, block), len(block)) for block in s.blocks]
+    return tuple(cone.Block(first + entries, size, svec) for (entries, svec), size in blocks)
 
 
 def psd_entries(s: Structure, block: Ids) -> tuple[Ids, Array]:

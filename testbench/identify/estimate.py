@@ -318,7 +318,7 @@ def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> A
     Returns:
         J_p C_theta J_F^T w in base axes, (models, runs, m, 3) [m].
     """
-    points, found = marker_points(vjm, data.markers), []
+    points, blocks = marker_points(vjm, data.markers), []
     vjm = model_for(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
     for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
         runs = slice(first, first + BLOCK_RUNS)
@@ -326,9 +326,9 @@ def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> A
         load = generalised_load(where, data.wrench[runs], data.point[runs])
         rows = translation_rows(where, points)
         turns = [estimate.C_theta @ load[: len(estimate.C_theta)] for estimate in estimates]
-        moved = [np.einsum("ptr,tr->rp", rows[:, : len(own)], own) for own in turns]
-        found.append(np.array(moved).reshape(len(moved), -1, len(points), 3))
-    return np.concatenate(found, axis=1)
+        moved = [np.einsum("ptr,tr->rp", rows[:, : len(turn)], turn) for turn in turns]
+        blocks.append(np.array(moved).reshape(len(moved), -1, len(points), 3))
+    return np.concatenate(blocks, axis=1)
 
 
 def score(predicted: Array, reference: Array) -> DeflectionErrors:
@@ -389,9 +389,9 @@ def lilliefors(residuals: Array) -> float:
     if len(x) < MIN_RESIDUALS or np.ptp(x) == 0:
         raise BenchError(f"residuals: expected at least {MIN_RESIDUALS} that differ, got {len(x)}")
     n = min(len(x), MAX_NULL_SIZE)
-    null, own = size_factor(n) * _null_distances(n), size_factor(len(x)) * _distance(x[None])
+    null, statistic = size_factor(n) * _null_distances(n), size_factor(len(x)) * _distance(x[None])
     # the sample itself counts as one of the simulated ones, so that p is never zero
-    return float((1 + (null >= own).sum()) / (1 + NULL_SAMPLES))
+    return float((1 + (null >= statistic).sum()) / (1 + NULL_SAMPLES))
 
 
 def size_factor(n: int) -> float:

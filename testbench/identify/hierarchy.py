@@ -114,8 +114,8 @@ class Normal:
 
     def variances(self, columns: Ids) -> Array:
         """Compute the variances of some unknowns, (k,)."""
-        some = np.eye(len(self.size))[:, columns]
-        return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
+        unit = np.eye(len(self.size))[:, columns]
+        return np.asarray((unit * cho_solve(self.root, unit)).sum(axis=0) / self.size[columns] ** 2)
 
 
 def normal(H: Array) -> Normal:
@@ -167,22 +167,22 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
     mean = np.exp(problem.scale @ h) * problem.expected
     # Gram matrix of readings and prior, and the most probable unknowns.
-    H = problem.exact_gram + sum(gram / own for gram, own in zip(problem.gram, s2, strict=True))
+    H = problem.exact_gram + sum(gram / variance for gram, variance in zip(problem.gram, s2, strict=True))
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
-    found = normal(H)
-    V, v, off = found.covariance, np.r_[found.x, -1.0], (found.x - mean) / d
+    solved = normal(H)
+    V, v, off = solved.covariance, np.r_[solved.x, -1.0], (solved.x - mean) / d
     left = problem.gram @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
     # -log p, its derivative, and the hyperpriors.
-    value = (left.sum() + off @ off + v @ problem.exact_gram @ v + found.log_size) / 2
+    value = (left.sum() + off @ off + v @ problem.exact_gram @ v + solved.log_size) / 2
     value += problem.counts @ h[-kinds:] + (D @ h).sum()
     g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.scale.T @ (mean * off / d)
     g[-kinds:] += problem.counts - left - spent
     for prior in problem.priors:
         of, slope, _ = prior.density(prior.rows @ h - prior.middle)
         value, g = value + of.sum(), g + prior.rows.T @ slope
-    return EvidencePosterior(found, V, d, mean, left, spent, float(value), g)
+    return EvidencePosterior(solved, V, d, mean, left, spent, float(value), g)
 
 
 def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
@@ -225,11 +225,11 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
 
 def _shares(problem: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array]:
     """V A_k^T A_k / s_k^2 of every kind, (c, c); with V times all else in P they are one."""
-    found = [V @ (gram[:-1, :-1] / own) for gram, own in zip(problem.gram[:-1], s2, strict=False)]
-    last = np.eye(len(V)) - V * w - sum(found)
+    shares = [V @ (gram[:-1, :-1] / variance) for gram, variance in zip(problem.gram[:-1], s2, strict=False)]
+    last = np.eye(len(V)) - V * w - sum(shares)
     on = np.flatnonzero(problem.exact_gram[:-1].any(axis=1))
     last[:, on] -= V[:, on] @ problem.exact_gram[np.ix_(on, on)]
-    return [*found, last]
+    return [*shares, last]
 
 
 def maximise_evidence(problem: EvidenceModel, start: Array, fixed: int | None = None) -> Array:
@@ -270,11 +270,11 @@ def _halved_step(
     for _ in range(MAX_HALVINGS):
         there = np.clip(h + step, *problem.bounds)
         try:
-            found = evidence_posterior(problem, there)
+            trial = evidence_posterior(problem, there)
         except BenchError:
-            found = posterior
-        if found.loss < posterior.loss:
-            return there, found
+            trial = posterior
+        if trial.loss < posterior.loss:
+            return there, trial
         step = step / 2
     return h, posterior
 
@@ -402,18 +402,20 @@ def evidence_model(
 
 def _priors(kind: Ids, m: int, tied: bool, laws: Sizes) -> tuple[Hyperprior, ...]:
     """Make the prior densities of the hyperparameters."""
-    K, one = len(kind), np.eye(m)
-    of_tie = one[m - 4 : m - 3] if tied else one[:0]
+    K, unit = len(kind), np.eye(m)
+    of_tie = unit[m - 4 : m - 3] if tied else unit[:0]
     widths = np.array([SHAPE_PRIOR[1], COUPLING_PRIOR[1], MISFIT_DEVIATION])
-    rows, medians = one[-3:] / widths[:, None], np.log([SHAPE_PRIOR[0], COUPLING_PRIOR[0], 1.0]) / widths
+    rows, medians = unit[-3:] / widths[:, None], np.log([SHAPE_PRIOR[0], COUPLING_PRIOR[0], 1.0]) / widths
     if kind.any():
-        rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / JOINT_LINK_GAP]), np.r_[medians, 0]
+        rows, medians = np.vstack([rows, (unit[K + 1] - unit[K]) / JOINT_LINK_GAP]), np.r_[medians, 0]
     for k, (median, width) in enumerate(laws, start=2):
-        rows, medians = np.vstack([rows, one[K + k] / width]), np.r_[medians, math.log(median) / width]
-    own, tie = one[K + kind.max() + 1 : m - 3 - tied] / OWN_SCALE_DEVIATION, of_tie / TIE_PRIOR[1]
-    rows = np.vstack([rows, own, tie])
-    medians = np.r_[medians, np.zeros(len(own)), np.full(len(tie), math.log(TIE_PRIOR[0]) / TIE_PRIOR[1])]
-    scales = (one[:K] - one[K + kind]) / STUDENT_SCALE
+        rows, medians = np.vstack([rows, unit[K + k] / width]), np.r_[medians, math.log(median) / width]
+    link_widths, tie = unit[K + kind.max() + 1 : m - 3 - tied] / OWN_SCALE_DEVIATION, of_tie / TIE_PRIOR[1]
+    rows = np.vstack([rows, link_widths, tie])
+    medians = np.r_[
+        medians, np.zeros(len(link_widths)), np.full(len(tie), math.log(TIE_PRIOR[0]) / TIE_PRIOR[1])
+    ]
+    scales = (unit[:K] - unit[K + kind]) / STUDENT_SCALE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
 
@@ -466,14 +468,14 @@ def learn_prior(regression: Regression, metric: PriorScaling, *, widths: bool = 
         strength=Strength(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
         misfit=float(kappa),
     )
-    both = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
-    if not (both or widths):
+    has_both_kinds = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
+    if not (has_both_kinds or widths):
         return belief
     posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays where it is best
     H, J = evidence_hessian(model.problem, h, posterior)
     values, Q = np.linalg.eigh(H[:m, :m])
     values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear
-    if both:
+    if has_both_kinds:
         belief = replace(belief, log_evidence=_log_evidence(model, posterior.loss, values))
     if not widths:
         return belief
@@ -543,16 +545,16 @@ def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[Learn
     """Compute the factor of every link or joint over others of its kind, and of the joints over the links."""
     K, m = model.blocks, len(h) - 1
     _, kinds, called = model.scaling.scaled
-    own = np.flatnonzero(kinds < 2)
-    rows, names = np.zeros((len(own), m)), [called[k] for k in own]
-    rows[range(len(own)), own] = 1
-    rows[range(len(own)), K + model.kind[own]] = -1
-    if len(np.unique(kinds[own])) > 1:
+    compliance_scales = np.flatnonzero(kinds < 2)
+    rows, names = np.zeros((len(compliance_scales), m)), [called[k] for k in compliance_scales]
+    rows[range(len(compliance_scales)), compliance_scales] = 1
+    rows[range(len(compliance_scales)), K + model.kind[compliance_scales]] = -1
+    if len(np.unique(kinds[compliance_scales])) > 1:
         rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
         names.append(ALL_JOINTS)
     deviations = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))
-    found = zip(names, np.exp(rows @ h[:m]), deviations, strict=True)
-    return tuple(LearntScale(name, float(factor), float(deviation)) for name, factor, deviation in found)
+    factors = zip(names, np.exp(rows @ h[:m]), deviations, strict=True)
+    return tuple(LearntScale(name, float(factor), float(deviation)) for name, factor, deviation in factors)
 
 
 CONTRADICTED_BY, CONTRADICTED_FACTOR = 2.5, 2.0
@@ -610,10 +612,10 @@ def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float
     start, kind = best.copy(), model.blocks + model.kind[k]
     start[k] = best[kind] + size
     h = maximise_evidence(model.problem, start, fixed=k)
-    own, before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))
+    penalty, penalty_before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))
     return (
         evidence_posterior(model.problem, h).loss
         - evidence_posterior(model.problem, best).loss
-        - own
-        + before
+        - penalty
+        + penalty_before
     )

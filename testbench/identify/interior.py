@@ -215,18 +215,18 @@ def interior(program: BlockProgram) -> Iterate:
 
 def _initial_iterate(program: BlockProgram) -> Iterate:
     """Start with equal blocks that fit the data best, and multipliers of the gradient's size."""
-    one = np.concatenate([cone.svec(np.eye(size)) for size in program.sizes])
-    moved = program.R @ one
+    identity = np.concatenate([cone.svec(np.eye(size)) for size in program.sizes])
+    moved = program.R @ identity
     square = max(float((moved**2).sum()), TINY)
     size = max(
         np.vdot(moved, program.z) / square, INITIAL_SIZE * float(np.linalg.norm(program.z)) / square**0.5
     )
-    norms, pulls = program.at(size * one)
+    norms, pulls = program.at(size * identity)
     gradient = pulls.sum(axis=0) + program.c
     matrices = (cone.smat(gradient[at]) for at in cone.groups_of(program.sizes))
     large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
-    s = max(CENTRED * program.fit(norms) / sum(program.sizes) / size, large) * one
-    return Iterate(size * one, s, norms, pulls, gradient - s)
+    s = max(CENTRED * program.fit(norms) / sum(program.sizes) / size, large) * identity
+    return Iterate(size * identity, s, norms, pulls, gradient - s)
 
 
 def _step(program: BlockProgram, state: Iterate) -> Iterate:
@@ -262,7 +262,13 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     dx = cho_solve(root, w - missing)
     # Stay inside the cone: a share MIN_BOUNDARY_SHARE to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
-    step = min(1.0, *(float(own.longest(own.scaled(dx), both)) for own, both in pairs))
+    step = min(
+        1.0,
+        *(
+            float(scaling_of_step.longest(scaling_of_step.scaled(dx), sum_of_steps))
+            for scaling_of_step, sum_of_steps in pairs
+        ),
+    )
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
@@ -323,23 +329,23 @@ class Scaling:
         Returns:
             The sum, (..., blocks, m, m).
         """
-        one = np.eye(self.d.shape[-1])
-        half = X @ (self.d[..., None] * one + X)
+        identity = np.eye(self.d.shape[-1])
+        half = X @ (self.d[..., None] * identity + X)
         product = (half + half.swapaxes(-1, -2)) / (self.d[..., :, None] + self.d[..., None, :])
-        return np.asarray((aim / self.d - self.d)[..., None] * one + product)
+        return np.asarray((aim / self.d - self.d)[..., None] * identity + product)
 
-    def longest(self, X: Array, both: Array) -> Array:
+    def longest(self, X: Array, total: Array) -> Array:
         """Compute the longest step that keeps x and s in the cone.
 
         Args:
             X: Step of x, scaled, (..., blocks, m, m).
-            both: Sum of the scaled steps of x and s, (..., blocks, m, m).
+            total: Sum of the scaled steps of x and s, (..., blocks, m, m).
 
         Returns:
             Step length, (...).
         """
         root = 1 / np.sqrt(self.d)
-        steps = np.stack([X, both - X]) * (root[..., :, None] * root[..., None, :])
+        steps = np.stack([X, total - X]) * (root[..., :, None] * root[..., None, :])
         least = cone.eigvalsh(steps)[..., 0].min(axis=(0, -1))
         return np.asarray(1 / np.maximum(-least, TINY))
 
@@ -378,9 +384,9 @@ class _State:
     gradient: Array  #: (problems, n).
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
-    def select(self, some: Mask) -> "_State":
+    def select(self, mask: Mask) -> "_State":
         """Select some of the problems, by a mask, (problems,)."""
-        return self if some.all() else _State(*(own[some] for own in vars(self).values()))
+        return self if mask.all() else _State(*(values[mask] for values in vars(self).values()))
 
 
 def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
@@ -394,7 +400,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
         x and its multipliers, (folds, weights, n) each, NaN where none was found.
     """
     groups, shape = cone.groups_of(problems.sizes), (len(problems.g), len(weights), len(problems.c))
-    found = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
+    solutions = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
     with np.errstate(all="ignore"):  # a problem that is not finite is given up
         state = _start_problems(problems, weights, groups)
         for _ in range(MAX_BATCH_STEPS):
@@ -402,7 +408,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
             missing = np.linalg.norm(state.gradient - state.s, axis=1)
             left = np.vecdot(state.x, state.s) + np.linalg.norm(state.x, axis=1) * missing
             done = left <= COST_TOLERANCE * cost
-            found[:, state.at[done]] = state.x[done], state.s[done]
+            solutions[:, state.at[done]] = state.x[done], state.s[done]
             state = state.select(~done)
             if not len(state.at):
                 break
@@ -415,7 +421,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
                 state = state.select(sound)
                 continue
             state = state.select(np.asarray(np.isfinite(np.hstack([state.x, state.s])).all(axis=1)))
-    x, s = found.reshape(2, *shape)
+    x, s = solutions.reshape(2, *shape)
     return x, s
 
 
@@ -430,12 +436,12 @@ def effective_parameters(problems: Problems, x: Array, s: Array) -> Array:
     Returns:
         The numbers, (folds, weights); NaN where there is no solution.
     """
-    some: Mask = np.asarray(np.isfinite(x).all(axis=2))
-    fold, groups = np.nonzero(some)[0], cone.groups_of(problems.sizes)
-    inner = _Newton.of(problems.R[fold], x[some], s[some], groups).inner
-    found = np.full(some.shape, np.nan)
-    found[some] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)
-    return found
+    solved: Mask = np.asarray(np.isfinite(x).all(axis=2))
+    fold, groups = np.nonzero(solved)[0], cone.groups_of(problems.sizes)
+    inner = _Newton.of(problems.R[fold], x[solved], s[solved], groups).inner
+    numbers = np.full(solved.shape, np.nan)
+    numbers[solved] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)
+    return numbers
 
 
 def _definite(x: Array, groups: list[Ids]) -> Mask:
@@ -447,20 +453,24 @@ def _definite(x: Array, groups: list[Ids]) -> Mask:
 def _batch_step(state: _State, newton: "_Newton") -> _State:
     """Take one step: predicted to first order, then corrected to second order."""
     missing = state.gradient - state.s
-    x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in newton.scalings)
+    x, s, order = (
+        state.x,
+        state.s,
+        sum(each_scaling.d.shape[1] * each_scaling.d.shape[2] for each_scaling in newton.scalings),
+    )
     aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
     scaled, wanted, sums = newton.scaled_back(missing), np.empty_like(x), []
     for scaling in newton.scalings:  # s is diag d there
         wanted[:, scaling.at] = cone.svec(scaling.d[..., None] * np.eye(scaling.d.shape[-1]))
     predicted, _ = newton.solve(-wanted - scaled)
     for scaling in newton.scalings:
-        both = scaling.corrected(aim[:, None, None], cone.smat(predicted[:, scaling.at]))
-        sums.append(np.nan_to_num(both))
+        total = scaling.corrected(aim[:, None, None], cone.smat(predicted[:, scaling.at]))
+        sums.append(np.nan_to_num(total))
         wanted[:, scaling.at] = cone.svec(sums[-1])
     y, moved = newton.solve(wanted - scaled)
     step = np.ones(len(x))
-    for scaling, both in zip(newton.scalings, sums, strict=True):
-        step = np.minimum(step, scaling.longest(np.nan_to_num(cone.smat(y[:, scaling.at])), both))
+    for scaling, total in zip(newton.scalings, sums, strict=True):
+        step = np.minimum(step, scaling.longest(np.nan_to_num(cone.smat(y[:, scaling.at])), total))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     turned = step[:, None] * np.vecmat(moved, state.R)  # what the step changes of the gradient
     return replace(
@@ -476,12 +486,14 @@ def _start_problems(problems: Problems, weights: Array, groups: list[Ids]) -> _S
     """Start with equal blocks that fit the readings best, and multipliers of the gradient's size."""
     fold = np.repeat(np.arange(len(problems.g)), len(weights))
     linear = np.tile(weights, len(problems.g))[:, None] * problems.c - problems.g[fold]
-    one = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
-    moved = np.vecmat(problems.R @ one, problems.R)
-    square = np.maximum(moved @ one, TINY)
-    size = np.maximum(problems.g @ one / square, INITIAL_SIZE * np.sqrt(2 * problems.half / square))[fold]
+    identity = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
+    moved = np.vecmat(problems.R @ identity, problems.R)
+    square = np.maximum(moved @ identity, TINY)
+    size = np.maximum(problems.g @ identity / square, INITIAL_SIZE * np.sqrt(2 * problems.half / square))[
+        fold
+    ]
     gradient = size[:, None] * moved[fold] + linear
-    fit = size**2 * square[fold] / 2 - size * (problems.g @ one)[fold] + problems.half[fold]
+    fit = size**2 * square[fold] / 2 - size * (problems.g @ identity)[fold] + problems.half[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
     s = np.maximum(FIRST_GAP * fit / sum(problems.sizes) / size, np.max(large, axis=0))
     return _State(
@@ -489,8 +501,8 @@ def _start_problems(problems: Problems, weights: Array, groups: list[Ids]) -> _S
         R=problems.R[fold],
         linear=linear,
         half=problems.half[fold],
-        x=size[:, None] * one,
-        s=s[:, None] * one,
+        x=size[:, None] * identity,
+        s=s[:, None] * identity,
         gradient=gradient,
         step=np.full(len(fold), 0.5),
     )
@@ -508,7 +520,7 @@ class _Newton:
     @cached_property
     def roots(self) -> list[Array]:
         """Return Cholesky factors of `inner`, (rank, rank) each."""
-        return [dpotrf(own, lower=1)[0] for own in self.inner]
+        return [dpotrf(matrix, lower=1)[0] for matrix in self.inner]
 
     @classmethod
     def of(cls, R: Array, x: Array, s: Array, groups: list[Ids]) -> "_Newton":
@@ -522,31 +534,31 @@ class _Newton:
         """
         scalings = [Scaling.of(at, x, s) for at in groups]
         K, S = [cone.congruence(scaling.G) for scaling in scalings], np.empty_like(R)
-        for scaling, own in zip(scalings, K, strict=True):
-            if own.shape[-1] == 1:
-                S[:, :, scaling.at[:, 0]] = R[:, :, scaling.at[:, 0]] * own[:, None, :, 0, 0]
+        for scaling, maps in zip(scalings, K, strict=True):
+            if maps.shape[-1] == 1:
+                S[:, :, scaling.at[:, 0]] = R[:, :, scaling.at[:, 0]] * maps[:, None, :, 0, 0]
                 continue
             for k, places in enumerate(scaling.at):
-                some = slice(places[0], places[-1] + 1)
-                np.matmul(R[:, :, some], own[:, k], out=S[:, :, some])
+                columns = slice(places[0], places[-1] + 1)
+                np.matmul(R[:, :, columns], maps[:, k], out=S[:, :, columns])
         return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
 
     def scaled_back(self, v: Array) -> Array:
         """Scale gradients: svec(G^T V G) of svec(V), (problems, n)."""
         u = np.empty_like(v)
-        for scaling, own in zip(self.scalings, self.K, strict=True):
-            u[:, scaling.at] = np.vecmat(v[:, scaling.at], own)
+        for scaling, maps in zip(self.scalings, self.K, strict=True):
+            u[:, scaling.at] = np.vecmat(v[:, scaling.at], maps)
         return u
 
     def unscaled(self, y: Array) -> Array:
         """Return steps of x from scaled ones: svec(G Y G^T) of svec(Y), (problems, n)."""
         x = np.empty_like(y)
-        for scaling, own in zip(self.scalings, self.K, strict=True):
-            x[:, scaling.at] = np.matvec(own, y[:, scaling.at])
+        for scaling, maps in zip(self.scalings, self.K, strict=True):
+            x[:, scaling.at] = np.matvec(maps, y[:, scaling.at])
         return x
 
     def solve(self, u: Array) -> tuple[Array, Array]:
         """Solve for scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank)."""
         right = np.matvec(self.S, u)
-        t = np.array([dpotrs(L, own, lower=1)[0] for L, own in zip(self.roots, right, strict=True)])
+        t = np.array([dpotrs(L, row, lower=1)[0] for L, row in zip(self.roots, right, strict=True)])
         return u - np.vecmat(t, self.S), t

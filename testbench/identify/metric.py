@@ -52,9 +52,9 @@ class Prior(Displayed):
 
     def __post_init__(self) -> None:
         """Keep a read-only copy, so that cached metrics of this prior stay valid."""
-        own = np.array(self.C_theta)
-        own.setflags(write=False)
-        object.__setattr__(self, "C_theta", own)
+        C = np.array(self.C_theta)
+        C.setflags(write=False)
+        object.__setattr__(self, "C_theta", C)
 
 
 @dataclass(frozen=True)
@@ -201,8 +201,8 @@ class PriorScaling:
         shares = (np.eye(len(at))[place[: len(a)]] + np.eye(len(at))[place[len(a) :]]) / 2
         block = self.structure.block_of[at]
         names = [
-            self.structure.labels[k] if tied[own] else self.names[own]
-            for k, own in zip(at.tolist(), block.tolist(), strict=True)
+            self.structure.labels[k] if tied[block_index] else self.names[block_index]
+            for k, block_index in zip(at.tolist(), block.tolist(), strict=True)
         ]
         return shares, self.kinds[block], tuple(names)
 
@@ -224,7 +224,8 @@ class PriorScaling:
         labels = [self.structure.labels[block[0]] for block in self.structure.blocks]
         whole = [size == 6 for size in self.sizes]
         return tuple(
-            label.rpartition(".")[0] if one else label for label, one in zip(labels, whole, strict=True)
+            label.rpartition(".")[0] if is_whole else label
+            for label, is_whole in zip(labels, whole, strict=True)
         )
 
     def matrices(self, x: Array) -> list[Array]:
@@ -234,10 +235,10 @@ class PriorScaling:
 
     def project(self, x: Array) -> Array:
         """Set the negative eigenvalues of every block of x, (n,), to zero: the solver's last digits."""
-        found = x.copy()
+        projected = x.copy()
         for at in cone.groups_of(self.sizes):
-            found[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
-        return found
+            projected[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
+        return projected
 
 
 @dataclass(frozen=True)
@@ -310,8 +311,8 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
     root = _root(aggregate(P, vjm, structure), prior, structure)
     L, expected = np.zeros((structure.n, structure.n)), np.where(row == column, 1.0, 0.0)
     for group in structure.groups:
-        own = structure.parameter[group.entries]
-        L[own[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
+        parameters = structure.parameter[group.entries]
+        L[parameters[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
     return PriorScaling(prior.name, structure, L, expected, sizes)
 
 

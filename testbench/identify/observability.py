@@ -109,10 +109,10 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: A
     R: Array = np.array(np.linalg.qr(A, mode="r"))
     R[:, zero_columns(A)] = 0
     missing = null_space(R).shape[1] - len(known_directions)
-    found = np.zeros((0, A.shape[1]))
+    basis = np.zeros((0, A.shape[1]))
     Q = np.linalg.qr(known_directions.T)[0].T  # orthonormal rows: known, then found
     for window in _neighbouring_groups(groups):
-        if len(found) >= missing:
+        if len(basis) >= missing:
             break
         rows = circuits(null_space(R[:, window]), unit[window])
         T = np.zeros((len(rows), A.shape[1]))
@@ -122,9 +122,9 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: A
             for _ in range(2):  # twice is enough
                 new = new - (Q @ new) @ Q
             if np.linalg.norm(new) > MIN_NEW_SHARE:
-                found = np.vstack([found, row])
+                basis = np.vstack([basis, row])
                 Q = np.vstack([Q, new / np.linalg.norm(new)])
-    return found
+    return basis
 
 
 def zero_columns(A: Array) -> Mask:
@@ -211,43 +211,39 @@ def hidden_quantities(
     Returns:
         The quantities; of those that compensate each other the most uncertain.
     """
-    H, names = np.vstack([one.H for one in quantities]) @ L, [one.name for one in quantities]
-    ends = np.cumsum([len(one.H) for one in quantities])
-    parts = [np.arange(end - len(one.H), end) for end, one in zip(ends, quantities, strict=True)]
+    H = np.vstack([quantity.H for quantity in quantities]) @ L
+    ends = np.cumsum([len(quantity.H) for quantity in quantities])
+    parts = [np.arange(end - len(quantity.H), end) for end, quantity in zip(ends, quantities, strict=True)]
     # Covariance of all quantities, structural directions held.
     pins = STRUCTURAL_INFORMATION * never @ never.T
     K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
-    found = []
-    # Of every quantity that is left open: what hides it, and which joint helps.
-    for k, (observed_quantity, at) in enumerate(zip(quantities, parts, strict=True)):
+    hidden = []
+    # Of every quantity of the arm that is left open: what hides it, and which joint helps.
+    for k, (quantity, at) in enumerate(zip(quantities, parts, strict=True)):
         unit = _unit_combinations(H[at], never)
-        if (
-            not observed_quantity.of_the_arm
-            or not len(unit)
-            or (share := _mean_variance(unit, K[np.ix_(at, at)])) < OPEN_SHARE
-        ):
+        if not quantity.of_the_arm or not len(unit):
             continue
-        helps, hides = (
-            _joint_to_turn(unit @ H[at], after, share),
-            _share_if_all_known(observed_quantity.H, L, M) < CONFOUNDED_SHARE * share,
-        )
-        behind, rest = _confounders(K, parts, k, unit) if hides else ([], share)
+        share = _mean_variance(unit, K[np.ix_(at, at)])
+        if share < OPEN_SHARE:
+            continue
+        helps = _joint_to_turn(unit @ H[at], after, share)
+        confounded = _share_if_all_known(quantity.H, L, M) < CONFOUNDED_SHARE * share
+        behind, rest = _confounders(K, parts, k, unit) if confounded else ([], share)
         if rest > CONFOUNDED_SHARE * share:
-            found.append(HiddenQuantity(observed_quantity.name, share=share, joint_to_turn=helps))
-        else:
-            correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
-            found.append(
-                HiddenQuantity(
-                    observed_quantity.name, tuple(names[i] for i in behind), share, correlation, helps
-                )
-            )
-    # Of those that hide behind each other the most uncertain is named.
-    kept: dict[object, HiddenQuantity] = {}
-    for left in sorted(found, key=lambda left: (not left.confounded_with, -left.share)):
-        kept.setdefault(
-            frozenset((left.name, *left.confounded_with)) if left.confounded_with else left.name, left
-        )
+            hidden.append(HiddenQuantity(quantity.name, share=share, joint_to_turn=helps))
+            continue
+        correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
+        names = tuple(quantities[i].name for i in behind)
+        hidden.append(HiddenQuantity(quantity.name, names, share, correlation, helps))
+    return _most_uncertain(hidden)
+
+
+def _most_uncertain(hidden: Sequence[HiddenQuantity]) -> tuple[HiddenQuantity, ...]:
+    """Keep the most uncertain one of quantities that hide behind each other."""
+    kept: dict[frozenset[str], HiddenQuantity] = {}
+    for quantity in sorted(hidden, key=lambda quantity: (not quantity.confounded_with, -quantity.share)):
+        kept.setdefault(frozenset((quantity.name, *quantity.confounded_with)), quantity)
     return tuple(kept.values())
 
 
@@ -259,8 +255,8 @@ def _unit_combinations(H: Array, never: Array) -> Array:
     """Combine a quantity's numbers to unit prior variance, outside structural directions."""
     free = H - (H @ never) @ never.T
     values, V = np.linalg.eigh(free @ free.T)
-    own = values > NEGLIGIBLE_OUTSIDE * np.square(H).sum() / len(H)
-    return np.asarray((V[:, own] / np.sqrt(values[own])).T)
+    kept = values > NEGLIGIBLE_OUTSIDE * np.square(H).sum() / len(H)
+    return np.asarray((V[:, kept] / np.sqrt(values[kept])).T)
 
 
 def _share_if_all_known(H: Array, L: Array, M: Array) -> float:
@@ -272,26 +268,26 @@ def _share_if_all_known(H: Array, L: Array, M: Array) -> float:
 
 def _confounders(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[int], float]:
     """Find the quantities that, once known, remove most of quantity k, and the share that remains."""
-    found: list[int] = []
+    confounders: list[int] = []
     share = first = _mean_variance(unit, K[np.ix_(parts[k], parts[k])])
-    while len(found) < MAX_CONFOUNDERS and share > (1 - MIN_EXPLAINED) * first:
-        others = [i for i in range(len(parts)) if i != k and i not in found]
-        known = [np.concatenate([parts[j] for j in (*found, i)]) for i in others]
+    while len(confounders) < MAX_CONFOUNDERS and share > (1 - MIN_EXPLAINED) * first:
+        others = [i for i in range(len(parts)) if i != k and i not in confounders]
+        known = [np.concatenate([parts[j] for j in (*confounders, i)]) for i in others]
         rest = [_mean_variance(unit, conditional_covariance(K, parts[k], at)) for at in known]
         best = int(np.argmin(rest))
-        found, share = [*found, others[best]], rest[best]
-    return found, share
+        confounders, share = [*confounders, others[best]], rest[best]
+    return confounders, share
 
 
 def _joint_to_turn(H: Array, after: Sequence[Array], share: float) -> int | None:
     """Find the joint to turn, for numbers of unit prior variance, (k, size)."""
     if not after:
         return None
-    *each, everywhere = (float((H @ S * H).sum() / len(H)) for S in after)
-    best = int(np.argmin(each))
-    if each[best] < HELPFUL_SHARE * share:
+    *shares, everywhere = (float((H @ S * H).sum() / len(H)) for S in after)
+    best = int(np.argmin(shares))
+    if shares[best] < HELPFUL_SHARE * share:
         return best
-    return len(each) if everywhere < HELPFUL_SHARE * share else -1
+    return len(shares) if everywhere < HELPFUL_SHARE * share else -1
 
 
 def _mean_variance(unit: Array, K: Array) -> float:

@@ -127,7 +127,7 @@ class Posterior(Displayed):
         a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
         white = a @ self.root.T
         heavy = white[:, len(self.root) - self.heavy_rows :]
-        seen, prior = (np.sqrt(np.vecdot(own, own)) for own in (white, heavy))
+        seen, prior = (np.sqrt(np.vecdot(part, part)) for part in (white, heavy))
         if not len(self.unseen):
             return seen, prior
         size = np.linalg.norm(a * self.scale, axis=1)
@@ -204,14 +204,14 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     posterior, points = linearise(estimate), marker_points(vjm, data.markers)
     together, ends = max(1, INTERVAL_BATCH // len(points)), []
     for first in range(0, data.runs, together):
-        some = select_rows(data, np.arange(first, min(first + together, data.runs)))
-        where = chain(for_load_history(vjm, some.taken_off), some.q)
-        rows = observation(where, estimate.structure, some.wrench, some.point, points)
-        found = posterior.intervals(rows.reshape(-1, estimate.structure.n), confidence)
-        centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
+        block = select_rows(data, np.arange(first, min(first + together, data.runs)))
+        where = chain(for_load_history(vjm, block.taken_off), block.q)
+        rows = observation(where, estimate.structure, block.wrench, block.point, points)
+        bounds = posterior.intervals(rows.reshape(-1, estimate.structure.n), confidence)
+        centre, upper = (end.reshape(rows.shape[:3]) for end in (bounds.centre, bounds.upper))
         # Noise and prior in one width, what the linear model omits in the other: independent, in quadrature.
         half = np.hypot(
-            upper - centre, CURVATURE_COUNT * second_order_deflection(vjm, estimate.C_theta, some)
+            upper - centre, CURVATURE_COUNT * second_order_deflection(vjm, estimate.C_theta, block)
         )
         ends.append((centre, centre - half, centre + half))
     centre, lower, upper = map(np.concatenate, zip(*ends, strict=True))
@@ -255,12 +255,12 @@ def linearise(estimate: Estimate) -> Posterior:
         return _averaged(estimate, estimate.average)
     regression, belief = estimate.regression, estimate.weighted_prior
     L = np.diag(sensitivity_units(regression)) if belief is None else belief.scaling.L
-    both = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
+    blocks = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
     if belief is not None:
-        both.append(np.column_stack(precision_root(belief.scaling, belief.strength)))
-    x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [own[:, :-1] for own in both]
+        blocks.append(np.column_stack(precision_root(belief.scaling, belief.strength)))
+    x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [block[:, :-1] for block in blocks]
     back, unseen = _inverse(np.vstack(rows))
-    pull = _distance_without_cone(estimate, rows, back, [own @ x for own in both])
+    pull = _distance_without_cone(estimate, rows, back, [block @ x for block in blocks])
     learnt = belief is not None and belief.hyperparameter_effect is not None
     if belief is not None and learnt:
         root, heavy = _noise_and_prior_roots(rows, back, belief, L)
@@ -306,7 +306,7 @@ def conditional_covariance(K: Array, variables: Ids, given: Ids) -> Array:
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
     if average.parts:
-        parts = [(p, linearise(own)) for p, own in average.parts]
+        parts = [(p, linearise(model)) for p, model in average.parts]
     elif average.with_ties is not None:
         p = average.ties_weight
         tied = _embed(linearise(average.with_ties), average.with_ties.structure, estimate.structure)
@@ -326,13 +326,13 @@ def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
     lawful = [] if average.with_laws is None else [(p, linearise(average.with_laws))]
     if p == 1:
         return lawful
-    found = [*lawful, ((1 - p) * (1 - q), linearise(average.all_parts))]
+    parts = [*lawful, ((1 - p) * (1 - q), linearise(average.all_parts))]
     if average.joints_only is not None:
         alone = _embed(
             linearise(average.joints_only), average.joints_only.structure, average.all_parts.structure
         )
-        found.append(((1 - p) * q, alone))
-    return found
+        parts.append(((1 - p) * q, alone))
+    return parts
 
 
 def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
@@ -353,7 +353,7 @@ def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
         rows[-1, : len(posterior.x)] -= posterior.x
         noise.append(math.sqrt(p) * rows[:first])
         heavy.append(math.sqrt(p) * rows[first:])
-    widest = max((own for _, own in parts), key=lambda own: len(own.x))
+    widest = max((member for _, member in parts), key=lambda member: len(member.x))
     root, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
     return replace(widest, x=pi, root=np.vstack([root, prior]), heavy_rows=len(prior))
 

@@ -83,7 +83,7 @@ def register_dataset(
         return RegisteredDataset(vjm, resolve_lines(vjm, _at_markers(vjm, data)), None, "base", none, why)
     # Register the unloaded readings; those that are in base axes already keep their frame.
     series, nominal = unloaded_series(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
-    base = {one.frame: Frame(np.eye(3), np.zeros(3)) for one in series}
+    base = {readings.frame: Frame(np.eye(3), np.zeros(3)) for readings in series}
     try:
         given = base if frame == "base" else {} if isinstance(frame, str) else frame
         registration = register(vjm, series, nominal, given)
@@ -91,7 +91,9 @@ def register_dataset(
         if frame == "auto" and registration.typical > MAX_NOMINAL_DISTANCE * far:
             fit = f"({1e3 * registration.rms:.3g} mm RMS)"
             raise BenchError(f"in no frame do the unloaded readings fit the arm {fit}")
-        if frame == "auto" and all(_is_base(one, registration.frames[one.frame], far) for one in series):
+        if frame == "auto" and all(
+            _is_base(readings, registration.frames[readings.frame], far) for readings in series
+        ):
             frame, registration = "base", register(vjm, series, nominal, base)
     except BenchError as why:
         if frame not in ("auto", "base") or not set(data.markers) <= set(vjm.arm.markers):
@@ -172,8 +174,12 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
     R, t = np.tile(np.eye(3), (data.runs, 1, 1)), np.zeros((data.runs, 1, 3))
     about = np.zeros((data.runs, 1, 3, 3))  # covariance of the rotation of every run's frame, base axes
     for name, frame in registration.frames.items():
-        own = runs_of_station(data, station_number(name))
-        R[own], t[own], about[own] = frame.rotation, frame.translation, frame.covariance[:3, :3]
+        of_station = runs_of_station(data, station_number(name))
+        R[of_station], t[of_station], about[of_station] = (
+            frame.rotation,
+            frame.translation,
+            frame.covariance[:3, :3],
+        )
     before, after = ((readings - t) @ R for readings in (data.before, data.after))
     turned = [
         r if r is None else (Rotation.from_matrix(R).inv() * Rotation.from_rotvec(r)).as_rotvec()

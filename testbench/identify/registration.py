@@ -83,17 +83,17 @@ def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
         The means, with the tool's pose by the arm's kinematics.
     """
     frames, targets = frame_and_target_names(series)
-    parts = [_means(one, frames.index(one.frame), targets) for one in series]
+    parts = [_means(readings, frames.index(readings.frame), targets) for readings in series]
     frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
-    some = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MAX_READINGS])
-    position, rotation = tool_pose(vjm, q[some])
-    return MeanReadings(frame[some], target[some], y[some], C[some], rotation, position)
+    kept = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MAX_READINGS])
+    position, rotation = tool_pose(vjm, q[kept])
+    return MeanReadings(frame[kept], target[kept], y[kept], C[kept], rotation, position)
 
 
 def frame_and_target_names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """List the names of all frames, and of all targets, of some series in order."""
-    targets = (name for one in series for name in one.markers)
-    return tuple(dict.fromkeys(one.frame for one in series)), tuple(dict.fromkeys(targets))
+    targets = (name for readings in series for name in readings.markers)
+    return tuple(dict.fromkeys(readings.frame for readings in series)), tuple(dict.fromkeys(targets))
 
 
 def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ...]:
@@ -105,9 +105,11 @@ def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array,
     count = np.bincount(group.ravel())[:, None]
     y, C = np.zeros((len(first), 3)), np.zeros((len(first), 3, 3))
     np.add.at(y, group.ravel(), series.position[row, column])
-    own = series.sigma**2 * np.eye(3)
+    covariance = series.sigma**2 * np.eye(3)
     np.add.at(
-        C, group.ravel(), own if series.precision is None else np.linalg.inv(series.precision[row, column])
+        C,
+        group.ravel(),
+        covariance if series.precision is None else np.linalg.inv(series.precision[row, column]),
     )
     ids = np.full(len(first), frame)
     return ids, target[first], series.q[row[first]], y / count, C / count[..., None] ** 2
@@ -134,21 +136,21 @@ def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
 
     Its equations are R_s^T p_rk - R_s^T t_s - R_r m_k = p_r.
     """
-    found = np.full((targets, 3), np.nan)
-    own = readings.frame == np.bincount(readings.frame).argmax()
-    read, at = np.unique(readings.target[own], return_inverse=True)
-    R, at, n = readings.rotation[own], at.ravel(), np.arange(own.sum())
+    positions = np.full((targets, 3), np.nan)
+    in_frame = readings.frame == np.bincount(readings.frame).argmax()
+    read, at = np.unique(readings.target[in_frame], return_inverse=True)
+    R, at, n = readings.rotation[in_frame], at.ravel(), np.arange(in_frame.sum())
     A = np.zeros((len(n), 3, 12 + 3 * len(read)))
     for axis in range(3):
-        A[:, axis, 3 * axis : 3 * axis + 3] = readings.y[own]
+        A[:, axis, 3 * axis : 3 * axis + 3] = readings.y[in_frame]
         A[:, axis, 9 + axis] = -1
         A[n, :, 12 + 3 * at + axis] = -R[:, :, axis]
     x, _, rank, _ = np.linalg.lstsq(
-        A.reshape(3 * len(n), -1), readings.position[own].ravel(), rcond=MIN_SINGULAR_VALUE
+        A.reshape(3 * len(n), -1), readings.position[in_frame].ravel(), rcond=MIN_SINGULAR_VALUE
     )
     if rank == A.shape[2]:
-        found[read] = x[12:].reshape(-1, 3)
-    return found
+        positions[read] = x[12:].reshape(-1, 3)
+    return positions
 
 
 def _complete_layout(readings: MeanReadings, layout: FrameLayout) -> FrameLayout:
@@ -392,8 +394,8 @@ class Registration:
     @property
     def target_deviations(self) -> Array:
         """Return the standard deviation of every target along the tool's axes, (m, 3) [m]."""
-        own = np.diag(self.covariance)[len(self.covariance) - self.targets.size :]
-        return np.asarray(np.sqrt(own).reshape(-1, 3))
+        variances = np.diag(self.covariance)[len(self.covariance) - self.targets.size :]
+        return np.asarray(np.sqrt(variances).reshape(-1, 3))
 
     @property
     def rms(self) -> float:
@@ -449,7 +451,7 @@ def register(
         )
         for start in initial_layouts(readings, known)
     ]
-    solved = [one for one in tried if isinstance(one, Registration)]
+    solved = [result for result in tried if isinstance(result, Registration)]
     if not solved:
         raise BenchError(f"registration: {_unsolved(vjm, series, tried)}")
     return min(solved, key=lambda registration: registration.typical)
@@ -483,7 +485,7 @@ def moving_joints(vjm: Vjm, series: Sequence[Series]) -> list[str]:
     Returns:
         Names of the joints, in order.
     """
-    sizes = np.ptp(np.concatenate([one.q for one in series]), axis=0)
+    sizes = np.ptp(np.concatenate([readings.q for readings in series]), axis=0)
     return [joint.name for joint, size in zip(vjm.arm.joints, sizes, strict=True) if size > MIN_JOINT_MOTION]
 
 
@@ -491,10 +493,10 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
     """Explain why the registration failed, and what would help."""
     if DIVERGED in tried:
         return f"{DIVERGED}; a wrong unit, order of joints or sign of an angle?"
-    for one in series:
-        if one.seen.sum() < MIN_POINTS:
-            return f"{one.frame} read {one.seen.sum()} targets; expected at least {MIN_POINTS}"
-    poses = len(np.unique(np.concatenate([one.q for one in series]), axis=0))
+    for readings in series:
+        if readings.seen.sum() < MIN_POINTS:
+            return f"{readings.frame} read {readings.seen.sum()} targets; expected at least {MIN_POINTS}"
+    poses = len(np.unique(np.concatenate([readings.q for readings in series]), axis=0))
     return (
         f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, leave a "
         f"frame or a "

@@ -165,12 +165,12 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
     """
     columns = structure.places_in(regression.structure)
     parts = ((triangular_factor(np.c_[term.R[:, columns], term.z]), term) for term in regression.terms)
-    found = regression_of(
+    restricted = regression_of(
         structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
     )
     poses = tuple(rows[:, [*columns, -1]] for rows in regression.poses)
     wander = None if regression.wander is None else regression.wander[:, columns]
-    return replace(found, poses=poses, wander=wander)
+    return replace(restricted, poses=poses, wander=wander)
 
 
 def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
@@ -309,15 +309,15 @@ class TriangularFactors:
         """
         lines = A.transpose(2, 1, 0, 3)
         for part in np.unique(parts).tolist():
-            own = np.where(parts == part, kinds, -1)
-            for kind in np.unique(own[own >= 0]).tolist():
-                these = own == kind
+            kinds_of_part = np.where(parts == part, kinds, -1)
+            for kind in np.unique(kinds_of_part[kinds_of_part >= 0]).tolist():
+                these = kinds_of_part == kind
                 rows = np.flatnonzero(these.any(axis=1))
                 block = slice(rows[0], rows[-1] + 1)  # a tenth of the time of a mask, where nothing was lost
-                some = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
-                some = some[:, some.any(axis=0)] if drop_zeros else some
-                self.equations[kind, part] += some.shape[1]
-                self.add(kind, part, some)
+                selected = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
+                selected = selected[:, selected.any(axis=0)] if drop_zeros else selected
+                self.equations[kind, part] += selected.shape[1]
+                self.add(kind, part, selected)
 
     def add(self, kind: int, part: int, lines: Array) -> None:
         """Add rows to one part by QR; the memory of `lines` is overwritten.
@@ -377,17 +377,17 @@ class PartitionedRegression:
 
     def some_parts(self, parts: Ids) -> "PartitionedRegression":
         """Return the equations of some parts only, by their numbers, (parts,)."""
-        kept, own = TriangularFactors(self.factors.columns), set(parts.tolist())
-        kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in own}
-        kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in own})
+        kept, wanted = TriangularFactors(self.factors.columns), set(parts.tolist())
+        kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in wanted}
+        kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in wanted})
         return replace(self, factors=kept)
 
     def joined(self, parts: Ids | None = None) -> Regression:
         """Make one regression of some parts, None for all: rows over sqrt(N), as in F_M, Eq. (19)."""
-        terms, some = [], (self.all_parts if parts is None else parts).tolist()
+        terms, chosen = [], (self.all_parts if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.factors.factors}):
-            equations = sum(self.factors.equations[kind, k] for k in some)
-            T = self.factors.factor(kind, some, self.columns) / math.sqrt(equations / 3)
+            equations = sum(self.factors.equations[kind, k] for k in chosen)
+            T = self.factors.factor(kind, chosen, self.columns) / math.sqrt(equations / 3)
             terms.append(term_from_triangle(T, 0.0, equations))
         return regression_of(self.structure, tuple(terms))
 
@@ -462,28 +462,28 @@ def reduce_parts(
     widest = max(structures, key=lambda s: s.n)
     # Structures whose unknowns are some of the widest one's share its factors.
     places = [_columns(s, widest) for s in structures]
-    own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
-    unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in own]
+    separate = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
+    unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in separate]
 
-    found = [TriangularFactors(s.n + 1) for s in own]
+    factors = [TriangularFactors(s.n + 1) for s in separate]
     check_runs(vjm, runs)
     runs, lines = resolve_lines(vjm, runs), runs.direction is not None
     # Rows are made and folded block by block, so that memory does not grow with the runs.
     for these in _blocks_of(part, runs.pose if lines else np.arange(len(part))):
         load = Load(runs.wrench[these], runs.point[these])
-        told = {
+        chains = {
             v: nominal_chain(for_load_history(v, runs.taken_off, these), runs.q[these], [load])
-            for v in {one.vjm for one in unknowns}
+            for v in {model.vjm for model in unknowns}
         }
-        for one, folded in zip(unknowns, found, strict=True):
+        for model, folded in zip(unknowns, factors, strict=True):
             folded.add_readings(
-                *pair_rows(one, told[one.vjm], runs, these, part[these]), part[these], drop_zeros=lines
+                *pair_rows(model, chains[model.vjm], runs, these, part[these]), part[these], drop_zeros=lines
             )
-    alone = iter(found[1:])
+    alone = iter(factors[1:])
     return [
         PartitionedRegression(s, next(alone), slice(None))
         if place is None
-        else PartitionedRegression(s, found[0], place)
+        else PartitionedRegression(s, factors[0], place)
         for s, place in zip(structures, places, strict=True)
     ]
 
@@ -491,8 +491,8 @@ def reduce_parts(
 def _blocks_of(part: Ids, pose: Ids) -> Iterator[Ids]:
     """Places of runs in batches of about BLOCK_RUNS, part by part of some thousand runs after the other."""
     for first in range(0, len(part), SORTED_RUNS):
-        some = slice(first, first + SORTED_RUNS)
-        for these in pose_batches(part[some], pose[some], BLOCK_RUNS):
+        block = slice(first, first + SORTED_RUNS)
+        for these in pose_batches(part[block], pose[block], BLOCK_RUNS):
             yield first + these
 
 
@@ -549,7 +549,7 @@ class ReducedReadings:
     def turned(self, basis: csr_array) -> "ReducedReadings":
         """Return the equations of z in another basis of the unknowns, x = basis @ z, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
-        grams = [np.array([B @ np.asarray(B @ own).T for own in block.gram]) for block in self.parts]
+        grams = [np.array([B @ np.asarray(B @ rotated).T for rotated in block.gram]) for block in self.parts]
         parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))
         return ReducedReadings(
             self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
@@ -587,25 +587,27 @@ def reduce_series(
         blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
             None for one block per series.
     """
-    blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
+    blocks = [np.zeros(readings.rows, dtype=int) for readings in series] if blocks is None else blocks
     kinds, parts, whole = kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
-    for place, (one, block) in enumerate(zip(series, blocks, strict=True)):
-        numbers = 3 * whole.columns * (len(one.markers) + (one.rotation is not None))
-        for own in np.unique(block):
-            part = TriangularFactors(whole.columns)
-            for some in pose_batches(
-                np.where(block == own, 0, -1), one.pose, max(16, MAX_NUMBERS // numbers)
-            ):
-                part.add_readings(
-                    *whitened_rows(linearisation, select_rows(one, some)), np.zeros(len(some), dtype=int)
-                )
+    for place, (readings, block) in enumerate(zip(series, blocks, strict=True)):
+        for block_number in np.unique(block):
+            part = _factors_of_rows(linearisation, readings, np.where(block == block_number, 0, -1))
             factors = [part.factor(kind, [0]) for kind in kinds]
-            counts = np.array([part.equations[kind, 0] for kind in kinds]) // (
-                1 if one.distance is None else 3
-            )
+            numbers = 1 if readings.distance is None else 3  # two of three rows of a distance are zero
+            counts = np.array([part.equations[kind, 0] for kind in kinds]) // numbers
             parts.append(SeriesBlock(place, np.array([T.T @ T for T in factors]), counts))
             whole.join(part)
     return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
+
+
+def _factors_of_rows(linearisation: Linearisation, series: Series, part: Ids) -> TriangularFactors:
+    """Fold the rows of a series whose part is 0, batch by batch."""
+    folded = TriangularFactors(linearisation.unknowns.size + 1)
+    numbers = 3 * folded.columns * (len(series.markers) + (series.rotation is not None))
+    for rows in pose_batches(part, series.pose, max(16, MAX_NUMBERS // numbers)):
+        A, kinds = whitened_rows(linearisation, select_rows(series, rows))
+        folded.add_readings(A, kinds, np.zeros(len(rows), dtype=int))
+    return folded
 
 
 def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, Ids]:

@@ -79,8 +79,8 @@ def jacobian(
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.geometry_slice]
     if unknowns.errors.size:
-        own = J[:, :, unknowns.vjm.joint_slice, None] * equilibrium.phi
-        A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
+        turns = J[:, :, unknowns.vjm.joint_slice, None] * equilibrium.phi
+        A[:, :, unknowns.columns("errors")] = turns.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
     lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.u)
     for k, line in enumerate(lines):
@@ -166,15 +166,15 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
     frame, mount = state.frame(series), state.mount(series)
     x = equilibrium.chain.points(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
-    found = position.transpose(1, 2, 0)
+    residual = position.transpose(1, 2, 0)
     if series.rotation is None:
-        return found
+        return residual
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
     measured = np.where(series.oriented[:, None, None], series.rotation, np.eye(3))
     left = frame.rotation.T @ measured @ (equilibrium.chain.rotation @ mount.rotation).swapaxes(1, 2)
     vector = Rotation.from_matrix(left).as_rotvec() * series.oriented[:, None]
-    return np.concatenate([found, vector.T[None]])
+    return np.concatenate([residual, vector.T[None]])
 
 
 def nominal_chain(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium:
@@ -241,15 +241,15 @@ def whiten(A: Array, data: Dataset, runs: Ids, part: Ids | None = None) -> Ids:
     if data.precision is None:
         A[:m] /= math.sqrt(2) * data.sigma
         return kinds
-    own = data.precision[runs].swapaxes(0, 1)
-    lost, lines = np.asarray(~own.any(axis=(2, 3))), data.lines[runs].T
-    root = np.linalg.cholesky(np.where((lost | lines)[..., None, None], np.eye(3), own))
+    precision = data.precision[runs].swapaxes(0, 1)
+    lost, lines = np.asarray(~precision.any(axis=(2, 3))), data.lines[runs].T
+    root = np.linalg.cholesky(np.where((lost | lines)[..., None, None], np.eye(3), precision))
     if (
         data.direction is not None
     ):  # the first column of the root is u over the deviation, the others are zero
         u = data.direction[runs].swapaxes(0, 1)[lines]
         root[lines] = 0
-        root[lines, :, 0] = u * np.sqrt(np.trace(own[lines], axis1=1, axis2=2))[:, None]
+        root[lines, :, 0] = u * np.sqrt(np.trace(precision[lines], axis1=1, axis2=2))[:, None]
     A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
     kinds[:m][lost] = -1
     if data.slide is not None:
@@ -269,11 +269,11 @@ def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
     share = data.slide[runs] / deviation[..., None]
     for k in range(len(data.markers)):
         for at in np.unique(np.column_stack([pose, part])[lines[:, k]], axis=0):
-            own = np.flatnonzero(lines[:, k] & (pose == at[0]) & (part == at[1]))
-            if len(own) > 1:
-                C = share[own, k] @ share[own, k].T
+            set_up = np.flatnonzero(lines[:, k] & (pose == at[0]) & (part == at[1]))
+            if len(set_up) > 1:
+                C = share[set_up, k] @ share[set_up, k].T
                 np.fill_diagonal(C, 1.0)
-                A[k, 0][:, own] = np.linalg.solve(np.linalg.cholesky(C), A[k, 0][:, own].T).T
+                A[k, 0][:, set_up] = np.linalg.solve(np.linalg.cholesky(C), A[k, 0][:, set_up].T).T
 
 
 # --- Readings along lines: a dial gauge, a ballbar or a draw-wire reads one number of a marker's motion -----
@@ -356,13 +356,13 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     """
     points, parts, turns = marker_points(vjm, data.markers), [], []
     for first in range(0, data.runs, BLOCK_RUNS):
-        some = slice(first, first + BLOCK_RUNS)
-        by_part = _motions_by_part(vjm, data, some, points)
+        block = slice(first, first + BLOCK_RUNS)
+        by_part = _motions_by_part(vjm, data, block, points)
         parts.append(by_part[0])
         turns.append(by_part[1])
     D, W = np.concatenate(parts, axis=1), np.concatenate(turns, axis=1)
     seen = data.seen
-    read = np.array([data.as_read(own)[seen] for own in D]).reshape(len(D), -1)
+    read = np.array([data.as_read(motion)[seen] for motion in D]).reshape(len(D), -1)
     y = data.as_read(data.deflection)[seen].ravel()
     rough = MODEL_ERROR * float(np.sqrt((y**2).mean())) or 1.0
     rows = np.vstack([read.T / rough, np.eye(len(D)) / SCALE_DEVIATION])
@@ -370,16 +370,16 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     return np.tensordot(s, D, axes=1), np.tensordot(s, W, axes=1)
 
 
-def _motions_by_part(vjm: Vjm, data: Dataset, some: slice, points: Array) -> tuple[Array, Array]:
+def _motions_by_part(vjm: Vjm, data: Dataset, block: slice, points: Array) -> tuple[Array, Array]:
     """Compute motions of markers, (n + 1, runs, m, 3) [m], and turns, (n + 1, runs, 3), of each part."""
-    state = nominal_chain(vjm, data.q[some], [Load(data.wrench[some], data.point[some])])
+    state = nominal_chain(vjm, data.q[block], [Load(data.wrench[block], data.point[block])])
     C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)
     theta = C @ state.u[: len(C)]
     J = translation_rows(state.chain, points)
-    each = [slice(0, first), *(slice(k, k + 1) for k in range(first, len(C)))]
+    parts = [slice(0, first), *(slice(k, k + 1) for k in range(first, len(C)))]
     runs = J.shape[-1]
-    D = [np.einsum("xtr,tr->rx", J[:, own], theta[own]).reshape(runs, len(points), 3) for own in each]
-    W = [np.einsum("xtr,tr->rx", state.chain.J_theta[3:, own], theta[own]) for own in each]
+    D = [np.einsum("xtr,tr->rx", J[:, part], theta[part]).reshape(runs, len(points), 3) for part in parts]
+    W = [np.einsum("xtr,tr->rx", state.chain.J_theta[3:, part], theta[part]) for part in parts]
     return np.array(D), np.array(W)
 
 
@@ -440,20 +440,20 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
     Raises:
         BenchError: When there are more than `MAX_READINGS` readings.
     """
-    each = len(data.markers) + (data.sigma_rotation is not None)
-    if data.runs * each > MAX_READINGS:
-        raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * each}")
+    per_run = len(data.markers) + (data.sigma_rotation is not None)
+    if data.runs * per_run > MAX_READINGS:
+        raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * per_run}")
     data = resolve_lines(vjm, data)
     vjm = model_for(vjm, structure)
     # Rows of every reading, whitened, without lost ones.
     equilibrium = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)])
     rows, kinds = pair_rows(compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs))
-    A, marker = each_reading(rows, kinds), np.arange(each)
-    one = np.tile(np.eye(3)[None, :, :, None], (each, 1, 1, data.runs))
-    root = each_reading(one, whiten(one, data, np.arange(data.runs)))
+    A, marker = each_reading(rows, kinds), np.arange(per_run)
+    unit = np.tile(np.eye(3)[None, :, :, None], (per_run, 1, 1, data.runs))
+    root = each_reading(unit, whiten(unit, data, np.arange(data.runs)))
     marker[len(data.markers) :] = -1
     used = (kinds >= 0).T.ravel()
-    lines = np.zeros((data.runs, each), dtype=bool)
+    lines = np.zeros((data.runs, per_run), dtype=bool)
     lines[:, : len(data.markers)] = data.lines
     lines = lines.ravel()[used]
     # Size of a standard deviation: of a position the geometric mean of its axes.
@@ -463,7 +463,7 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
         y=A[:, :, -1],
         unit=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
         numbers=np.where(lines, 1, 3),
-        run=np.repeat(np.arange(data.runs), each)[used],
+        run=np.repeat(np.arange(data.runs), per_run)[used],
         marker=np.tile(marker, data.runs)[used],
     )
 

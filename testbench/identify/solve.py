@@ -191,10 +191,10 @@ def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
     Returns:
         The bound, in units where the data are of order one [1]; above 0 no conservative model fits equally.
     """
-    one = np.where(s.a == s.b, 1.0, 0.0)
+    identity = np.where(s.a == s.b, 1.0, 0.0)
     first = np.eye(1, 1 + equal_fits.N.shape[1])
     return cone.solve(
-        _equal_fit_program(s, equal_fits, one, (cone.Rows("nonnegative", -first, np.ones(1)),))
+        _equal_fit_program(s, equal_fits, identity, (cone.Rows("nonnegative", -first, np.ones(1)),))
     ).bound
 
 
@@ -456,10 +456,10 @@ def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weig
     """The regression of these readings alone, weighted; a term that lost all of its own is left out."""
     rows, terms = weight[:, None, None] * np.concatenate([readings.A, readings.y[..., None]], axis=2), []
     for kind in (readings.marker >= 0, readings.marker < 0):
-        some = keep & kind
-        if some.any():
-            equations = int(readings.numbers[some].sum())
-            T = triangular_factor(rows[some].reshape(-1, rows.shape[2])) / np.sqrt(equations / 3)
+        of_kind = keep & kind
+        if of_kind.any():
+            equations = int(readings.numbers[of_kind].sum())
+            T = triangular_factor(rows[of_kind].reshape(-1, rows.shape[2])) / np.sqrt(equations / 3)
             terms.append(term_from_triangle(T, 0.0, equations))
     return regression_of(structure, tuple(terms))
 

@@ -86,7 +86,7 @@ def divide_poses(data: Dataset) -> Ids:
     without a reading are of part -1.
     """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
-    force, moment = (np.unique(own, return_inverse=True)[1] for own in level.round(LEVEL_DIGITS).T)
+    force, moment = (np.unique(sizes, return_inverse=True)[1] for sizes in level.round(LEVEL_DIGITS).T)
     load = np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS
     part = np.unique(data.pose, return_inverse=True)[1] % FOLDS * FOLDS + load
     return np.where(data.seen.any(axis=1), part, -1)
@@ -101,12 +101,12 @@ def folds(parts: PartitionedRegression) -> list[Fold]:
     Raises:
         BenchError: When all runs are of one pose.
     """
-    some = parts.all_parts
-    pose, load = some // FOLDS, some % FOLDS
+    numbers = parts.all_parts
+    pose, load = numbers // FOLDS, numbers % FOLDS
     if len(np.unique(pose)) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
-    held = [own == k for own in (pose, load) for k in np.unique(own)]
-    pairs = [(some[~own], some[own]) for own in held if not own.all()]
+    held = [labels == k for labels in (pose, load) for k in np.unique(labels)]
+    pairs = [(numbers[~labels], numbers[labels]) for labels in held if not labels.all()]
     return [Fold(kept, parts.some_parts(kept), parts.joined(out)) for kept, out in pairs]
 
 
@@ -140,13 +140,13 @@ def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
         return Grams(total, np.zeros((0, *total.shape)), np.zeros(0), parts.equations, len(parts.terms))
     folded = parts.factors
     poses, kinds = np.unique(parts.all_parts // FOLDS), {kind for kind, _ in folded.factors}
-    found, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
+    totals, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
     for at, T in folded.factors.items():
         k, rows = np.searchsorted(poses, at[1] // FOLDS), T[:, parts.columns] @ lift
-        found[k] += rows.T @ rows
+        totals[k] += rows.T @ rows
         counts[k] += folded.equations[at]
     several = slice(None if len(poses) > 1 else 0)
-    return Grams(found.sum(axis=0), found[several], counts[several], int(counts.sum()), len(kinds))
+    return Grams(totals.sum(axis=0), totals[several], counts[several], int(counts.sum()), len(kinds))
 
 
 def paired(difference: Array) -> tuple[float, float]:
@@ -216,13 +216,15 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
         The trace term: joints count hardly, displacements as the turns that cause them, `scaled_units`.
     """
     first, columns = 6 * structure.links, []
-    own = [first + j for j in range(structure.links - 1) if structure.block_of[first + j] < 0]
-    for j in (row - first for row in own):
+    aggregated = [first + j for j in range(structure.links - 1) if structure.block_of[first + j] < 0]
+    for j in (row - first for row in aggregated):
         rows = np.arange(6 * j, 6 * j + 3) + (0 if vjm.arm.joints[j].prismatic else 3)
         C = np.zeros((structure.n_theta,) * 2)
         C[np.ix_(rows, rows)] = np.outer(vjm.beam_axes[j], vjm.beam_axes[j])
         columns.append(structure.entries(C))
-    whole = replace(structure, a=np.r_[structure.a, own].astype(int), b=np.r_[structure.b, own].astype(int))
+    whole = replace(
+        structure, a=np.r_[structure.a, aggregated].astype(int), b=np.r_[structure.b, aggregated].astype(int)
+    )
     W = scaled_units(structure) ** -2.0
     W[first:] = JOINT_PRICE
     return Penalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
@@ -242,59 +244,93 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
     penalty = trace_penalty(vjm, parts.structure, 1.0)
-    s, folds = penalty.structure, grams(parts, block_diag(penalty.lift, np.eye(1)))
-    G = np.concatenate([[folds.total], folds.total - folds.held_out])
-    straight = np.array([_fit_joints_only(s, own) for own in G])
-    strongest = _rigid_rate(s, folds.total, straight[0])
-    if not (s.has_full_blocks and strongest > 0 and folds.total[-1, -1] > 0):
+    s, readings = penalty.structure, grams(parts, block_diag(penalty.lift, np.eye(1)))
+    G = np.concatenate([[readings.total], readings.total - readings.held_out])
+    rigid = np.array([_fit_joints_only(s, gram) for gram in G])
+    strongest = _rigid_rate(s, readings.total, rigid[0])
+    if not (s.has_full_blocks and strongest > 0 and readings.total[-1, -1] > 0):
         return None
     weights = strongest * WEIGHT_RATIO ** -np.arange(float(TRIED_WEIGHTS))
-    # coordinates in which readings and price are of order one at the middle weight
-    unit, order = math.sqrt(folds.total[-1, -1]), s.parameter
-    diagonal, size = s.a == s.b, np.zeros(s.n_theta)
-    size[s.a[diagonal]] = np.sqrt(np.diag(folds.total)[:-1][diagonal])
-    d = 1 / np.sqrt(size + weights[TRIED_WEIGHTS // 2] / unit * penalty.diagonal)
-    scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
-    H = G[:, order][:, :, order] * np.outer(scale, scale)
-    seen = _span(H[0])
+    scaled = _scaled_folds(penalty, G, weights[TRIED_WEIGHTS // 2])
+    choose = _by_held_out_poses if len(readings.held_out) else _by_generalised_cross_validation
+    k, left = choose(readings, scaled, rigid, weights)
+    weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
+    chi2 = max(left, GRAM_ROUNDING * readings.total[-1, -1])  # of an exact fit rounding alone
+    points = readings.all_equations / 3
+    return replace(penalty, weight=float(weights[k] * readings.n_terms / math.sqrt(chi2 * points)))
 
-    def problems(some: slice) -> interior.Problems:
-        return interior.Problems(
-            R=_roots(H[some], seen),
-            g=G[some, order, -1] * scale / unit,
-            half=G[some, -1, -1] / unit**2 / 2,
-            c=penalty.price[order] * scale / unit,
-            sizes=tuple(len(block) for block in s.blocks),
-        )
 
-    def parameters(x: Array) -> Array:
-        pi = np.empty((*x.shape[:-1], s.n))
-        pi[..., order] = x * scale * unit
+@dataclass(frozen=True)
+class _ScaledFolds:
+    """Hold readings and folds in coordinates in which readings and price are of order one."""
+
+    H: Array  #: Gram matrices of all readings, then of those that every fold fits, (1 + folds, n, n).
+    g: Array  #: Their products with the readings, (1 + folds, n).
+    half: Array  #: Half the squares of the readings, (1 + folds,).
+    price: Array  #: Trace per unit of the coordinates, (n,).
+    sizes: tuple[int, ...]  #: Orders of the blocks.
+    order: Ids  #: Parameters in the order of the coordinates, (n,).
+    unit: Array  #: Parameters per unit of the coordinates, (n,) [m/N, rad/(N m)].
+
+    def problems(self, folds: slice) -> interior.Problems:
+        """Make the least-squares problems of some folds."""
+        R = _roots(self.H[folds], _span(self.H[0]))
+        return interior.Problems(R, self.g[folds], self.half[folds], self.price, self.sizes)
+
+    def parameters(self, x: Array) -> Array:
+        """Convert coordinates x, (..., n), to parameters, (..., n)."""
+        pi = np.empty_like(x)
+        pi[..., self.order] = x * self.unit
         return pi
 
-    if len(folds.held_out):  # choose by poses held out, then fit all readings with this weight alone
-        x, _ = interior.solve(problems(slice(1, None)), weights[1:])
-        found = np.concatenate([straight[1:, None], parameters(x)], axis=1)
-        held = np.array(
-            [_squared_residuals(out, own) for out, own in zip(folds.held_out, found, strict=True)]
-        )
-        k = _strongest_weight(np.sqrt(held / (folds.equations[:, None] / 3)))
-        best = straight[0]
-        if k:
-            best = parameters(interior.solve(problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
-        left = float(_squared_residuals(folds.total, best))
-    else:  # generalised cross-validation of all readings
-        whole = problems(slice(0, 1))
-        x, multipliers = interior.solve(whole, weights[1:])
-        errors = _squared_residuals(folds.total, np.concatenate([straight[:1], parameters(x[0])]))
-        spent = np.r_[np.count_nonzero(straight[0]), interior.effective_parameters(whole, x, multipliers)[0]]
-        k = int(np.nanargmin(errors / (folds.all_equations - spent) ** 2))
-        left = float(errors[k])
-    weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
-    chi2 = max(left, GRAM_ROUNDING * folds.total[-1, -1])  # of an exact fit rounding alone
-    return replace(
-        penalty, weight=float(weights[k] * folds.n_terms / math.sqrt(chi2 * folds.all_equations / 3))
+
+def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
+    """Scale Gram matrices, (1 + folds, n + 1, n + 1), and the price at a rate l of middle size."""
+    s, total = penalty.structure, G[0]
+    unit, order = math.sqrt(total[-1, -1]), s.parameter
+    diagonal, size = s.a == s.b, np.zeros(s.n_theta)
+    size[s.a[diagonal]] = np.sqrt(np.diag(total)[:-1][diagonal])
+    d = 1 / np.sqrt(size + rate / unit * penalty.diagonal)
+    scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
+    return _ScaledFolds(
+        H=G[:, order][:, :, order] * np.outer(scale, scale),
+        g=G[:, order, -1] * scale / unit,
+        half=G[:, -1, -1] / unit**2 / 2,
+        price=penalty.price[order] * scale / unit,
+        sizes=tuple(len(block) for block in s.blocks),
+        order=order,
+        unit=scale * unit,
     )
+
+
+def _by_held_out_poses(
+    readings: Grams, scaled: _ScaledFolds, rigid: Array, weights: Array
+) -> tuple[int, float]:
+    """Choose a weight by poses held out, then fit all readings with this weight alone.
+
+    Returns:
+        Place of the weight, and the squared residuals of all readings [1].
+    """
+    x, _ = interior.solve(scaled.problems(slice(1, None)), weights[1:])
+    fits = np.concatenate([rigid[1:, None], scaled.parameters(x)], axis=1)
+    squares = np.array([_squared_residuals(*pair) for pair in zip(readings.held_out, fits, strict=True)])
+    k = _strongest_weight(np.sqrt(squares / (readings.equations[:, None] / 3)))
+    best = rigid[0]
+    if k:
+        best = scaled.parameters(interior.solve(scaled.problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
+    return k, float(_squared_residuals(readings.total, best))
+
+
+def _by_generalised_cross_validation(
+    readings: Grams, scaled: _ScaledFolds, rigid: Array, weights: Array
+) -> tuple[int, float]:
+    """Choose a weight by all readings; place and squared residuals as of `_by_held_out_poses`."""
+    whole = scaled.problems(slice(0, 1))
+    x, multipliers = interior.solve(whole, weights[1:])
+    errors = _squared_residuals(readings.total, np.concatenate([rigid[:1], scaled.parameters(x[0])]))
+    spent = np.r_[np.count_nonzero(rigid[0]), interior.effective_parameters(whole, x, multipliers)[0]]
+    k = int(np.nanargmin(errors / (readings.all_equations - spent) ** 2))
+    return k, float(errors[k])
 
 
 def _span(H: Array) -> Array:
@@ -306,8 +342,8 @@ def _span(H: Array) -> Array:
 def _roots(H: Array, V: Array) -> Array:
     """Roots R of Gram matrices, R^T R = H, (folds, rank, n), inside the span of V, (n, k)."""
     values, Q = np.linalg.eigh(V.T @ H @ V)
-    some = (values > ROOT_ROUNDING * values[:, -1:]).any(axis=0)
-    return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, some])
+    kept = (values > ROOT_ROUNDING * values[:, -1:]).any(axis=0)
+    return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, kept])
 
 
 def _fit_joints_only(s: Structure, gram: Array) -> Array:

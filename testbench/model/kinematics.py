@@ -141,16 +141,16 @@ def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array
     if not model.existBodyName(link):
         raise InputError(file, "", f"Pinocchio finds no link {link!r}")
     data, end = model.createData(), model.getFrameId(link, pin.FrameType.BODY)
-    own = [model.joints[model.getJointId(name)] for name in joints]
-    found = []
+    moving = [model.joints[model.getJointId(name)] for name in joints]
+    poses = []
     for row in q:
         x = pin.neutral(model)
-        for joint, angle in zip(own, row, strict=True):
+        for joint, angle in zip(moving, row, strict=True):
             turns = joint.nq == 2  # without limits: on the unit circle
             x[joint.idx_q : joint.idx_q + joint.nq] = (np.cos(angle), np.sin(angle)) if turns else angle
         pin.framesForwardKinematics(model, data, x)
-        found.append(data.oMf[end].homogeneous)
-    return np.array(found)
+        poses.append(data.oMf[end].homogeneous)
+    return np.array(poses)
 
 
 def _joints_and_links(root: ET.Element, joints: Sequence[str]) -> str:
@@ -296,9 +296,9 @@ class JointErrors:
     def bands(self) -> Ids:
         """Return the place in `BANDS` of every coefficient of a joint, (k,); -1 without an order."""
         order = np.tile(self.orders, 2)
-        found = np.full(self.size, -1)
-        found[: len(order)] = np.searchsorted(BANDS, order, "right") - 1
-        return found
+        band = np.full(self.size, -1)
+        band[: len(order)] = np.searchsorted(BANDS, order, "right") - 1
+        return band
 
 
 def joint_error_basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) -> Array:

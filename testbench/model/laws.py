@@ -201,10 +201,10 @@ def _check(name: str, law: JointLaw) -> None:
     if not (law.unit > 0 and median > 0 and width > 0):
         raise BenchError(f"joint law {name!r}: expected a unit and a size_prior above 0")
     for part in (law.turn, law.slope):
-        found = np.asarray(part(TRIAL_TURNS))
-        if found.shape != TRIAL_TURNS.x_1.shape or not np.isfinite(found).all():
+        values = np.asarray(part(TRIAL_TURNS))
+        if values.shape != TRIAL_TURNS.x_1.shape or not np.isfinite(values).all():
             raise BenchError(
-                f"joint law {name!r}: expected finite numbers (n, runs) from {part.__name__}, got {found!r}"
+                f"joint law {name!r}: expected finite numbers (n, runs) from {part.__name__}, got {values!r}"
             )
 
 
@@ -299,13 +299,13 @@ class JointLaws:
         """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
         if self.weights is None:
-            found = np.zeros((n, len(chain.position)))
+            torque = np.zeros((n, len(chain.position)))
         else:
-            found = own_weight(chain, self.weights)[links : links + n].copy()
+            torque = own_weight(chain, self.weights)[links : links + n].copy()
         if self.compensator is not None:
             lever, _, length = _levers(self.compensator, chain)
-            found[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
-        return found
+            torque[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
+        return torque
 
     def _compensator_share(self, chain: Chain) -> Array:
         """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
@@ -391,11 +391,11 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     """
     if vjm.laws is None:
         return {}
-    found: dict[str, dict[str, float]] = {joint.name: {} for joint in vjm.arm.joints}
+    by_joint: dict[str, dict[str, float]] = {joint.name: {} for joint in vjm.arm.joints}
     sizes = np.diag(C_theta)[vjm.arm.n_theta :].tolist()
     for joint, kind, size in zip(vjm.laws.joints, vjm.laws.kinds, sizes, strict=True):
-        found[vjm.arm.joints[joint].name][kind] = size
-    return found
+        by_joint[vjm.arm.joints[joint].name][kind] = size
+    return by_joint
 
 
 def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
@@ -449,10 +449,10 @@ def tangent(vjm: Vjm, C_theta: Array, chain: Chain, u: Array) -> Array:
     C = np.tile(C_theta[:plain, :plain], (len(chain.position), 1, 1))
     if vjm.laws is not None:
         more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(chain, u[plain - n :])
-        own = np.arange(plain - n, plain)
-        joints = C[:, own, own].T
+        joint_rows = np.arange(plain - n, plain)
+        joints = C[:, joint_rows, joint_rows].T
         np.add.at(joints, vjm.laws.joints, more)
-        C[:, own, own] = np.maximum(joints.T, 0.0)
+        C[:, joint_rows, joint_rows] = np.maximum(joints.T, 0.0)
     return C
 
 

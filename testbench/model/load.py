@@ -105,10 +105,10 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
     """
     total = np.zeros((len(rotation), 6))
     for load in loads:
-        own = load.over(len(total))
-        lever = np.matvec(rotation, own.point)
-        total[:, :3] += own.wrench[:, :3]
-        total[:, 3:] += own.wrench[:, 3:] + np.cross(lever, own.wrench[:, :3])
+        expanded = load.over(len(total))
+        lever = np.matvec(rotation, expanded.point)
+        total[:, :3] += expanded.wrench[:, :3]
+        total[:, 3:] += expanded.wrench[:, 3:] + np.cross(lever, expanded.wrench[:, :3])
     return total
 
 
@@ -231,8 +231,8 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
             body = above[body]
         default = classes.get(geom.get("class", body.get("childclass", "main")))
         while default is not None and default.tag == "default":
-            if (own := default.find("geom")) is not None and "mass" in own.attrib:
-                return own
+            if (class_geom := default.find("geom")) is not None and "mass" in class_geom.attrib:
+                return class_geom
             default = above.get(default)
         return None
 
@@ -255,11 +255,11 @@ def weight_columns(chain: Chain) -> Array:
     for k, (p, R) in enumerate(chain.bodies):
         # the Jacobian at the body's origin: v_z(p) = v_z + (omega x (p - tool))_z
         arm = p - chain.position.T
-        for some in _carrying_joints(k, chain):
-            v_z, (x, y) = chain.J_theta[2, some], chain.J_theta[3:5, some]
-            columns[k, 0, some] = v_z + x * arm[1] - y * arm[0]
+        for rows in _carrying_joints(k, chain):
+            v_z, (x, y) = chain.J_theta[2, rows], chain.J_theta[3:5, rows]
+            columns[k, 0, rows] = v_z + x * arm[1] - y * arm[0]
             for axis in range(3):
-                columns[k, 1 + axis, some] = x * R[1, axis] - y * R[0, axis]
+                columns[k, 1 + axis, rows] = x * R[1, axis] - y * R[0, axis]
     columns *= -GRAVITY
     return columns.transpose(2, 3, 0, 1)
 
@@ -292,9 +292,9 @@ def own_weight(chain: Chain, weights: Weights) -> Array:
         mass += weights.mass[k]
         moment += weights.mass[k] * (p - chain.position.T + weights.centre[k] @ R)
         links, joints = _carrying_joints(k, chain)
-        for some in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
-            v_z, (x, y) = chain.J_theta[2, some], chain.J_theta[3:5, some]
-            load[some] = -GRAVITY * (mass * v_z + x * moment[1] - y * moment[0])
+        for rows in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
+            v_z, (x, y) = chain.J_theta[2, rows], chain.J_theta[3:5, rows]
+            load[rows] = -GRAVITY * (mass * v_z + x * moment[1] - y * moment[0])
     return load
 
 

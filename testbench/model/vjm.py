@@ -208,15 +208,25 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
                 continue
             J[3:, links + i] = of[:, 6]
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
-    # lever arms now that the tool's origin p is known: v = omega x (p - place of the hinge)
-    turning = J[:, :links].reshape(6, n + 1, 6, runs)[:, :, 3:]
-    turning[:3] = cross(turning[3:], p[:, None, None] - of_links)
-    joints = J[:, links : links + n]
-    joints[:3] += cross(joints[3:], p[:, None] - of_joints)
+    _add_lever_arms(J, p[:, None, None] - of_links, p[:, None] - of_joints)
     # a joint law turns with its joint: the same column
     if vjm.laws is not None:
         J[:, links + n :] = J[:, links + vjm.laws.joints]
     return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
+
+
+def _add_lever_arms(J: Array, from_links: Array, from_joints: Array) -> None:
+    """Add the motion of the tool's origin by all hinges, v = omega x (p - place of the hinge), in place.
+
+    J is (6, n_theta, runs). The vectors lead to the origin from the hinges of links, (3, n + 1, 1, runs) [m],
+    and of joints, (3, n, runs) [m].
+    """
+    n, runs = from_joints.shape[1:]
+    links = 6 * (n + 1)
+    turning = J[:, :links].reshape(6, n + 1, 6, runs)[:, :, 3:]
+    turning[:3] = cross(turning[3:], from_links)
+    joints = J[:, links : links + n]
+    joints[:3] += cross(joints[3:], from_joints)
 
 
 def joint_law_rotations(vjm: Vjm, theta: Array) -> Array:

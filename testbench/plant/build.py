@@ -105,8 +105,8 @@ def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
         base = find_body(arm.rigid, root, arm.links[0].name)
         parent = next(element for element in root.iter() if base in list(element))
         carrier = _insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
-        for own, soft in zip(carrier.findall("joint"), foundation, strict=True):
-            own.set("stiffness", repr(float(1 / soft)))
+        for base_joint, compliance in zip(carrier.findall("joint"), foundation, strict=True):
+            base_joint.set("stiffness", repr(float(1 / compliance)))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
 
@@ -293,8 +293,8 @@ def _small_hulls(text: str) -> str:
     """Limit the corners of the hulls by which meshes collide: those of a fine cylinder take minutes."""
     root = ET.fromstring(text)
     for mesh in root.iter("mesh"):
-        own = float(mesh.get("maxhullvert", -1))
-        mesh.set("maxhullvert", str(int(own) if 0 <= own < HULL_CORNERS else HULL_CORNERS))
+        corners = float(mesh.get("maxhullvert", -1))
+        mesh.set("maxhullvert", str(int(corners) if 0 <= corners < HULL_CORNERS else HULL_CORNERS))
     return ET.tostring(root, encoding="unicode")
 
 
@@ -315,8 +315,8 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
         raise InputError(path, place, f"expected lengths up to {MAX_LENGTH:g} m, got {reach[g]:.3g} m")
 
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    own = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
-    pairs = int(own.sum() ** 2 - (own**2).sum()) // 2
+    per_body = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
+    pairs = int(per_body.sum() ** 2 - (per_body**2).sum()) // 2
     if pairs > MAX_PAIRS:
         problem = f"expected at most {MAX_PAIRS} pairs of geoms of different bodies that collide, got {pairs}"
         raise InputError(path, "<geom>", problem)

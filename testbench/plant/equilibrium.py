@@ -107,14 +107,14 @@ def evaluate(row: ArmCopies, qpos: Array, bodies: Collection[int] = ()) -> BodyS
     rotation = {body: np.empty((room, 3, 3)) for body in bodies}
     # One call of MuJoCo for each row of arms; the last row is filled up.
     for start in range(0, room, arms):
-        some = slice(start, start + arms)
-        row.qpos[: poses - start] = qpos[some]
+        part = slice(start, start + arms)
+        row.qpos[: poses - start] = qpos[part]
         mujoco.mj_fwdKinematics(model, data)
-        mujoco.mj_rne(model, data, 0, bias[some].reshape(-1))
+        mujoco.mj_rne(model, data, 0, bias[part].reshape(-1))
         if bodies:
-            motion[some], centre[some] = row.motion, row.centre
+            motion[part], centre[part] = row.motion, row.centre
         for body in bodies:
-            position[body][some], rotation[body][some] = row.position[:, body - 1], row.rotation[:, body - 1]
+            position[body][part], rotation[body][part] = row.position[:, body - 1], row.rotation[:, body - 1]
     return BodyState(
         weight=-bias[:poses],
         motion=motion[:poses],
@@ -378,10 +378,10 @@ def solve_equilibrium(
     )
     true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
-    def settled(some: slice, row: ArmCopies) -> ArmEquilibrium:
+    def settled(part: slice, row: ArmCopies) -> ArmEquilibrium:
         """Find the equilibrium of some runs."""
-        held, C = fixed_configurations(plant, true_q[some]), plant.compliance(q[some])
-        poses = Batch(plant, held, wrench[some], point[some], C, law and law.select(some))
+        held, C = fixed_configurations(plant, true_q[part]), plant.compliance(q[part])
+        poses = Batch(plant, held, wrench[part], point[part], C, law and law.select(part))
         if changes.compensator is not None:
             state = evaluate(row, poses.q_fixed, hinged_bodies(plant))
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
@@ -488,20 +488,20 @@ def _solve_batch(poses: Batch, row: ArmCopies) -> ArmEquilibrium:
     )
 
 
-def _force(poses: Batch, state: BodyState, some: Ids) -> Array:
+def _force(poses: Batch, state: BodyState, places: Ids) -> Array:
     """Compute the generalised force Q without springs, (some, nv) [N, N m]."""
     plant, Q = poses.plant, state.weight
     if poses.wrench.any():
-        at = point_position(state, plant.tool, poses.point[some])
-        Q = Q + generalised_force(plant, state, plant.tool, poses.wrench[some], at)
-    return Q if poses.strut is None else Q + strut_force(poses.strut, plant, state, some)
+        at = point_position(state, plant.tool, poses.point[places])
+        Q = Q + generalised_force(plant, state, plant.tool, poses.wrench[places], at)
+    return Q if poses.strut is None else Q + strut_force(poses.strut, plant, state, places)
 
 
-def _deflect(poses: Batch, Q: Array, some: Ids) -> Array:
+def _deflect(poses: Batch, Q: Array, places: Ids) -> Array:
     """Compute the deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
-    deflection, hinges = np.matvec(poses.compliance_in(some), Q), poses.plant.hinges
+    deflection, hinges = np.matvec(poses.compliance_in(places), Q), poses.plant.hinges
     if poses.law:
-        law = poses.law.select(some)
+        law = poses.law.select(places)
         deflection[:, hinges] = joint_rotation(law, _torques(poses, law, Q[:, hinges]))
     return np.asarray(deflection)
 
@@ -556,11 +556,11 @@ def _newton(poses: Batch, row: ArmCopies) -> Array:
     return qpos
 
 
-def _newton_steps(poses: Batch, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
+def _newton_steps(poses: Batch, inverses: dict[int, Array], step: Array, places: Ids) -> Array:
     """Convert steps of the constant springs to Newton steps: by a pose's own tangent, or by the strut."""
-    corrected = step if poses.strut is None else correct_for_strut(poses.strut, step, some)
-    for i in inverses.keys() & set(some.tolist()):
-        (j,) = np.flatnonzero(some == i)
+    corrected = step if poses.strut is None else correct_for_strut(poses.strut, step, places)
+    for i in inverses.keys() & set(places.tolist()):
+        (j,) = np.flatnonzero(places == i)
         corrected[j] = inverses[i] @ step[j]
     return corrected
 
@@ -621,9 +621,9 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
 
-    def settled(some: slice, row: ArmCopies) -> ArmEquilibrium:
+    def settled(part: slice, row: ArmCopies) -> ArmEquilibrium:
         """Find the equilibrium of some runs."""
-        return _linear_equilibrium(plant, row, q[some], wrench[some], point[some])
+        return _linear_equilibrium(plant, row, q[part], wrench[part], point[part])
 
     return solve_in_batches(plant, len(q), settled)
 

@@ -143,8 +143,8 @@ def geom_rgba(model: mujoco.MjModel, g: int) -> Array:
         Red, green, blue and opacity, (4,) [1].
     """
     material, rgba = int(model.geom_matid[g]), model.geom_rgba[g]
-    own = material < 0 or not np.array_equal(rgba, [0.5, 0.5, 0.5, 1])
-    return np.asarray(rgba if own else model.mat_rgba[material], dtype=float)
+    has_own_colour = material < 0 or not np.array_equal(rgba, [0.5, 0.5, 0.5, 1])
+    return np.asarray(rgba if has_own_colour else model.mat_rgba[material], dtype=float)
 
 
 def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
@@ -283,5 +283,5 @@ SURFACE_POINTS: dict[Kind, Callable[[Array], Array]] = {
 
 def corners(shape: Shape) -> Array:
     """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
-    own = SURFACE_POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
-    return np.asarray(shape.position + own @ shape.rotation.T)
+    points = SURFACE_POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
+    return np.asarray(shape.position + points @ shape.rotation.T)

@@ -337,20 +337,20 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     Returns:
         Per pose the first contact in the order of `CONTACT_CATEGORIES`; None where there is none.
     """
-    found: list[Contact | None] = []
+    first_contacts: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
     for data in _poses(site, q):
         compute_contacts(site.arm.rigid, site.model, data)
-        found.append(None)
+        first_contacts.append(None)
         geoms.append(data.contact.geom.copy())
         depths.append(data.contact.dist.copy())
-    pose = np.repeat(np.arange(len(found)), [len(depth) for depth in depths[1:]])
+    pose = np.repeat(np.arange(len(first_contacts)), [len(depth) for depth in depths[1:]])
     pairs = np.concatenate(geoms)
     for k in _touching(site, pose, pairs, np.concatenate(depths)):
         pair = sorted(pairs[k], key=lambda g: site.geom_owner[g])
-        one, other = (site.names[site.model.geom_bodyid[g]] for g in pair)
-        found[pose[k]] = Contact(CONTACT_CATEGORIES[site.geom_owner[pair].max()], (one, other))
-    return found
+        first, second = (site.names[site.model.geom_bodyid[g]] for g in pair)
+        first_contacts[pose[k]] = Contact(CONTACT_CATEGORIES[site.geom_owner[pair].max()], (first, second))
+    return first_contacts
 
 
 def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:

@@ -269,8 +269,8 @@ def tilt_directions(direction: Array, tilt: float, group: Ids, rng: np.random.Ge
     Returns:
         Unit vectors, (runs, 3) [1].
     """
-    _, own = np.unique(group, return_inverse=True)
-    turn = tilt * rng.standard_normal((int(own.max()) + 1, 3))[own]
+    _, group_index = np.unique(group, return_inverse=True)
+    turn = tilt * rng.standard_normal((int(group_index.max()) + 1, 3))[group_index]
     moved = direction + np.cross(turn, direction)
     return np.asarray(moved / np.maximum(np.linalg.norm(moved, axis=1, keepdims=True), np.finfo(float).tiny))
 

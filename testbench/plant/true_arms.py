@@ -98,8 +98,8 @@ def distance_from_tubes(C: Array) -> float:
         E = np.zeros((6, 6))
         E[a, b] = E[b, a] = 1 / np.sqrt(C[a, a] * C[b, b])
         columns.append((L.T @ E @ L).ravel())
-    A, one = np.column_stack(columns), np.eye(6).ravel()
-    return float(np.linalg.norm(A @ np.linalg.lstsq(A, one)[0] - one) / np.sqrt(6))
+    A, identity = np.column_stack(columns), np.eye(6).ravel()
+    return float(np.linalg.norm(A @ np.linalg.lstsq(A, identity)[0] - identity) / np.sqrt(6))
 
 
 def deform_tube(C: Array, S: Array, distance: float) -> Array:
@@ -119,8 +119,8 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
     rates, axes = np.linalg.eigh(S)
 
     def at(t: float) -> Array:
-        own = half @ (axes * np.exp(t * rates)) @ axes.T @ half.T
-        return np.asarray((own + own.T) / 2)
+        deformed = half @ (axes * np.exp(t * rates)) @ axes.T @ half.T
+        return np.asarray((deformed + deformed.T) / 2)
 
     low, high = 0.0, float(distance / np.linalg.norm(S, 2))
     while distance_from_tubes(at(high)) < distance:
@@ -187,14 +187,14 @@ def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def _stiffer_links(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
-    own = member_of_family(arm, rng)
-    return _scaled_links(own, np.full(len(own.links), 1 / times))
+    drawn = member_of_family(arm, rng)
+    return _scaled_links(drawn, np.full(len(drawn.links), 1 / times))
 
 
 def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
-    own, factors = member_of_family(arm, rng), np.ones(len(arm.links))
+    drawn, factors = member_of_family(arm, rng), np.ones(len(arm.links))
     factors[rng.integers(len(factors))] = SOFT_LINK_FACTOR
-    return _scaled_links(own, factors)
+    return _scaled_links(drawn, factors)
 
 
 def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
@@ -217,21 +217,21 @@ def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
 
 
 def _coupled_links(arm: Arm, rng: np.random.Generator) -> Arm:
-    def own(link: Link) -> Link:
+    def coupled(link: Link) -> Link:
         C = couple_compliance(link.compliance, rng)
         return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
 
-    return replace(arm, links=tuple(own(link) for link in arm.links))
+    return replace(arm, links=tuple(coupled(link) for link in arm.links))
 
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
     """Add a bearing, equal in all directions, to the end of every link before a hinge."""
-    own, unit = member_of_family(arm, rng), np.diag([BEARING_RADIUS**2] * 3 + [1.0] * 3)
+    drawn, unit = member_of_family(arm, rng), np.diag([BEARING_RADIUS**2] * 3 + [1.0] * 3)
     shares = np.exp(rng.uniform(np.log(BEARING_TILTS[0]), np.log(BEARING_TILTS[1]), arm.n_joints))
     tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
-    links = zip(own.links, [*tilts, 0.0], strict=True)
+    links = zip(drawn.links, [*tilts, 0.0], strict=True)
     return replace(
-        own, links=tuple(replace(link, compliance=link.compliance + t * unit) for link, t in links)
+        drawn, links=tuple(replace(link, compliance=link.compliance + t * unit) for link, t in links)
     )
 
 
@@ -272,8 +272,8 @@ def _coupled_joints(arm: Arm, correlation: Array) -> "Beyond":
 def _coupled_neighbours(arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Couple every joint with the next one: below 1/2 the matrix is positive definite."""
     n = arm.n_joints - 1
-    own = np.diag(rng.uniform(*JOINT_COUPLING_RANGE, n) * rng.choice([-1.0, 1.0], n), 1)
-    return _coupled_joints(arm, own + own.T)
+    neighbours = np.diag(rng.uniform(*JOINT_COUPLING_RANGE, n) * rng.choice([-1.0, 1.0], n), 1)
+    return _coupled_joints(arm, neighbours + neighbours.T)
 
 
 def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "Beyond":

@@ -81,8 +81,8 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
     """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
-    turned = any(one.rotation is not None for one in series)
-    again = any(repeated_rows(one) for one in series)
+    turned = any(readings.rotation is not None for readings in series)
+    again = any(repeated_rows(readings) for readings in series)
     return tuple(k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
 
 
@@ -113,10 +113,10 @@ def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
     Returns:
         k for a mean of k readings, 1 for a single reading, 0 for a difference, (runs,).
     """
-    found = np.ones(runs, dtype=int)
+    count = np.ones(runs, dtype=int)
     for group in groups:
-        found[group[:, 0]], found[group[:, 1:]] = group.shape[1], 0
-    return found
+        count[group[:, 0]], count[group[:, 1:]] = group.shape[1], 0
+    return count
 
 
 def inverse_noise_roots(
@@ -146,12 +146,12 @@ def inverse_noise_roots(
     if series.precision is None:
         W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + opened)[:, None, None]
     else:
-        own = np.linalg.inv(np.where(series.seen[..., None, None], series.precision, np.eye(3)))
-        own = rotation.T @ own @ rotation
+        covariance = np.linalg.inv(np.where(series.seen[..., None, None], series.precision, np.eye(3)))
+        covariance = rotation.T @ covariance @ rotation
         for group in groups:
-            own[group] = own[group].mean(axis=1, keepdims=True)
-        own = own + opened[:, None, None, None] * np.eye(3)
-        W[:m] = np.linalg.inv(np.linalg.cholesky(own)).swapaxes(0, 1)
+            covariance[group] = covariance[group].mean(axis=1, keepdims=True)
+        covariance = covariance + opened[:, None, None, None] * np.eye(3)
+        W[:m] = np.linalg.inv(np.linalg.cholesky(covariance)).swapaxes(0, 1)
     if series.sigma_rotation is not None:
         deviation = np.sqrt(series.sigma_rotation**2 + times * noise.open_rotation**2)
         W[m:] = np.eye(3) / deviation[:, None, None]
@@ -188,9 +188,9 @@ def residuals(state: ArmState, series: Series) -> Array:
         (s, 3, rows) [m, rad]; zero where nothing was read.
     """
     starts = range(0, max(series.rows, 1), ROWS_AT_ONCE)
-    some = (select_rows(series, np.arange(k, min(k + ROWS_AT_ONCE, series.rows))) for k in starts)
+    parts = (select_rows(series, np.arange(k, min(k + ROWS_AT_ONCE, series.rows))) for k in starts)
     return np.concatenate(
-        [series_residuals(state, one, series_equilibrium(state, one)) for one in some], axis=2
+        [series_residuals(state, part, series_equilibrium(state, part)) for part in parts], axis=2
     )
 
 
@@ -221,24 +221,30 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
     """
     none = np.zeros(0)
     position, rotation = [(none, none)], [(none, none)]  # lengths of what is left, variances of readings
-    for one in series:
-        left, m, seen = np.linalg.norm(residuals(state, one), axis=1).T, len(one.markers), one.seen
-        variance = np.full((one.rows, m), one.sigma**2)
-        if one.precision is not None:
-            precision = np.where(seen[..., None, None], one.precision, np.eye(3))
+    for readings in series:
+        left, m, seen = (
+            np.linalg.norm(residuals(state, readings), axis=1).T,
+            len(readings.markers),
+            readings.seen,
+        )
+        variance = np.full((readings.rows, m), readings.sigma**2)
+        if readings.precision is not None:
+            precision = np.where(seen[..., None, None], readings.precision, np.eye(3))
             variance = np.trace(np.linalg.inv(precision), axis1=2, axis2=3) / 3
         position.append((left[:, :m][seen], variance[seen]))
-        if one.sigma_rotation is not None:
-            rotation.append((left[one.oriented, m], np.full(one.oriented.sum(), one.sigma_rotation**2)))
-    found = []
+        if readings.sigma_rotation is not None:
+            rotation.append(
+                (left[readings.oriented, m], np.full(readings.oriented.sum(), readings.sigma_rotation**2))
+            )
+    errors = []
     # A distance is one number: its squares are smaller than those of a position.
-    every = sum(int(one.seen.sum()) for one in series)
-    lines = sum(int(one.seen.sum()) for one in series if one.distance is not None)
+    every = sum(int(readings.seen.sum()) for readings in series)
+    lines = sum(int(readings.seen.sum()) for readings in series if readings.distance is not None)
     mean = 1.0 - (1.0 - LINE_SHARE) * lines / max(every, 1)
     for kind, size in ((position, mean), (rotation, 1.0)):
-        length, own = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        found.append(READINGS.scatter(length, own, share * size))
-    return Noise(found[0], found[1])
+        length, variances = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
+        errors.append(READINGS.scatter(length, variances, share * size))
+    return Noise(errors[0], errors[1])
 
 
 def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
@@ -251,12 +257,12 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
         noise: Noise of the combined readings.
         expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
     """
-    own, k = expected
+    variance, k = expected
     factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
-    for kind in np.flatnonzero((factor[:2] < 1) & (own > 0)):
-        whole = factor[kind] ** 2 * (own[kind] + k * opened[kind] ** 2)
-        opened[kind] = float(np.sqrt(max(0.0, whole - own[kind]) / k))
-        factor[kind] = np.sqrt(whole / (own[kind] + k * opened[kind] ** 2))
+    for kind in np.flatnonzero((factor[:2] < 1) & (variance > 0)):
+        whole = factor[kind] ** 2 * (variance[kind] + k * opened[kind] ** 2)
+        opened[kind] = float(np.sqrt(max(0.0, whole - variance[kind]) / k))
+        factor[kind] = np.sqrt(whole / (variance[kind] + k * opened[kind] ** 2))
     return Noise(opened[0], opened[1], factor)
 
 
@@ -266,9 +272,9 @@ def mean_variances(series: Sequence[Series]) -> tuple[Array, float]:
     Returns:
         Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].
     """
-    behind = [multiplicity(repeated_rows(one), one.rows) for one in series]
-    position = np.mean([one.sigma**2 for one in series])
-    turns = [one.sigma_rotation**2 for one in series if one.sigma_rotation is not None]
+    behind = [multiplicity(repeated_rows(readings), readings.rows) for readings in series]
+    position = np.mean([readings.sigma**2 for readings in series])
+    turns = [readings.sigma_rotation**2 for readings in series if readings.sigma_rotation is not None]
     k = float(np.concatenate([x[x > 0] for x in behind]).mean())
     return np.array([position, np.mean(turns) if turns else 0.0]), k
 
@@ -283,9 +289,9 @@ def whitening_units(expected: tuple[Array, float], noise: Noise) -> Array:
     Returns:
         (kinds,) [m, rad].
     """
-    own, k = expected
+    variance, k = expected
     opened = np.array([noise.open_position, noise.open_rotation])
-    return np.asarray(np.sqrt(np.r_[own + k * opened**2, own]))
+    return np.asarray(np.sqrt(np.r_[variance + k * opened**2, variance]))
 
 
 def distance(before: ArmState, after: ArmState, series: Sequence[Series]) -> float:
@@ -300,10 +306,10 @@ def distance(before: ArmState, after: ArmState, series: Sequence[Series]) -> flo
         Root mean square distance [m].
     """
     total, count = 0.0, 0
-    for one in series:
-        m = len(one.markers)
-        d = residuals(before, one)[:m] - residuals(after, one)[:m]
-        total, count = total + float((d**2).sum()), count + int(one.seen.sum())
+    for readings in series:
+        m = len(readings.markers)
+        d = residuals(before, readings)[:m] - residuals(after, readings)[:m]
+        total, count = total + float((d**2).sum()), count + int(readings.seen.sum())
     return float(np.sqrt(total / max(count, 1)))
 
 
@@ -333,17 +339,17 @@ def outliers(state: ArmState, series: Sequence[Series], pulls: Sequence[Array]) 
     Returns:
         Their number and the worst of them; None if there are none.
     """
-    found, count = [], 0
-    for one, counts in zip(series, pulls, strict=True):
-        m = len(one.markers)
-        wild = (counts[:m].T < OUTLIER_WEIGHT) & one.seen
-        far = np.where(wild, np.linalg.norm(residuals(state, one)[:m], axis=1).T, 0.0).max(axis=1)
+    farthest, count = [], 0
+    for readings, counts in zip(series, pulls, strict=True):
+        m = len(readings.markers)
+        wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.seen
+        far = np.where(wild, np.linalg.norm(residuals(state, readings)[:m], axis=1).T, 0.0).max(axis=1)
         k, count = int(far.argmax()), count + int(wild.sum())
-        found.append((float(far[k]), one.name, int(one.row[k])))
+        farthest.append((float(far[k]), readings.name, int(readings.row[k])))
     if not count:
         return None
-    distance, name, row = max(found)
-    return Outliers(count, sum(int(one.seen.sum()) for one in series), name, row, distance)
+    distance, name, row = max(farthest)
+    return Outliers(count, sum(int(readings.seen.sum()) for readings in series), name, row, distance)
 
 
 # --- Initial frame and mount of a series from the nominal arm and the series' positions and orientations ----
@@ -391,27 +397,35 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
     frames, mounts = dict(state.frames), dict(state.mounts)
     # Start with series that determine their own frame and mount, and among these with those that have
     # orientations: they give the mount to the others.
-    waiting = sorted(series, key=lambda one: (_is_underdetermined(state.vjm, one), not one.oriented.any()))
+    waiting = sorted(
+        series, key=lambda readings: (_is_underdetermined(state.vjm, readings), not readings.oriented.any())
+    )
     late: list[Series] = []
     while waiting:
-        one = waiting.pop(0)
-        known = mounts.get(one.target)
-        if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
+        readings = waiting.pop(0)
+        known = mounts.get(readings.target)
+        if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
             continue
         try:
-            frame, mount = align(replace(state, frames=frames, mounts=mounts), without_unread_targets(one))
+            frame, mount = align(
+                replace(state, frames=frames, mounts=mounts), without_unread_targets(readings)
+            )
         except BenchError:
-            shared = any(one.frame == other.frame or one.target == other.target for other in waiting)
-            if one in late or not shared:
+            shared = any(
+                readings.frame == other.frame or readings.target == other.target for other in waiting
+            )
+            if readings in late or not shared:
                 raise
             # Try again after the other series: one of them may determine the shared frame or mount.
-            late, waiting = [*late, one], [*waiting, one]
+            late, waiting = [*late, readings], [*waiting, readings]
             continue
-        frames.setdefault(one.frame, frame)
-        mounts[one.target] = mount if known is None else _merge_mounts(known, mount)
-    found = replace(state, frames=frames, mounts=mounts)
-    _check_shared(found, series)
-    return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
+        frames.setdefault(readings.frame, frame)
+        mounts[readings.target] = mount if known is None else _merge_mounts(known, mount)
+    aligned = replace(state, frames=frames, mounts=mounts)
+    _check_shared(aligned, series)
+    return replace(
+        aligned, mounts={**mounts, **{readings.target: aligned.mount(readings) for readings in series}}
+    )
 
 
 def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
@@ -496,17 +510,19 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
 
     x = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
     far, off = float(np.median(np.abs(left(x)))), float(np.linalg.norm(x[:3] - series.fixed))
-    place, found = (", ".join(f"{own:.4g}" for own in point) for point in (series.fixed, x[:3]))
+    place_stated, place_found = (
+        ", ".join(f"{coordinate:.4g}" for coordinate in point) for point in (series.fixed, x[:3])
+    )
     if not far < MAX_NOMINAL_DISTANCE * state.vjm.reach:
         times = float(np.median(read[seen] / (read[seen] - left(start))))
         raise BenchError(
-            f"{series.name}: the distances do not fit this arm and a fixed point near {place} m: {far:.3g} m "
-            f"off (median), {times:.3g} times as long as expected; another unit, point or marker?"
+            f"{series.name}: the distances do not fit this arm and a fixed point near {place_stated} m: "
+            f"{far:.3g} m off (median), {times:.3g} times as long as expected; another unit, point or marker?"
         )
     if off > MAX_POINT_DEVIATIONS * series.fixed_sigma:
         raise BenchError(
-            f"{series.name}: its fixed point is {off:.3g} m from where it is stated, at {found} m rather "
-            f"than {place} m; another point, sign or axes?"
+            f"{series.name}: its fixed point is {off:.3g} m from where it is stated, at {place_found} m "
+            f"rather than {place_stated} m; another point, sign or axes?"
         )
     return Frame(np.eye(3), -x[:3]), Mount(x[3:].reshape(-1, 3), np.eye(3), series.markers)
 
@@ -536,12 +552,12 @@ def _register_subset(
     undetermined.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS)])
-    layout = _level_layout(state, some) if as_drawn else _registered(state, some, shared=shared)
+    sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS)])
+    layout = _level_layout(state, sample) if as_drawn else _registered(state, sample, shared=shared)
     if layout is None:
         return None
-    typical = float(np.median(np.linalg.norm(left_by(mean_readings(state.vjm, (some,)), layout), axis=1)))
-    turns = _target_orientations(state, some, layout.rotation[0])
+    typical = float(np.median(np.linalg.norm(left_by(mean_readings(state.vjm, (sample,)), layout), axis=1)))
+    turns = _target_orientations(state, sample, layout.rotation[0])
     mount = nearest_rotation(turns.sum(axis=0)) if len(turns) else np.eye(3)
     angles = np.arccos(np.clip((np.trace(mount.T @ turns, axis1=1, axis2=2) - 1) / 2, -1, 1))
     return _AlignedSeries(
@@ -549,7 +565,7 @@ def _register_subset(
         mount=Mount(layout.targets, mount, series.markers),
         typical=typical,
         turn=float(np.median(angles)) if len(turns) else 0.0,
-        near=typical < MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, some.q)
+        near=typical < MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, sample.q)
         and float(np.abs(layout.targets).max()) < state.vjm.reach,
     )
 
@@ -618,8 +634,8 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
         few = f"{poses} poses with a reading are too few for {numbers}"
         return f"{few}; expected at least {MIN_POSES}, in which {turn} joints turn"
     if len(joints) < min(turn, vjm.arm.n_joints):
-        told = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
-        return f"only {' and '.join(joints)} turn; {told}"
+        expected = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
+        return f"only {' and '.join(joints)} turn; {expected}"
     return ""
 
 
@@ -637,14 +653,14 @@ def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> M
 
 def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
     """Refuse a series that does not fit the frame or mount that it shares with another, by BenchError."""
-    for one in series:
-        others = [other for other in series if other is not one]
-        what = [f"frame {one.frame!r}"] * any(other.frame == one.frame for other in others)
-        what += [f"mount {one.target!r}"] * any(other.target == one.target for other in others)
-        off = typical_distance(state, one) if what else 0.0
+    for readings in series:
+        others = [other for other in series if other is not readings]
+        what = [f"frame {readings.frame!r}"] * any(other.frame == readings.frame for other in others)
+        what += [f"mount {readings.target!r}"] * any(other.target == readings.target for other in others)
+        off = typical_distance(state, readings) if what else 0.0
         if off:
             raise BenchError(
-                f"{one.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from the "
+                f"{readings.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from the "
                 f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
             )
 
@@ -661,14 +677,14 @@ def check_fits(state: ArmState, series: Sequence[Series]) -> None:
     Raises:
         Misfit: If a series is far from the arm.
     """
-    for one in series:
-        left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
+    for readings in series:
+        left = np.linalg.norm(residuals(state, readings)[: len(readings.markers)], axis=1).T[readings.seen]
         far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(SOUND_SHARE * len(left)))] ** 2)))
-        if far > FITTED_DISTANCE * arm_reach(state.vjm, one.q):
+        if far > FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
             words = (
-                f"{one.name}: the readings do not fit this arm, {1e3 * far:.3g} mm (RMS of the nearest nine "
+                f"{readings.name}: the readings do not fit this arm: {1e3 * far:.3g} mm (RMS of the nearest "
             )
-            raise Misfit(f"{words}tenths) once its geometry and springs are fitted", one)
+            raise Misfit(f"{words}nine tenths) after its geometry and springs are fitted", readings)
 
 
 def typical_distance(state: ArmState, series: Series) -> float:
@@ -701,16 +717,16 @@ def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[I
     Returns:
         The series, and an issue for each series with a target that was never read.
     """
-    found, notes = [], []
-    for one in series:
-        mount = [other for other in series if other.target == one.target]
+    completed, notes = [], []
+    for readings in series:
+        mount = [other for other in series if other.target == readings.target]
         every = dict.fromkeys(name for other in mount for name in other.markers)
         read = {name for other in mount for name in _read_targets(other)} or set(every)
-        lost = [name for name in one.markers if name not in read]
+        lost = [name for name in readings.markers if name not in read]
         if lost:
-            notes.append(Issue("never_read", (one.name, *lost)))
-        found.append(with_targets(one, tuple(name for name in every if name in read)))
-    return tuple(found), notes
+            notes.append(Issue("never_read", (readings.name, *lost)))
+        completed.append(with_targets(readings, tuple(name for name in every if name in read)))
+    return tuple(completed), notes
 
 
 def without_unread_targets(series: Series) -> Series:
@@ -733,16 +749,16 @@ def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
     if markers == series.markers:
         return series
     there = [k for k, name in enumerate(markers) if name in series.markers]
-    own = [series.markers.index(markers[k]) for k in there]
+    columns = [series.markers.index(markers[k]) for k in there]
     position = np.zeros((series.rows, len(markers), 3))
     distance = None
     if series.distance is not None:
         distance = np.zeros((series.rows, len(markers)))
-        distance[:, there] = series.distance[:, own]
+        distance[:, there] = series.distance[:, columns]
     precision = np.zeros((series.rows, len(markers), 3, 3))
-    position[:, there] = series.position[:, own]
+    position[:, there] = series.position[:, columns]
     precision[:, there] = (
-        np.eye(3) / series.sigma**2 if series.precision is None else series.precision[:, own]
+        np.eye(3) / series.sigma**2 if series.precision is None else series.precision[:, columns]
     )
     whole = series.precision is None and len(there) == len(markers)
     P = None if whole else precision

@@ -116,21 +116,23 @@ def blocks_of(series: Sequence[Series]) -> list[Ids]:
     """
     from scipy.cluster.vq import kmeans2  # here: it takes long to import, and few runs need it
 
-    rows = sum(one.rows for one in series)
-    found = []
-    for one in series:
-        share = round(MAX_BLOCKS * one.rows / rows)
-        _, first, pose = np.unique(one.pose, return_index=True, return_inverse=True)
+    rows = sum(readings.rows for readings in series)
+    blocks = []
+    for readings in series:
+        share = round(MAX_BLOCKS * readings.rows / rows)
+        _, first, pose = np.unique(readings.pose, return_index=True, return_inverse=True)
         k = max(1, min(max(2, share), len(first) // MIN_BLOCK_POSES))
-        load = np.linalg.norm(one.wrench[:, :3], axis=1)
-        place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD_DISTANCE * load / (load.max() or 1.0)])
-        label = np.zeros(one.rows, dtype=int)
+        load = np.linalg.norm(readings.wrench[:, :3], axis=1)
+        place = np.column_stack(
+            [np.sin(readings.q), np.cos(readings.q), LOAD_DISTANCE * load / (load.max() or 1.0)]
+        )
+        label = np.zeros(readings.rows, dtype=int)
         if k > 1:
             label = kmeans2(place, k, minit="++", seed=0)[1].astype(int)
         if k > 1 and len(first) - np.bincount(label[first]).max() < MIN_BLOCK_POSES:
             label[first] = 2 * np.arange(len(first)) // len(first)
-        found.append(label[first[pose]])
-    return found
+        blocks.append(label[first[pose]])
+    return blocks
 
 
 @dataclass(frozen=True)
@@ -164,21 +166,23 @@ def select_errors(
     )
     # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
     steps: dict[str, SelectionStep] = {}
-    beside = {"geometry": tried}
+    simpler_trials = {"geometry": tried}
     for candidate in stepwise(candidates, "trying errors"):
         more = kinds | candidate.kinds, candidate.elastic or elastic
-        found = with_shared_pattern(tried.active, kinds, tried.scales, reduced) if candidate.pattern else None
-        if candidate.pattern and found is None:
+        shared = (
+            with_shared_pattern(tried.active, kinds, tried.scales, reduced) if candidate.pattern else None
+        )
+        if candidate.pattern and shared is None:
             continue
-        active, equations = found or (activate(unknowns, *more), reduced)
+        active, equations = shared or (activate(unknowns, *more), reduced)
         other = _evaluate(active, equations, tried.scales, rules)
         steps[candidate.name] = _selection_step(candidate, tried, other)
         if steps[candidate.name].kept:
             tried, (kinds, elastic), unknowns, reduced = other, more, active.unknowns, equations
         if candidate.always_kept:
-            beside[f"geometry and {candidate.name}"] = tried
+            simpler_trials[f"geometry and {candidate.name}"] = tried
     # Backward pass: drop a kind that a later one has made unnecessary.
-    kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
+    kept = [tested for tested in candidates if tested.name in steps and steps[tested.name].kept]
     for candidate in kept[:-1]:  # the next one that was kept may explain the same
         if (
             candidate.kinds
@@ -192,7 +196,9 @@ def select_errors(
                 tried, kinds, steps[candidate.name] = other, kinds - candidate.kinds, again
     # Held-out errors of the simpler model, for comparison.
     plain, other = [
-        (name, trial) for name, trial in beside.items() if trial is not tried or len(beside) == 1
+        (name, trial)
+        for name, trial in simpler_trials.items()
+        if trial is not tried or len(simpler_trials) == 1
     ][-1]
     held = _by_block(other.blocks), _by_block(tried.blocks)
     return SelectedModel(tried.active, tried.scales, reduced, kinds, tuple(steps.values()), plain, held)
@@ -214,20 +220,26 @@ def with_shared_pattern(
         pattern.
     """
     unknowns, errors, joints = active.unknowns, active.unknowns.errors, active.unknowns.vjm.arm.joints
-    some = wave_columns(errors)
-    if "harmonics" not in kinds or not len(some):
+    waves = wave_columns(errors)
+    if "harmonics" not in kinds or not len(waves):
         return None
-    at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + some
-    whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[some[: len(some) // 2]]
+    at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + waves
+    whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
-    solved, told = solve_active(active, gram_of_active(active, reduced.gram), learnt, LOOSE_STRENGTH), []
+    solved, joint_information = (
+        solve_active(active, gram_of_active(active, reduced.gram), learnt, LOOSE_STRENGTH),
+        [],
+    )
     V = solved.covariance
     for joint, j in zip(joints, np.searchsorted(active.columns, at), strict=True):
         precision = np.asarray(np.linalg.inv(V[np.ix_(j, j)]), dtype=float)
         known = float(not joint.prismatic)
-        told.append((known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j]))))
+        joint_information.append(
+            (known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j])))
+        )
     unknowns = replace(
-        unknowns, pattern=find_pattern(told, OWN_WAVE_SHARE * whole, (1 - OWN_WAVE_SHARE) * whole, orders)
+        unknowns,
+        pattern=find_pattern(joint_information, OWN_WAVE_SHARE * whole, (1 - OWN_WAVE_SHARE) * whole, orders),
     )
     if unknowns.basis is None:
         return None
@@ -251,7 +263,7 @@ def _evaluate(
     learnt = learn_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
     most = (1 - MIN_EQUATIONS_SHARE) * reduced.counts.sum()
-    fair = [one for one in every if len(every) > 1 and sum(part.counts.sum() for part in one) <= most]
+    fair = [parts for parts in every if len(every) > 1 and sum(part.counts.sum() for part in parts) <= most]
     blocks = _held_out_sums(active, reduced, learnt, rules, _blocks_to_hold_out(reduced))
     return _Trial(active, learnt, blocks, _held_out_sums(active, reduced, learnt, rules, fair))
 
@@ -275,14 +287,14 @@ def _held_out_sums(
     held: Sequence[Sequence[SeriesBlock]],
 ) -> Array:
     """Hold out parts of the readings in turn: number and sums of squares of their positions, (held, 3)."""
-    S, some, found = gram_of_active(active, reduced.gram), reduced.positions, []
+    S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     whole = solve_active(active, S, learnt, rules.strength).variances(np.arange(first))
     for parts in held:
-        n = sum(part.counts[some].sum() for part in parts)
-        sums = _held_out(active, S, parts, (learnt, rules), whole)[some]
-        found.append((n, sums.sum(), rules.unit[some] ** 2 @ sums))
-    return np.array(found).reshape(-1, 3)
+        n = sum(part.counts[positions].sum() for part in parts)
+        sums = _held_out(active, S, parts, (learnt, rules), whole)[positions]
+        totals.append((n, sums.sum(), rules.unit[positions] ** 2 @ sums))
+    return np.array(totals).reshape(-1, 3)
 
 
 def with_weighted_prior(
@@ -335,8 +347,10 @@ def _held_out(
         rules.constraint,
     )
     # Fit these, and those with a much larger variance, to the held-out parts, all else fixed.
-    told = rest[rest < k]
-    opened = told[normal.variances(np.arange(len(told))) > FREED_DEVIATION * variances[told]]
+    placements = rest[rest < k]
+    opened = placements[
+        normal.variances(np.arange(len(placements))) > FREED_DEVIATION * variances[placements]
+    ]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
     v[at] = np.r_[normal.x, -1.0]
     if len(open_):
@@ -427,13 +441,13 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassF
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
     """Compute columns, (n, runs, 4 (bodies - 1)), wrench loads and torques, (n, runs), of some poses."""
     n = vjm.arm.n_joints
-    for one, torque in ((one, one.torque) for one in series if one.torque is not None):
-        for start in range(0, one.rows, POSES_AT_ONCE):
-            some = slice(start, start + POSES_AT_ONCE)
-            where = chain(vjm, one.q[some])
+    for readings, torque in ((part, part.torque) for part in series if part.torque is not None):
+        for start in range(0, readings.rows, POSES_AT_ONCE):
+            rows = slice(start, start + POSES_AT_ONCE)
+            where = chain(vjm, readings.q[rows])
             columns = weight_columns(where)[-n:, :, 1:]
-            known = generalised_load(where, one.wrench[some], one.point[some])[-n:]
-            yield columns.reshape(*columns.shape[:2], -1), known, torque[some].T
+            known = generalised_load(where, readings.wrench[rows], readings.point[rows])[-n:]
+            yield columns.reshape(*columns.shape[:2], -1), known, torque[rows].T
 
 
 def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:

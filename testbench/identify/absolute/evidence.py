@@ -158,13 +158,13 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
     Returns:
         (kinds, c + 1, c + 1).
     """
-    some = np.r_[active.columns, gram.shape[1] - 1]
-    found = gram[np.ix_(range(len(gram)), some, some)]
+    columns = np.r_[active.columns, gram.shape[1] - 1]
+    selected = gram[np.ix_(range(len(gram)), columns, columns)]
     if active.elastic is not None:
         e, L = slice(active.rigid, -1), active.elastic.L
-        found[:, :, e] = found[:, :, e] @ L
-        found[:, e, :] = L.T @ found[:, e, :]
-    return np.asarray(found)
+        selected[:, :, e] = selected[:, :, e] @ L
+        selected[:, e, :] = L.T @ selected[:, e, :]
+    return np.asarray(selected)
 
 
 def active_prior(active: ActiveUnknowns, learnt: ErrorScales, strength: Strength) -> tuple[Array, Array]:
@@ -209,10 +209,10 @@ def solve_active(
     H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), active_prior(active, learnt, strength)
     H[:-1, :-1] += P
     H[:-1, -1] += b
-    found = normal(H)
+    optimum = normal(H)
     if active.elastic is None or constraint == "none":
-        return found
-    return replace(found, x=_in_cone(found, active.rigid, active.elastic))
+        return optimum
+    return replace(optimum, x=_in_cone(optimum, active.rigid, active.elastic))
 
 
 def _in_cone(optimum: Normal, rigid: int, elastic: PriorScaling) -> Array:
@@ -328,8 +328,8 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 
-    bands = [np.eye(m)[[k for k, (own, _) in enumerate(groups) if own == kind]] for kind in WAVES]
-    neighbours = np.concatenate([own[1:] - own[:-1] for own in bands]) / STUDENT_SCALE
+    bands = [np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in WAVES]
+    neighbours = np.concatenate([band[1:] - band[:-1] for band in bands]) / STUDENT_SCALE
     return (
         Hyperprior(np.eye(m), np.log(usual_), imagined),
         Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),
@@ -384,37 +384,43 @@ def solve_step(
     # Triangular factor of all equations: the r other unknowns first, compliances last.
     T = factor_of(active, reduced, learnt)
     r, c = active.rigid, len(active.columns)
-    R = T[:r, :r]
     if active.elastic is None:
-        x, root, estimate, pressed = solve_triangular(R, T[:r, c]), R, None, 0.0
-        belief = None
+        step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
-        # Its lower rows are the equations of the compliances alone.
-        regression = compliance_rows(T, active.elastic, int(reduced.counts.sum()))
-        belief = (
-            WeightedPrior(active.elastic, strength) if strength else _scaled_prior(regression, active.elastic)
-        )
-        estimate = solve(regression, constraint, belief)
-        pressed = _cone_pressure(regression, belief, estimate)
-        # The other unknowns by back substitution.
-        x = back_substitute(T, estimate.pi)
-        # Posterior precision: likelihood and prior of the compliances, in the metric.
-        L, B = active.elastic.L, precision_root(belief.scaling, belief.strength)[0]
-        B = B @ np.linalg.solve(belief.scaling.L, L)
-        below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
-        if belief.hyperparameter_effect is not None:
-            below = _add_covariance(below, np.asarray(np.linalg.solve(L, belief.hyperparameter_effect.T)))
-        root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
+        step = _solve_compliances(T, active.elastic, int(reduced.counts.sum()), constraint, strength)
     # Degrees of freedom: the share of each prior variance that the readings remove.
-    inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[active.columns[:r]]
+    inverse = solve_triangular(step.root[:r, :r], np.eye(r))
+    deviation = learnt.deviation[active.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
-    spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
+    step = replace(step, degrees_of_freedom=float(np.maximum(known, 0).sum() + (~held).sum() + c - r))
     if (basis := active.unknowns.basis) is not None:
         # From the basis of a shared pattern back to the joints.
         B = basis[active.columns][:, active.columns].toarray()  # its columns are orthogonal
-        x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
-    return StepSolution(x, root, estimate, spent, pressed, belief)
+        root = np.asarray(np.linalg.qr(step.root / (B**2).sum(axis=0) @ B.T, mode="r"))
+        step = replace(step, x=B @ step.x, root=root)
+    return step
+
+
+def _solve_compliances(
+    T: Array, elastic: PriorScaling, equations: int, constraint: Constraint, strength: Strength | None
+) -> StepSolution:
+    """Solve for compliances by the last rows of T, (c + 1, c + 1), then for all other unknowns."""
+    c = len(T) - 1
+    r = c - len(elastic.expected)
+    # The lower rows of T are the equations of the compliances alone.
+    regression = compliance_rows(T, elastic, equations)
+    belief = WeightedPrior(elastic, strength) if strength else _scaled_prior(regression, elastic)
+    estimate = solve(regression, constraint, belief)
+    pressure = _cone_pressure(regression, belief, estimate)
+    # Posterior precision: likelihood and prior of the compliances, in the metric.
+    L, B = elastic.L, precision_root(belief.scaling, belief.strength)[0]
+    B = B @ np.linalg.solve(belief.scaling.L, L)
+    below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
+    if belief.hyperparameter_effect is not None:
+        below = _add_covariance(below, np.asarray(np.linalg.solve(L, belief.hyperparameter_effect.T)))
+    root = np.block([[T[:r, :r], T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
+    return StepSolution(back_substitute(T, estimate.pi), root, estimate, 0.0, pressure, belief)
 
 
 def _cone_pressure(regression: Regression, belief: WeightedPrior, estimate: Estimate) -> float:
@@ -476,16 +482,16 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     Raises:
         BenchError: If the readings do not determine a frame or a target.
     """
-    some = np.r_[active.columns, active.unknowns.size]
+    columns = np.r_[active.columns, active.unknowns.size]
     # Rows of the priors.
     deviation = learnt.deviation[active.columns[: active.rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
-    rows = np.zeros((len(held), len(some)))
+    rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
     # Rows of the readings, by their noise.
     factors = zip(reduced.factors.values(), learnt.factor, strict=True)
-    lines = [R[:, some] / factor for R, factor in factors]
-    T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(some), len(some)))]), mode="r"))
+    lines = [R[:, columns] / factor for R, factor in factors]
+    T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
     free = np.abs(np.diag(T))[: active.rigid]
     if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.rigid], axis=0)).all():
         raise BenchError("calibration: the readings leave a frame or target open; expected more poses")

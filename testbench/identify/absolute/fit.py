@@ -181,11 +181,15 @@ def calibrate(
 def _check_points(series: Sequence[Series]) -> None:
     """Refuse a frame of distances with two fixed points, or with positions, by BenchError."""
     fixed: dict[str, tuple[float, ...] | None] = {}
-    for one in series:
-        known = fixed.setdefault(one.frame, one.fixed)
-        if known != one.fixed:
-            both = " and ".join("positions" if own is None else str(own) for own in (known, one.fixed))
-            raise BenchError(f"{one.name}: frame {one.frame!r}: expected one fixed point, got {both}")
+    for readings in series:
+        known = fixed.setdefault(readings.frame, readings.fixed)
+        if known != readings.fixed:
+            stated = " and ".join(
+                "positions" if point is None else str(point) for point in (known, readings.fixed)
+            )
+            raise BenchError(
+                f"{readings.name}: frame {readings.frame!r}: expected one fixed point, got {stated}"
+            )
 
 
 def linearise_readings(
@@ -214,8 +218,8 @@ def linearise_readings(
     bare = nominal_state(vjm, weights, torque_scale(vjm, weights, series))
     joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
 
-    def fitted(some: tuple[Series, ...]) -> tuple[ArmState, Noise]:
-        few = subsample(some)
+    def fitted(parts: tuple[Series, ...]) -> tuple[ArmState, Noise]:
+        few = subsample(parts)
         return first_fit(align_all(bare, few), few, joints, options.constraint)
 
     # Find moves in mid-series, and fit geometry and joint springs to each part.
@@ -225,9 +229,9 @@ def linearise_readings(
     )
     check_fits(first, series)
     # All errors that the readings can support, as unknowns.
-    readings = sum(one.equations for one in series)
-    told = max(1, min(options.orders, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints))))
-    orders = tuple(range(1, told + 1)) if "joint errors" in options.selectable else ()
+    readings = sum(part.equations for part in series)
+    highest_order = max(1, min(options.orders, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints))))
+    orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable else ()
     errors = JointErrors(orders, **{name: name in options.selectable for name in ERROR_KINDS[1:]})
     most = all153 if "links" in options.selectable else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
@@ -268,7 +272,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     factor[list(reduced.kinds)] = chosen.scales.factor
     noise = single_reading_noise(replace(linearised_readings.noise, factor=factor), expected)
     step = distance(linearised_readings.state, after, series)
-    pulls = tuple(robust_weights(after, one, noise) for one in series)
+    pulls = tuple(robust_weights(after, readings, noise) for readings in series)
     return Calibration(
         state=after,
         active=chosen.active,
@@ -334,9 +338,11 @@ def _select_errors(
     elastic = [candidate.elastic for candidate in on if candidate.elastic is not None]
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
-    def learnt(own: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
+    def learnt(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
         """Learn the sizes of errors and noise from the reduced equations."""
-        return learn_scales(own, gram_of_active(own, reduced.gram), reduced.counts, start, options.constraint)
+        return learn_scales(
+            selected, gram_of_active(selected, reduced.gram), reduced.counts, start, options.constraint
+        )
 
     sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
     if PATTERN in options.selectable and (shared := with_shared_pattern(active, kinds, sizes, reduced)):
@@ -347,12 +353,12 @@ def _select_errors(
 
 def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
     """Thin series to about `INTERMEDIATE_ROWS` rows in all; a pose keeps all of its rows or none."""
-    every, found = sum(one.rows for one in series), []
-    for one in series:
-        stride = min(-(-every // INTERMEDIATE_ROWS), max(1, one.rows // MIN_SERIES_ROWS))
-        _, pose = np.unique(one.pose, return_inverse=True)
-        found.append(select_rows(one, pose % stride == 0) if stride > 1 else one)
-    return tuple(found)
+    every, thinned = sum(readings.rows for readings in series), []
+    for readings in series:
+        stride = min(-(-every // INTERMEDIATE_ROWS), max(1, readings.rows // MIN_SERIES_ROWS))
+        _, pose = np.unique(readings.pose, return_inverse=True)
+        thinned.append(select_rows(readings, pose % stride == 0) if stride > 1 else readings)
+    return tuple(thinned)
 
 
 def _gauss_newton_step(

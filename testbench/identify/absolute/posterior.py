@@ -105,17 +105,17 @@ def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSerie
     Raises:
         BenchError: If these rows do not determine frame and mount.
     """
-    some = select_rows(series, rows)
-    state = align_all(without_series(model.state, some), (some,))
+    sample = select_rows(series, rows)
+    state = align_all(without_series(model.state, sample), (sample,))
     # Gauss-Newton on frame and mount: normal equations by the triangular factor.
     for _ in range(MAX_STEPS):
-        F, M, y = _whitened(model, state, some)
-        root = _root(model, F, some)
+        F, M, y = _whitened(model, state, sample)
+        root = _root(model, F, sample)
         step = solve_triangular(root, solve_triangular(root, F.T @ y, trans="T"))
         state = replace(
             state,
-            frames={**state.frames, some.frame: moved_frame(state.frame(some), step[:6])},
-            mounts={**state.mounts, some.target: moved_mount(state.mount(some), step[6:])},
+            frames={**state.frames, sample.frame: moved_frame(state.frame(sample), step[:6])},
+            mounts={**state.mounts, sample.target: moved_mount(state.mount(sample), step[6:])},
         )
         if np.abs(step).max() < FRAME_STEP:
             break
@@ -133,10 +133,10 @@ def with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[evenly_spaced(len(seen), ROWS_AT_ONCE)])
-    F, M, _ = _whitened(model, model.state, some)
+    sample = select_rows(series, seen[evenly_spaced(len(seen), ROWS_AT_ONCE)])
+    F, M, _ = _whitened(model, model.state, sample)
     return RegisteredSeries(
-        model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, some), F.T @ M)
+        model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, sample), F.T @ M)
     )
 
 
@@ -165,17 +165,17 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
         (rows, m, 3, 3) [m^2].
     """
     m, a = len(series.markers), len(model.columns)
-    told = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target
-    posterior = Posterior.normal(placed.posterior.x[told], placed.posterior.root[:, told])
+    columns = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target
+    posterior = Posterior.normal(placed.posterior.x[columns], placed.posterior.root[:, columns])
     root = np.linalg.inv(
         inverse_noise_roots(series, _noise(model), placed.state.frame(series).rotation)[0][:m]
     )
     covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
     for first in range(0, series.rows, ROWS_AT_ONCE):
-        some = np.arange(first, min(first + ROWS_AT_ONCE, series.rows))
-        A = _columns(model, placed.state, select_rows(series, some))[0][:m]
+        rows = np.arange(first, min(first + ROWS_AT_ONCE, series.rows))
+        A = _columns(model, placed.state, select_rows(series, rows))[0][:m]
         A = np.delete(A, np.s_[6 + 3 * m : A.shape[2] - a], axis=2)
-        covariance[some] += posterior.covariance(A.transpose(3, 0, 1, 2))
+        covariance[rows] += posterior.covariance(A.transpose(3, 0, 1, 2))
     return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
 
@@ -202,8 +202,8 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
     f, posterior = len(root), model.posterior
     inverse: Array = solve_triangular(root, np.eye(f))
     taken = inverse @ (inverse.T @ with_arm)
-    both = [[inverse.T, np.zeros((f, len(posterior.x)))], [-posterior.root @ taken.T, posterior.root]]
-    return Posterior.normal(np.r_[np.zeros(f), posterior.x], np.block(both))
+    blocks = [[inverse.T, np.zeros((f, len(posterior.x)))], [-posterior.root @ taken.T, posterior.root]]
+    return Posterior.normal(np.r_[np.zeros(f), posterior.x], np.block(blocks))
 
 
 def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array]:
@@ -286,30 +286,32 @@ def further_information(
     arm = unknowns.vjm.arm
     lower, upper = arm.limits
     rng = np.random.Generator(np.random.Philox(0))
-    told = information_of or (lambda one: information(unknowns, state, one))
+    information_for = information_of or (lambda readings: information(unknowns, state, readings))
 
     def turned(j: int) -> Array:
         total = np.zeros((unknowns.size,) * 2)
-        for one in series:
-            count = min(one.rows, -(-FURTHER_ROWS // len(series)))
-            rows = evenly(np.arange(one.rows), count)
-            q = one.q[rows].copy()
+        for readings in series:
+            count = min(readings.rows, -(-FURTHER_ROWS // len(series)))
+            rows = evenly(np.arange(readings.rows), count)
+            q = readings.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
-            total += told(_series_in_poses(one, rows, arm.with_dependent_joints(q)))
+            total += information_for(_series_in_poses(readings, rows, arm.with_dependent_joints(q)))
         return total
 
     # Readings all over joint space: with the elastic arm, and with the rigid one.
     everywhere = []
-    for one in series:
-        each = len(one.markers) * (3 if one.distance is None else 1)
-        count = -(-EQUATIONS_PER_UNKNOWN * unknowns.size // (each * len(series)))
+    for readings in series:
+        numbers = len(readings.markers) * (3 if readings.distance is None else 1)
+        count = -(-EQUATIONS_PER_UNKNOWN * unknowns.size // (numbers * len(series)))
         q = arm.draw_poses(rng, count)
-        everywhere.append(_series_in_poses(one, np.arange(count) % one.rows, q))
+        everywhere.append(_series_in_poses(readings, np.arange(count) % readings.rows, q))
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
-    rigid = [information(unknowns, replace(state, **none), one) for one in everywhere]
+    rigid = [information(unknowns, replace(state, **none), readings) for readings in everywhere]
     every = np.stack([turned(j) for j in range(len(lower))])
-    return AddedInformation(every, np.sum([told(one) for one in everywhere], axis=0), np.sum(rigid, axis=0))
+    return AddedInformation(
+        every, np.sum([information_for(readings) for readings in everywhere], axis=0), np.sum(rigid, axis=0)
+    )
 
 
 def information(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
@@ -372,14 +374,15 @@ def structural_directions(unknowns: Unknowns, L: Array, pull: AddedInformation) 
     # How these directions divide over joints.
     joints, first = range(unknowns.vjm.arm.n_joints), unknowns.starts["elastic"]
     around = [_link_columns(unknowns, k) for k in range(len(joints) + 1)]
-    own = [_dimension(drawn, columns) for columns in around]
+    unseen_of_link = [_dimension(drawn, columns) for columns in around]
     size = unknowns.errors.size
     of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
     return Structural(
         directions=U[:, s > COMMON_DIRECTION],
         geometry=never.shape[1],
         shared=tuple(
-            _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(own[j : j + 2]) for j in joints
+            _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(unseen_of_link[j : j + 2])
+            for j in joints
         ),
         idle=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
         elastic=int((np.linalg.eigvalsh(M[first:, first:]) < STRUCTURAL_INFORMATION).sum()),
@@ -390,9 +393,9 @@ def _dimension(M: Array, columns: Ids) -> int:
     """Count the directions of some columns without information."""
     block = M[np.ix_(columns, columns)]
     size = np.sqrt(np.diag(block))
-    told = size > ZERO_INFORMATION * size.max(initial=0.0)
-    unit = block[np.ix_(told, told)] / np.outer(size[told], size[told])
-    return int((~told).sum() + (np.linalg.eigvalsh(unit) < ZERO_INFORMATION).sum())
+    informed = size > ZERO_INFORMATION * size.max(initial=0.0)
+    unit = block[np.ix_(informed, informed)] / np.outer(size[informed], size[informed])
+    return int((~informed).sum() + (np.linalg.eigvalsh(unit) < ZERO_INFORMATION).sum())
 
 
 def _link_columns(unknowns: Unknowns, k: int) -> Ids:

@@ -236,13 +236,15 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
         Torque, (n,) [N m, N].
     """
     total = np.zeros(vjm.arm.n_joints)
-    for one in series:
-        for first in range(0, one.rows, ROWS_AT_ONCE):
-            some = slice(first, first + ROWS_AT_ONCE)
-            where = chain(vjm, one.q[some])
-            u = own_weight(where, weights) + on_joints(where, [Load(one.wrench[some], one.point[some])])
+    for readings in series:
+        for first in range(0, readings.rows, ROWS_AT_ONCE):
+            part = slice(first, first + ROWS_AT_ONCE)
+            where = chain(vjm, readings.q[part])
+            u = own_weight(where, weights) + on_joints(
+                where, [Load(readings.wrench[part], readings.point[part])]
+            )
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)
-    scale = np.sqrt(total / sum(one.rows for one in series))
+    scale = np.sqrt(total / sum(readings.rows for readings in series))
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)
 
 
@@ -272,51 +274,53 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     Returns:
         Names, "frame NAME" and "mount NAME".
     """
-    frames = tuple(dict.fromkeys(one.frame for one in series))
+    frames = tuple(dict.fromkeys(readings.frame for readings in series))
     mounts: dict[str, int] = {}
     read: dict[str, set[int]] = {}  # targets of every mount that were ever read: others have no information
-    for one in series:
-        mounts[one.target] = max(len(one.markers), mounts.get(one.target, 0))
-        read.setdefault(one.target, set()).update(np.flatnonzero(one.seen.any(axis=0)).tolist())
+    for readings in series:
+        mounts[readings.target] = max(len(readings.markers), mounts.get(readings.target, 0))
+        read.setdefault(readings.target, set()).update(np.flatnonzero(readings.seen.any(axis=0)).tolist())
     starts = np.cumsum([6 * len(frames), *(3 * m + 3 for m in mounts.values())])
     first = dict(zip(mounts, starts.tolist(), strict=False))
     # Information of all readings about frames, then mounts.
     M = np.zeros((starts[-1],) * 2)
-    for one in series:
-        f, m = 6 * frames.index(one.frame), first[one.target]
-        at = np.r_[f : f + 6, m : m + 3 * len(one.markers), m + 3 * mounts[one.target] + np.arange(3)]
-        J = _rows(vjm, one)
+    for readings in series:
+        f, m = 6 * frames.index(readings.frame), first[readings.target]
+        at = np.r_[
+            f : f + 6, m : m + 3 * len(readings.markers), m + 3 * mounts[readings.target] + np.arange(3)
+        ]
+        J = _rows(vjm, readings)
         M[np.ix_(at, at)] += J.T @ J / ASSUMED_NOISE**2
     # Posterior covariance with wide priors.
     before = np.full(len(M), PRIOR_DEVIATIONS[0])
     for k in range(len(frames)):
         before[6 * k : 6 * k + 6] = np.repeat(PRIOR_DEVIATIONS[1:], 3)
-    for one in series:
-        if one.distance is not None:  # its frame is a point, which is found or held by its prior
-            f = 6 * frames.index(one.frame)
-            before[f : f + 6] = np.repeat([LEVEL_DEVIATION / 2, one.fixed_sigma], 3)
+    for readings in series:
+        if readings.distance is not None:  # its frame is a point, which is found or held by its prior
+            f = 6 * frames.index(readings.frame)
+            before[f : f + 6] = np.repeat([LEVEL_DEVIATION / 2, readings.fixed_sigma], 3)
     for name, m in mounts.items():
         before[first[name] + 3 * m :][:3] = PRIOR_DEVIATIONS[1]
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
     turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
-    found = {
+    undetermined = {
         f"frame {name}"
-        for name, own in zip(frames, turns, strict=True)
-        if largest_deviation(own) > LEVEL_DEVIATION
+        for name, rotation_covariance in zip(frames, turns, strict=True)
+        if largest_deviation(rotation_covariance) > LEVEL_DEVIATION
     }
-    for name, some in read.items():
-        ends = [first[name] + 3 * k for k in some]
+    for name, targets_read in read.items():
+        ends = [first[name] + 3 * k for k in targets_read]
         if any(largest_deviation(covariance[k : k + 3, k : k + 3]) > NOMINAL_DEVIATION for k in ends):
-            found.add(f"mount {name}")
-    return frozenset(found)
+            undetermined.add(f"mount {name}")
+    return frozenset(undetermined)
 
 
 def _rows(vjm: Vjm, series: Series) -> Array:
     """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = seen[evenly_spaced(len(seen), MAX_ROWS)]
-    position, rotation = tool_pose(vjm, series.q[some])
-    m, n = len(series.markers), len(some)
+    rows = seen[evenly_spaced(len(seen), MAX_ROWS)]
+    position, rotation = tool_pose(vjm, series.q[rows])
+    m, n = len(series.markers), len(rows)
     J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
     for k in range(m):
         J[:, k, :, :3] = np.cross(np.eye(3), position[:, None]).swapaxes(1, 2)
@@ -329,7 +333,7 @@ def _rows(vjm: Vjm, series: Series) -> Array:
         u = beam / np.linalg.norm(beam, axis=1, keepdims=True)
         J[:, :, :, :3] = 0
         J = u[:, None, :, None] * np.einsum("nx,nmxk->nmk", u, J)[:, :, None]
-    there = np.column_stack([series.seen[some], series.oriented[some]])
+    there = np.column_stack([series.seen[rows], series.oriented[rows]])
     return np.asarray(J[there].reshape(-1, J.shape[3]))
 
 
@@ -413,14 +417,14 @@ def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) 
     Returns:
         Unknowns in SI units by those in the basis, (size, size).
     """
-    n, own, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
+    n, waves, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
-    at = first + errors.size * np.array(pattern.joints)[:, None] + own
+    at = first + errors.size * np.array(pattern.joints)[:, None] + waves
     where = np.concatenate([np.setdiff1d(np.arange(size), at)] * 2).reshape(2, -1)
     entries, places = [np.ones(where.shape[1])], [where]
-    orders = np.array(errors.orders)[own[:k]]
+    orders = np.array(errors.orders)[waves[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
         R = shift_waves(np.eye(2 * k), pattern.shifts[i], pattern.signs[i], orders).T
@@ -460,7 +464,9 @@ def find_pattern(
     Returns:
         The pattern; None if no two joints share one.
     """
-    every = [_pattern_information(*one, individual, individual + shared) for one in wave_information]
+    every = [
+        _pattern_information(*candidate, individual, individual + shared) for candidate in wave_information
+    ]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
         """Find the best shift and sign of a joint's pattern, given those of others."""
@@ -473,20 +479,22 @@ def find_pattern(
     # Start with the joint whose odds with the others are best.
     joints = range(len(every))
     pairs = [[best(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
-    found = {int(np.argmax([np.maximum(own, 0).sum() for own in pairs])): (0.0, 1)}
+    members = {int(np.argmax([np.maximum(row, 0).sum() for row in pairs])): (0.0, 1)}
     # Add the joint with the best odds, as long as they suffice.
-    while len(found) < len(every):
-        turn, sense, odds, j = max((best(j, found) for j in joints if j not in found), key=lambda one: one[2])
+    while len(members) < len(every):
+        turn, sense, odds, j = max(
+            (best(j, members) for j in joints if j not in members), key=lambda candidate: candidate[2]
+        )
         if odds < MIN_LOG_ODDS:
             break
-        found[j] = turn, sense
+        members[j] = turn, sense
     # Remove joints whose odds, given all others, do not suffice.
-    while len(found) > 1:
-        again = [best(j, {i: at for i, at in found.items() if i != j}) for j in found]
-        worst = min(again, key=lambda one: one[2])
+    while len(members) > 1:
+        again = [best(j, {i: at for i, at in members.items() if i != j}) for j in members]
+        worst = min(again, key=lambda candidate: candidate[2])
         if worst[2] >= MIN_LOG_ODDS:
             return _relative_to_first({j: (turn, sense) for turn, sense, _, j in again})
-        del found[worst[3]]
+        del members[worst[3]]
     return None
 
 
@@ -547,12 +555,12 @@ def _log_integral(P: Array, b: Array) -> float:
     return float(b @ np.linalg.solve(P, b) - np.linalg.slogdet(P)[1]) / 2
 
 
-def _relative_to_first(found: dict[int, tuple[float, int]]) -> Pattern:
+def _relative_to_first(members: dict[int, tuple[float, int]]) -> Pattern:
     """Express the pattern in the angle of the first joint that has it."""
-    joints = tuple(sorted(found))
-    start, way = found[joints[0]]
-    turns = tuple(float((way * (found[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)
-    return Pattern(joints, turns, tuple(way * found[j][1] for j in joints))
+    joints = tuple(sorted(members))
+    start, way = members[joints[0]]
+    turns = tuple(float((way * (members[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)
+    return Pattern(joints, turns, tuple(way * members[j][1] for j in joints))
 
 
 # --- Unknowns of a calibration, and their columns in the linear equations -----------------------------------
@@ -616,7 +624,10 @@ class Unknowns:
         the others determine how large its errors in the rest may be.
         """
         geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
-        found = [("geometry shift", geometry[:, :3].ravel()), ("geometry turn", geometry[:, 3:].ravel())]
+        columns_by_kind = [
+            ("geometry shift", geometry[:, :3].ravel()),
+            ("geometry turn", geometry[:, 3:].ravel()),
+        ]
         first = self.starts["errors"]
         of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(
             self.vjm.arm.n_joints, self.errors.size
@@ -624,13 +635,13 @@ class Unknowns:
         kinds, bands = np.array(self.errors.kinds), self.errors.bands
         alike = np.full(len(of), self.pattern is not None)  # where the pattern is, and waves as large as it
         alike[list(self.pattern.joints[1:]) if self.pattern else []] = False
-        for kind, some in (("harmonics", ~alike), ("pattern", alike)):
+        for kind, of_kind in (("harmonics", ~alike), ("pattern", alike)):
             for band in np.unique(bands[bands >= 0]):
-                these = some if BANDS[band] >= MIN_PATTERN_ORDER else np.full(len(of), kind == "harmonics")
+                these = of_kind if BANDS[band] >= MIN_PATTERN_ORDER else np.full(len(of), kind == "harmonics")
                 if these.any():
-                    found.append((kind, of[these][:, bands == band].ravel()))
-        found += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
-        return tuple(found)
+                    columns_by_kind.append((kind, of[these][:, bands == band].ravel()))
+        columns_by_kind += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
+        return tuple(columns_by_kind)
 
     @cached_property
     def basis(self) -> csr_array | None:
@@ -658,12 +669,12 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         structure: The compliances.
     """
     mounts: dict[str, tuple[int, bool]] = {}
-    for one in series:
-        turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
-        mounts[one.target] = len(one.markers), turned
-    frames = tuple(dict.fromkeys(one.frame for one in series))
+    for readings in series:
+        turned = readings.rotation is not None or mounts.get(readings.target, (0, False))[1]
+        mounts[readings.target] = len(readings.markers), turned
+    frames = tuple(dict.fromkeys(readings.frame for readings in series))
     held = undetermined_frames(vjm, series)
-    fixed = {one.frame: one.fixed_sigma for one in series if one.distance is not None}
+    fixed = {readings.frame: readings.fixed_sigma for readings in series if readings.distance is not None}
     return Unknowns(vjm, frames, mounts, errors, structure, undetermined=held, fixed=fixed)
 
 

@@ -112,7 +112,7 @@ class ResidualModel:
             BenchError: When there are too many readings to weigh them one by one.
         """
         left = [self._residuals(data) for data in (self.data, *undone)]
-        return np.column_stack([left[0] - one for one in left[1:]])
+        return np.column_stack([left[0] - changed for changed in left[1:]])
 
     def _residuals(self, data: Dataset) -> Array:
         read = single_readings(self.vjm, self.metric.structure, data)
@@ -271,14 +271,14 @@ def levels(data: Dataset) -> list[Mask]:
     The list is empty when a run has no force, or a load occurs in fewer than LEVEL_RUNS runs.
     """
     force = np.linalg.norm(data.wrench[:, :3], axis=1)
-    found: list[Mask] = []
+    masks: list[Mask] = []
     left = np.ones(len(force), dtype=bool)
     while left.any():
-        own = left & (np.abs(force - force[left].max()) <= SAME_FORCE * force.max())
-        found.append(own)
-        left &= ~own
-    often = all(own.sum() >= LEVEL_RUNS for own in found)
-    return found if often and force.min() > 0 else []
+        level = left & (np.abs(force - force[left].max()) <= SAME_FORCE * force.max())
+        masks.append(level)
+        left &= ~level
+    often = all(level.sum() >= LEVEL_RUNS for level in masks)
+    return masks if often and force.min() > 0 else []
 
 
 Rows = Sequence[Hypothesis[Loads]]
@@ -346,15 +346,15 @@ def _sized_issues(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]
 
 
 def _without_worst(
-    loads: Loads, runs: Rows, data: Dataset, own: ResidualModel
+    loads: Loads, runs: Rows, data: Dataset, fitted: ResidualModel
 ) -> tuple[list[Issue], Dataset, ResidualModel] | None:
     """The run that alone makes all others look noisy, and the others without it; None if none does.
 
     It is weighed by what the others say of noise and prior: its own mistake would hide in theirs.
     """
-    if own.misfit <= QUIET_LIMITS[0] or data.runs < MIN_RUNS:
+    if fitted.misfit <= QUIET_LIMITS[0] or data.runs < MIN_RUNS:
         return None
-    now = replace(loads, data=data, model=own)
+    now = replace(loads, data=data, model=fitted)
     likeliest = max((issue for issue, _ in _sized_issues(now, runs)), key=_nats)
     if _nats(likeliest) < TRIAL_NATS:
         return None
@@ -364,7 +364,7 @@ def _without_worst(
         rest = loads.fit(select(data, others))
     except BenchError:  # no compliance moves as the other runs do: it is not this run that is wrong
         return None
-    if rest.misfit > MAX_MISFIT_RATIO * own.misfit:
+    if rest.misfit > MAX_MISFIT_RATIO * fitted.misfit:
         return None
     now = replace(now, model=loads.fit(data, rest.h))
     issues = [issue for issue, large in _sized_issues(now, runs) if large and issue.where[0] == worst]
@@ -376,10 +376,10 @@ def _likeliest(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     issues: list[Issue] = []
     kinds = {row.name for row in runs}
     large = [issue for issue, large in _sized_issues(loads, (*every, *runs)) if large]
-    for one in sorted(large, key=_nats, reverse=True):
+    for candidate in sorted(large, key=_nats, reverse=True):
         wrong = {other.where[0] for other in issues if other.name in kinds}
-        if not issues or (wrong and one.name in kinds and one.where[0] not in wrong):
-            issues.append(one)
+        if not issues or (wrong and candidate.name in kinds and candidate.where[0] not in wrong):
+            issues.append(candidate)
     return issues
 
 
@@ -392,16 +392,16 @@ def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Iss
             if change.undone is None:
                 continue
             try:
-                own = change.undone.fit()
+                refit = change.undone.fit()
             except BenchError:  # moves against the force
                 continue
-            nats = None if before is None else before.loss - own.loss
+            nats = None if before is None else before.loss - refit.loss
             issue = Issue(hypothesis.name, change.where, change.size, change.numbers, nats)
-            tried.append((own, issue, MIN_NATS if change.numbers.get("level") else hypothesis.nats))
+            tried.append((refit, issue, MIN_NATS if change.numbers.get("level") else hypothesis.nats))
     if not tried:
         return []
-    own, issue, needed = min(tried, key=lambda one: one[0].loss)
-    return [issue] if (own.misfit <= NOISE_MISFIT if issue.nats is None else issue.nats >= needed) else []
+    refit, issue, needed = min(tried, key=lambda trial: trial[0].loss)
+    return [issue] if (refit.misfit <= NOISE_MISFIT if issue.nats is None else issue.nats >= needed) else []
 
 
 def _missing_weight(loads: Loads, best: Sequence[Issue]) -> GravityDirection | None:

@@ -77,9 +77,11 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     data, vjm = registered.data, registered.vjm
     size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
     if vjm.arm.joints and size > HUGE_DEFLECTION * placed.observations.scale:
-        one = submission.data if registered.frame == "base" else _of_one_station(submission.data)
+        station_data = submission.data if registered.frame == "base" else _of_one_station(submission.data)
         loaded, _ = best_hypothesis(
-            _observations(vjm, one, one.after, _free_parameters(registered)), hypotheses.places, "loaded"
+            _observations(vjm, station_data, station_data.after, _free_parameters(registered)),
+            hypotheses.places,
+            "loaded",
         )
         if loaded is not None:
             return [loaded, *said]
@@ -118,7 +120,7 @@ def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue]
     registered = submission.registered
     if registered.frame == "base" or not submission.declared:
         observations = _observations(submission.folder_model, submission.data, submission.data.before)
-        raw, own = best_hypothesis(observations, hypotheses.places)
+        raw, best_fit = best_hypothesis(observations, hypotheses.places)
         if registered.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
             # a tracker's frame is no mistake, but what kept it from being found
             raw = unplaced_runs(submission.folder_model, submission.data, hypotheses) or (
@@ -126,7 +128,7 @@ def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue]
             )
         mistaken = raw is not None and raw.name not in ("frame", "kinematics")
         if registered.frame == "base" or mistaken:
-            return ([] if raw is None else [raw]), Placed(observations, own)
+            return ([] if raw is None else [raw]), Placed(observations, best_fit)
     data = _of_one_station(submission.data)
     issue, _ = best_hypothesis(
         _observations(registered.vjm, data, data.before, _free_parameters(registered)), hypotheses.places
@@ -152,10 +154,10 @@ def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) 
     names = np.zeros(data.runs) if data.station is None else data.station
     every = [select(data, names == name) for name in np.unique(names)]
     free = FreeParameters(frame=True, targets=True)
-    found = [
-        best_hypothesis(_observations(vjm, one, one.before, free), hypotheses.places)[0] for one in every
+    issues = [
+        best_hypothesis(_observations(vjm, runs, runs.before, free), hypotheses.places)[0] for runs in every
     ]
-    return min(filter(None, found), key=lambda issue: issue.name == "kinematics", default=None)
+    return min(filter(None, issues), key=lambda issue: issue.name == "kinematics", default=None)
 
 
 def unplaced_series(vjm: Vjm, series: Series) -> Issue | None:
@@ -191,17 +193,17 @@ def _mounting_issue(loads: Loads, observations: Observations) -> list[Issue]:
 def _load_issues(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
     """Issues of loads and deflections: of all of them by some runs, of single ones by all."""
     data = loads.data
-    each = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(RUNS_AT_A_TIME, MAX_READINGS // each))))
-    some = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_PARTS))]
-    found = load_issues(replace(loads, data=some[0]), hypotheses.loads, hypotheses.runs)
+    readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
+    parts = max(1, -(-data.runs // max(1, min(RUNS_AT_A_TIME, MAX_READINGS // readings_per_run))))
+    subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_PARTS))]
+    issues = load_issues(replace(loads, data=subsets[0]), hypotheses.loads, hypotheses.runs)
     runs = {row.name for row in hypotheses.runs}
-    if any(issue.name not in runs for issue in found):
-        return found
-    for one in stepwise(some[1:], "looking for mistakes"):
-        more = load_issues(replace(loads, data=one), hypotheses.loads, hypotheses.runs)
-        found += [issue for issue in more if issue.name in runs]
-    return sorted(found, key=lambda issue: -(issue.nats or 0))
+    if any(issue.name not in runs for issue in issues):
+        return issues
+    for subset in stepwise(subsets[1:], "looking for mistakes"):
+        more = load_issues(replace(loads, data=subset), hypotheses.loads, hypotheses.runs)
+        issues += [issue for issue in more if issue.name in runs]
+    return sorted(issues, key=lambda issue: -(issue.nats or 0))
 
 
 def _of_one_station(data: Dataset) -> Dataset:

@@ -114,9 +114,9 @@ def mean_level(frames: Iterable[Frame]) -> Array | None:
     Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world. The result is None when
     one frame differs from the mean by LEVEL_ANGLE or more.
     """
-    own = np.array([DOWN @ frame.rotation for frame in frames])
-    mean = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
-    return mean if max(angle(one, mean) for one in own) < LEVEL_ANGLE else None
+    directions = np.array([DOWN @ frame.rotation for frame in frames])
+    mean = directions.mean(axis=0) / np.linalg.norm(directions.mean(axis=0))
+    return mean if max(angle(direction, mean) for direction in directions) < LEVEL_ANGLE else None
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def weights_only(data: Dataset) -> bool:
     """Tell whether there are loads and all are weights: forces within VERTICAL_ANGLE of -z."""
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
-    return bool(pushed.any()) and all(angle(one, DOWN) <= VERTICAL_ANGLE for one in force[pushed])
+    return bool(pushed.any()) and all(angle(vector, DOWN) <= VERTICAL_ANGLE for vector in force[pushed])
 
 
 def suspected_gravity(
@@ -228,8 +228,8 @@ def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Iss
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
     arm, root = vjm.arm, read_mjcf(vjm.arm.rigid)
-    own = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
-    stands = own @ np.linalg.inv(vjm.base) @ mounted_under(vjm, pull.g).base
+    base_pose = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
+    stands = base_pose @ np.linalg.inv(vjm.base) @ mounted_under(vjm, pull.g).base
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
     size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
@@ -270,33 +270,35 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     if not turned and not _springs_at_zero(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [select_rows(one, evenly_spaced(one.rows, MAX_ROWS)) for one in calibration.series]
-    poses = sum(len(np.unique(one.pose)) for one in series)
-    own = _scatter(state, series, prior, DOWN)
-    if own > MAX_SCATTER * state.vjm.reach:
+    series = [
+        select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in calibration.series
+    ]
+    poses = sum(len(np.unique(readings.pose)) for readings in series)
+    folder_scatter = _scatter(state, series, prior, DOWN)
+    if folder_scatter > MAX_SCATTER * state.vjm.reach:
         return None
     # Other directions: first the one in which trackers stand level, then walls, ceiling and tilts.
     first = [snap_direction(level, LEVEL_ANGLE)] if level is not None and turned else []
     others = (
-        joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own))
+        joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, folder_scatter))
         if _springs_at_zero(state)
         else ()
     )
     for directions, least in ((first, LEVELLED_NATS), (others, MOUNTING_NATS)):
         tried = [(_scatter(state, series, prior, g), g) for g in directions]
-        scatter, g = min(tried, key=lambda one: one[0], default=(np.inf, DOWN))
-        nats = 3 * poses * float(np.log(own / scatter)) if np.isfinite(scatter) else 0.0
-        if scatter < MAX_SCATTER_RATIO * own and nats > least:
+        scatter, g = min(tried, key=lambda trial: trial[0], default=(np.inf, DOWN))
+        nats = 3 * poses * float(np.log(folder_scatter / scatter)) if np.isfinite(scatter) else 0.0
+        if scatter < MAX_SCATTER_RATIO * folder_scatter and nats > least:
             return mounting(state.vjm, GravityDirection(g, level), nats)
     return None
 
 
 def _springs_at_zero(state: ArmState) -> bool:
     """Tell whether springs of joints that carry weight are held at zero."""
-    own, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
+    compliance, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
     folder = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > CARRYING_SHARE * state.torque_scale.max(initial=0)
-    return bool((carries & (own < STUCK_SHARE * folder)).any())
+    return bool((carries & (compliance < STUCK_SHARE * folder)).any())
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
@@ -307,17 +309,19 @@ def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) 
         noise = first_fit(align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm)))[1]
     except BenchError:
         return float("inf")
-    return float(np.hypot(noise.open_position, np.mean([one.sigma for one in series]) * noise.factor[0]))
+    return float(
+        np.hypot(noise.open_position, np.mean([readings.sigma for readings in series]) * noise.factor[0])
+    )
 
 
-def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, own: float) -> Iterator[Array]:
+def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, folder_scatter: float) -> Iterator[Array]:
     """The tilt at which the variance would be least, by a parabola through probes about both level axes."""
     slope, bend = np.zeros(2), np.zeros(2)
     for k in range(2):
         low, high = (
             _scatter(state, series, prior, _tilted_gravity(s * PROBE_TILT * np.eye(2)[k])) for s in (-1, 1)
         )
-        slope[k], bend[k] = (high**2 - low**2) / 2, (high**2 + low**2) / 2 - own**2
+        slope[k], bend[k] = (high**2 - low**2) / 2, (high**2 + low**2) / 2 - folder_scatter**2
     if np.isfinite(slope).all() and (bend > 0).all():
         yield _tilted_gravity(-PROBE_TILT * slope / (2 * bend))
 

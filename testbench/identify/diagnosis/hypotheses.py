@@ -120,10 +120,10 @@ def _count_text(issue: Issue) -> str:
 def _repeated(submission: Submission) -> Iterator[Change[Submission]]:
     data = submission.data
     read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
-    _, first, own = np.unique(read, axis=0, return_index=True, return_inverse=True)
-    again = np.flatnonzero((data.q != data.q[first[own]]).any(axis=1) & data.seen.any(axis=1))
+    _, first, group = np.unique(read, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero((data.q != data.q[first[group]]).any(axis=1) & data.seen.any(axis=1))
     if len(again):
-        yield Change((str(data.run[again[0]]), str(data.run[first[own[again[0]]]])))
+        yield Change((str(data.run[again[0]]), str(data.run[first[group[again[0]]]])))
 
 
 def _far_load(submission: Submission) -> Iterator[Change[Submission]]:
@@ -279,8 +279,8 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
         pairs[k] = cauchy(
             np.where(observations.was_read[..., None], x[:, [k]] - observations.read, 0), observations.scale
         ).sum(axis=0)
-    own = np.diag(pairs)
-    change = pairs + pairs.T - own - own[:, None]
+    unexchanged = np.diag(pairs)
+    change = pairs + pairs.T - unexchanged - unexchanged[:, None]
     change[np.diag_indices(m)] = np.inf
     i, j = divmod(int(change.argmin()), m)
     return tuple(j if k == i else i if k == j else k for k in range(m))
@@ -317,9 +317,9 @@ def _order(observations: Observations) -> Place:
     for shift in (1, -1):
         undone = replace(observations, q=np.roll(observations.q, shift, axis=0))
         yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE_PARAMETERS)
-    if found := find_slip(observations):
-        first, undone = str(observations.runs[found.first]), replace(observations, q=found.q)
-        yield Change((first,), np.array([found.shift]), undone=undone, parameters=CHOICE_PARAMETERS + 1)
+    if slip := find_slip(observations):
+        first, undone = str(observations.runs[slip.first]), replace(observations, q=slip.q)
+        yield Change((first,), np.array([slip.shift]), undone=undone, parameters=CHOICE_PARAMETERS + 1)
 
 
 def _order_words(issue: Issue, _: Arm) -> str:
@@ -376,7 +376,7 @@ def _joint_order(observations: Observations) -> Place:
 
 def _joint_order_words(issue: Issue, arm: Arm) -> str:
     order, names = list(issue.where[1:]), [joint.name for joint in arm.joints]
-    moved = [name for name, own in zip(order, names, strict=True) if name != own]
+    moved = [name for name, usual in zip(order, names, strict=True) if name != usual]
     if len(moved) == 2:
         return f"fit if {moved[1]} and {moved[0]} are exchanged"
     if order == names[::-1]:
@@ -413,9 +413,9 @@ def _notation(observations: Observations) -> Place:
         return
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    position, some = observations.read[:, : len(observations.names)], observations.rotation
-    some = np.where(np.isfinite(some).all(axis=(1, 2), keepdims=True), some, np.eye(3))
-    R, found = Rotation.from_matrix(some), dict[bytes, tuple[tuple[str, ...], Array]]()
+    position, rotations = observations.read[:, : len(observations.names)], observations.rotation
+    rotations = np.where(np.isfinite(rotations).all(axis=(1, 2), keepdims=True), rotations, np.eye(3))
+    R, by_rotation = Rotation.from_matrix(rotations), dict[bytes, tuple[tuple[str, ...], Array]]()
     for (read, axes), (meant, order) in product(NOTATIONS.items(), NOTATIONS.items()):
         if meant == read:
             continue
@@ -424,9 +424,9 @@ def _notation(observations: Observations) -> Place:
             numbers = R.as_euler(axes) if axes else R.as_rotvec()
         matrix = (Rotation.from_euler(order, numbers) if order else Rotation.from_rotvec(numbers)).as_matrix()
         same = (matrix.round(3) + 0.0).tobytes()
-        names, _ = found.get(same, ((), matrix))
-        found[same] = (*names, meant, read), matrix
-    for names, rotation in (((), some.swapaxes(1, 2)), *found.values()):
+        names, _ = by_rotation.get(same, ((), matrix))
+        by_rotation[same] = (*names, meant, read), matrix
+    for names, rotation in (((), rotations.swapaxes(1, 2)), *by_rotation.values()):
         yield Change(names, undone=observations.oriented(position, rotation), parameters=CHOICE_PARAMETERS)
 
 
@@ -468,11 +468,11 @@ def _explain_pose(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...]
     observations = replace(observations, free=type(observations.free)())
     for name, changes in (("markers", _markers(observations)), ("joint_zero", _joint_zero(observations))):
         tried = [(change, fit(change.undone)) for change in changes if change.undone is not None]
-        tried = [(change, own) for change, own in tried if own.theta.any() or name == "markers"]
-        good = [(change, own) for change, own in tried if own.distance_quantile(observations) < far]
+        tried = [(change, refit) for change, refit in tried if refit.theta.any() or name == "markers"]
+        good = [(change, refit) for change, refit in tried if refit.distance_quantile(observations) < far]
         if good:
-            change, own = min(good, key=lambda x: x[1].loss)
-            return (name, *change.where), np.array([own.theta.sum()])
+            change, refit = min(good, key=lambda x: x[1].loss)
+            return (name, *change.where), np.array([refit.theta.sum()])
     return (), np.zeros(1)
 
 
@@ -587,10 +587,10 @@ def _force_axes_words(issue: Issue, _: Arm) -> str:
 def _levels(loads: Loads) -> Load:
     """Loads that were listed in reversed order."""
     data, groups = loads.data, levels(loads.data)
-    sizes = [np.linalg.norm(data.wrench[own, :3], axis=1).mean() for own in groups]
+    sizes = [np.linalg.norm(data.wrench[level, :3], axis=1).mean() for level in groups]
     factor = np.ones(data.runs)
-    for own, size, value in zip(groups, sizes, sizes[::-1], strict=True):
-        factor[own] = value / size
+    for level, size, value in zip(groups, sizes, sizes[::-1], strict=True):
+        factor[level] = value / size
     if len(groups) > 1:
         yield Change(undone=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
 
@@ -676,11 +676,11 @@ def _moved_words(issue: Issue, _: Arm) -> str:
     if not size.get("pairs"):
         new = "mounts" if what == "target" else "frames"
         return f"{issue.where[0]}: {moved} between rows {ends[0]} and {ends[1]}, so two {new} are fitted"
-    both = [f"the {'loaded' if row % 2 else 'unloaded'} reading of run {row // 2:.0f}" for row in ends]
+    readings = [f"the {'loaded' if row % 2 else 'unloaded'} reading of run {row // 2:.0f}" for row in ends]
     hint = "was it touched?" if what == "target" else "give the runs after it a station of their own"
     across = "; runs with readings on both sides of the move have this error" if size["across"] else ""
     station_ = f"{issue.where[0]}: " if issue.where[0] else ""
-    return f"{station_}{moved} between {both[0]} and {both[1]}: {hint}{across}"
+    return f"{station_}{moved} between {readings[0]} and {readings[1]}: {hint}{across}"
 
 
 # --- The table ----------------------------------------------------------------------------------------------
@@ -884,8 +884,12 @@ def describe(
             far = f"{most} lie within {ends[0]} of the arm's kinematics, with this change within {ends[1]}"
         words = f"the {READING_WORDS[issue.where[0]]} {words} ({far})"
     if issue.name == "joint_order" and len(columns) == len(arm.joints):
-        own = zip(issue.where[1:], columns, arm.joints, strict=True)
-        lines = [f'{name}_{unit} = "{column}"' for name, (column, unit), joint in own if name != joint.name]
+        joint_columns = zip(issue.where[1:], columns, arm.joints, strict=True)
+        lines = [
+            f'{name}_{unit} = "{column}"'
+            for name, (column, unit), joint in joint_columns
+            if name != joint.name
+        ]
         words += f"; in a map's [columns]: {', '.join(lines)}"
     return Doubt(issue.name, words, issue.nats)
 

@@ -18,7 +18,7 @@ that takes out all that the fit explains, and b ~ N(0, 1) in the units of Z, the
 the logarithm of a Bayes factor (Kass and Raftery 1995). `hypotheses` has the table.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, TypeVar
 
@@ -104,8 +104,8 @@ class Submission:
 
         Targets that the folder lacks are where the registration found them.
         """
-        own = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
-        return with_markers(self.registered.vjm, own)
+        nominal = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
+        return with_markers(self.registered.vjm, nominal)
 
 
 def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
@@ -127,7 +127,7 @@ def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Is
 
 def longer_than(*least: float) -> Callable[[Array], bool]:
     """Make a test of whether a vector of a size is longer than its limit, one per three numbers, SI."""
-    return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > one for k, one in enumerate(least))
+    return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > limit for k, limit in enumerate(least))
 
 
 def any_above(least: float) -> Callable[[Array], bool]:
@@ -158,10 +158,10 @@ def score_test(g: Array, M: Array) -> Score:
     Returns:
         Expected sizes, gains g^T H^-1 g and nats (Kass and Raftery 1995).
     """
-    own = M + np.eye(g.shape[-1])
-    b = np.asarray(np.linalg.solve(own, g[..., None])[..., 0])
+    H = M + np.eye(g.shape[-1])
+    b = np.asarray(np.linalg.solve(H, g[..., None])[..., 0])
     gain = np.asarray((b * g).sum(axis=-1))
-    return Score(b, gain, np.asarray((gain - np.linalg.slogdet(own)[1]) / 2))
+    return Score(b, gain, np.asarray((gain - np.linalg.slogdet(H)[1]) / 2))
 
 
 def undo_one_by_one(
@@ -180,17 +180,17 @@ def undo_one_by_one(
     Returns:
         The mistakes in the order in which they were found, the data without them and the last model.
     """
-    found: list[Issue] = []
+    issues: list[Issue] = []
     for _ in range(MAX_ROUNDS):
         step = undo(data, model)
         if step is None:
             break
         before = data
         more, data, model = step
-        found += more
+        issues += more
         if data is before:
             break
-    return found, data, model
+    return issues, data, model
 
 
 # --- Readings against the arm's kinematics: what explains them, and which mistake explains them better ------
@@ -376,47 +376,81 @@ def best_hypothesis(
         do not fit and no hypothesis explains them, and None when they fit; the fit is then that of the
         readings as they are.
     """
-    few = _thinned(observations)
-    start = fit(few)
-    typical = start.distance_quantile(few)
+    sample = _thinned(observations)
+    start = fit(sample)
+    typical = start.distance_quantile(sample)
     unfit = (
         Issue("kinematics", (which,), numbers={"now": typical})
         if typical > UNFIT_DISTANCE * observations.scale
         else None
     )
-    needed = max(MIN_NATS, MIN_NATS_PER_READING * few.was_read.sum())
-    as_read = start if few is observations else fit(observations)
+    needed = max(MIN_NATS, MIN_NATS_PER_READING * sample.was_read.sum())
+    as_read = start if sample is observations else fit(observations)
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
-    tried = []
+
+    # Undo every mistake; the likeliest is large, gains enough, and leaves readings that fit.
+    trials = list(_undone(observations, hypotheses, start.cost))
+    needed = max(needed, MIN_GAIN_SHARE * max((trial.gain for trial in trials), default=0.0))
+    good = [trial for trial in trials if trial.gain > needed and trial.change.large(trial.size(observations))]
+    if not good:
+        return unfit, as_read
+    best = max(good, key=lambda trial: (not trial.hypothesis.loose, trial.gain))
+    now = best.fit.distance_quantile(best.sample)
+    if now > UNFIT_DISTANCE * observations.scale:
+        return unfit, as_read
+
+    # How far most readings were off, and are with the mistake undone.
+    share = HALF if now < HALF * typical else NEARLY_ALL
+    numbers = {
+        "was": start.distance_quantile(sample, share),
+        "now": best.fit.distance_quantile(best.sample, share),
+        "share": share,
+    }
+    where = best.change.where
+    if best.undone.free.targets and not observations.free.targets:
+        where = (observations.names[_farthest(observations, best.fit)],)
+    issue = Issue(best.hypothesis.name, (which, *where), best.size(observations), numbers, best.gain)
+    return issue, best.fit if best.sample is best.undone else fit(best.undone)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Hold readings with one mistake undone, and their fit."""
+
+    hypothesis: Hypothesis[Observations]
+    change: Change[Observations]
+    undone: Observations  #: All readings without the mistake.
+    sample: Observations  #: Those of them that were fitted.
+    fit: Fit
+    gain: float  #: Cost as read, minus the cost without the mistake and that of the choice [nats].
+
+    def size(self, observations: Observations) -> Array:
+        """Size the mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
+        free, theta = self.undone.free, self.fit.theta[list(self.undone.free.theta)]
+        if len(theta) == 3:
+            return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ theta)
+        if len(theta):
+            return self.change.size + theta
+        if free.targets and not observations.free.targets:
+            ways = self.fit.markers - observations.markers
+            return np.asarray(ways[_farthest(observations, self.fit)])
+        if free.frame and not (observations.free.frame or free.mirrored):
+            return np.concatenate([self.fit.frame.rotation_vector, self.fit.frame.translation])
+        return self.change.size
+
+
+def _undone(
+    observations: Observations, hypotheses: Sequence[Hypothesis[Observations]], cost: float
+) -> Iterator[_Trial]:
+    """Undo every mistake in turn, and fit again; `cost` is that of the readings as they are."""
     for hypothesis in hypotheses:
         for change in hypothesis.changes(observations):
             assert change.undone is not None
-            found = fit(_thinned(change.undone))
-            tried.append(
-                (start.cost - found.cost - PARAMETER_NATS * change.parameters, hypothesis, change, found)
-            )
-    needed = max(needed, MIN_GAIN_SHARE * max((float(gain) for gain, *_ in tried), default=0.0))
-    good = [one for one in tried if one[0] > needed and one[2].large(_size(observations, one[2], one[3]))]
-    if not good:
-        return unfit, as_read
-    gain, hypothesis, change, found = max(good, key=lambda one: (not one[1].loose, one[0]))
-    assert change.undone is not None
-    undone = _thinned(change.undone)
-    now = found.distance_quantile(undone)
-    if now > UNFIT_DISTANCE * observations.scale:
-        return unfit, as_read
-    share = HALF if now < HALF * typical else NEARLY_ALL
-    numbers = {
-        "was": start.distance_quantile(few, share),
-        "now": found.distance_quantile(undone, share),
-        "share": share,
-    }
-    where = change.where
-    if change.undone.free.targets and not observations.free.targets:
-        where = (observations.names[_farthest(observations, found)],)
-    issue = Issue(hypothesis.name, (which, *where), _size(observations, change, found), numbers, float(gain))
-    return issue, found if undone is change.undone else fit(change.undone)
+            sample = _thinned(change.undone)
+            fitted = fit(sample)
+            gain = cost - fitted.cost - PARAMETER_NATS * change.parameters
+            yield _Trial(hypothesis, change, change.undone, sample, fitted, float(gain))
 
 
 def _thinned(observations: Observations) -> Observations:
@@ -425,23 +459,8 @@ def _thinned(observations: Observations) -> Observations:
     return observations if n <= MAX_ROWS else observations.select(evenly_spaced(n, MAX_ROWS))
 
 
-def _farthest(observations: Observations, found: Fit) -> int:
-    return int(np.argmax(np.linalg.norm(found.markers - observations.markers, axis=1)))
-
-
-def _size(observations: Observations, change: Change[Observations], fit: Fit) -> Array:
-    """Size a mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
-    assert change.undone is not None
-    free = change.undone.free
-    if len(free.theta) == 3:
-        return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ fit.theta[list(free.theta)])
-    if free.theta:
-        return change.size + fit.theta[list(free.theta)]
-    if free.targets and not observations.free.targets:
-        return np.asarray((fit.markers - observations.markers)[_farthest(observations, fit)])
-    if free.frame and not (observations.free.frame or free.mirrored):
-        return np.concatenate([fit.frame.rotation_vector, fit.frame.translation])
-    return change.size
+def _farthest(observations: Observations, fitted: Fit) -> int:
+    return int(np.argmax(np.linalg.norm(fitted.markers - observations.markers, axis=1)))
 
 
 def fit(observations: Observations) -> Fit:
@@ -527,14 +546,14 @@ def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fi
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
     if free.targets:  # a target moves its own readings alone: they are left out of all others' columns first
         R = root[..., None] * (now.frame.rotation @ chain.rotation)[:, None]
-        own = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
-        left = left - np.einsum("pmxa,cma->cpmx", R, own)
+        by_target = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
+        left = left - np.einsum("pmxa,cma->cpmx", R, by_target)
     off, *common = left.reshape(len(left), -1)
     step = np.zeros(0)
     if common:
         step = np.linalg.lstsq(np.stack(common, axis=1) / size, off)[0] / size
     if free.targets:
-        held = own[0] - np.tensordot(step, own[1:], 1)
+        held = by_target[0] - np.tensordot(step, by_target[1:], 1)
     frame, theta = now.frame, now.theta.copy()
     theta[list(free.theta)] += step[len(step) - len(free.theta) :]
     if free.frame:

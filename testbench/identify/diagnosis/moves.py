@@ -129,18 +129,20 @@ def most_significant_step(
     Yields:
         A series and its step, with numbers as in `best_step`.
     """
-    sums = [_sums(linear, one, np.arange(1, one.rows)) for one in series]
+    sums = [_sums(linear, readings, np.arange(1, readings.rows)) for readings in series]
     rest = _unexplained(linear, series, sums)
-    for one, own, steps in zip(series, sums, places, strict=True):
+    for readings, series_sums, steps in zip(series, sums, places, strict=True):
         if not len(steps):
             continue
-        step = min((_greatest_step(rest, one, own, steps, turns=t) for t in (False, True)), key=chance)
-        poses = np.unique(one.pose, return_inverse=True)[1]
-        together = np.zeros((poses.max() + 1, *own.Z.shape[1:]))
-        np.add.at(together, poses, own.Z)
-        alone = [t for Z in (own.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
+        step = min(
+            (_greatest_step(rest, readings, series_sums, steps, turns=t) for t in (False, True)), key=chance
+        )
+        poses = np.unique(readings.pose, return_inverse=True)[1]
+        together = np.zeros((poses.max() + 1, *series_sums.Z.shape[1:]))
+        np.add.at(together, poses, series_sums.Z)
+        alone = [t for Z in (series_sums.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
         if max(t.gain.max() for t in alone) < step.numbers["share"] * rest.before:
-            yield one, step
+            yield readings, step
 
 
 @dataclass(frozen=True)
@@ -187,13 +189,13 @@ class _Unexplained:
 
 
 def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence[_Sums]) -> _Unexplained:
-    AA, c = np.sum([one.AA for one in sums], axis=0), len(linear.active.columns)
+    AA, c = np.sum([part.AA for part in sums], axis=0), len(linear.active.columns)
     H = AA[:c, :c] + linear.prior
     size = np.sqrt(np.diag(H))
     L = cholesky(H / size / size[:, None], lower=True)
     spent = c - float(np.trace(cho_solve((L, True), linear.prior / size / size[:, None])))
-    e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(one.count for one in sums)
-    poses = sum(len(np.unique(one.pose)) for one in series)
+    e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(part.count for part in sums)
+    poses = sum(len(np.unique(part.pose)) for part in series)
     shared = max(1.0, count / (EQUATIONS_PER_POSE * poses))
     return _Unexplained(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
@@ -228,10 +230,10 @@ def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     for part in np.array_split(np.arange(len(edges) - 1), batches):
         A, Z = _equations(linear, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
-        each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
+        per_row = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
         for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
-            own = slice(each * a, each * b)
-            cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
+            rows = slice(per_row * a, per_row * b)
+            cells.append(Z[:, rows] @ np.vstack([A[:, rows], Z[:, rows]]).T)
     return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.oriented.sum()))
 
 
@@ -242,11 +244,11 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     W = W * np.sqrt(pull)[..., None, None]
     A = rows[:, :, np.r_[active.columns, -1]]
     Z = np.concatenate([move_columns(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
-    both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
+    whitened = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if active.elastic is not None:
         e = slice(active.rigid, len(active.columns))
-        both[e] = np.tensordot(active.elastic.L.T, both[e], 1)
-    lines = both.reshape(len(both), -1)
+        whitened[e] = np.tensordot(active.elastic.L.T, whitened[e], 1)
+    lines = whitened.reshape(len(whitened), -1)
     return lines[: A.shape[2]], lines[A.shape[2] :]
 
 
@@ -329,20 +331,20 @@ def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorSca
 
     The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
-    one = without_unread_targets(in_order_of_time(series))
-    steps = step_places(one, MIN_POSES)
-    linear = nuisance_model(state, (one,), noise, elastic)
-    thin = evenly_spaced(one.rows, MAX_THIN_ROWS)
+    ordered = without_unread_targets(in_order_of_time(series))
+    steps = step_places(ordered, MIN_POSES)
+    linear = nuisance_model(state, (ordered,), noise, elastic)
+    thin = evenly_spaced(ordered.rows, MAX_THIN_ROWS)
     tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
-    if not len(place) or not _is_sure(issue := best_step(linear, select_rows(one, thin), place)):
+    if not len(place) or not _is_sure(issue := best_step(linear, select_rows(ordered, thin), place)):
         return None
-    if len(tried) < len(steps) or len(thin) < one.rows:
+    if len(tried) < len(steps) or len(thin) < ordered.rows:
         middle = np.searchsorted(tried, thin[int(issue.numbers["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
-        issue = best_step(linear, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return with_shift(linear, one, issue) if _is_sure(issue) else None
+        issue = best_step(linear, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
+    return with_shift(linear, ordered, issue) if _is_sure(issue) else None
 
 
 def _is_sure(step: Issue) -> bool:
@@ -380,7 +382,8 @@ def divide_at_moves(
     def undo(parts: SeriesParts, now: FittedState) -> tuple[list[Issue], SeriesParts, FittedState] | None:
         """Fit the parts again, each with its tracker or targets as they moved."""
         steps = [
-            None if one.distance is not None else _clear_step(now[0], one, now[1], elastic) for one in parts
+            None if part.distance is not None else _clear_step(now[0], part, now[1], elastic)
+            for part in parts
         ]
         issues = [step for step in steps if step]
         if not issues:
@@ -400,18 +403,18 @@ def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesPa
     A mount or frame that moved in one series is shared with no other any more: which part that would share it
     with is not known. Findings say so.
     """
-    found = [part for one, step in zip(parts, steps, strict=True) for part in _halves(one, step)]
-    own: dict[tuple[str, str], Issue] = {}
+    divided = [part for readings, step in zip(parts, steps, strict=True) for part in _halves(readings, step)]
+    unshared: dict[tuple[str, str], Issue] = {}
     for series, step in zip(parts, steps, strict=True):
         if step is None:
             continue
         name, whole = _moved_name(series, step), _undivided_name(series)
-        for k, one in enumerate(found):
-            if _moved_name(one, step) == name and _undivided_name(one) != whole:
-                found[k] = _rename_moved(one, step, f"{name} of {_undivided_name(one)}")
-                where = _undivided_name(one), "mount" if step.name == "target_moved" else "frame"
-                own[where] = Issue("unshared", where)
-    return tuple(found), list(own.values())
+        for k, readings in enumerate(divided):
+            if _moved_name(readings, step) == name and _undivided_name(readings) != whole:
+                divided[k] = _rename_moved(readings, step, f"{name} of {_undivided_name(readings)}")
+                where = _undivided_name(readings), "mount" if step.name == "target_moved" else "frame"
+                unshared[where] = Issue("unshared", where)
+    return tuple(divided), list(unshared.values())
 
 
 def _undivided_name(part: Series) -> str:
@@ -435,7 +438,7 @@ def _halves(series: Series, step: Issue | None) -> SeriesParts:
     """A series before and behind a step, whole where there is none."""
     if step is None:
         return (series,)
-    one, words = in_order_of_time(series), f"{PART_SUFFIX}{step.numbers['after']}"
+    ordered, words = in_order_of_time(series), f"{PART_SUFFIX}{step.numbers['after']}"
     behind = np.arange(series.rows) >= step.numbers["place"]
-    second = _rename_moved(select_rows(one, behind), step, _moved_name(series, step) + words)
-    return select_rows(one, ~behind), replace(second, name=series.name + words)
+    second = _rename_moved(select_rows(ordered, behind), step, _moved_name(series, step) + words)
+    return select_rows(ordered, ~behind), replace(second, name=series.name + words)

@@ -92,8 +92,8 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
         columns = np.broadcast_to(fixed, (count, *fixed.shape))
     if observations.free.targets:
         of = np.equal(target[:, None], np.arange(observations.was_read[:, :SCREENED_TARGETS].shape[1]))
-        own = -R[:, :, :, None, :] * of[None, :, None, :, None]
-        columns = np.concatenate([columns, own.reshape(*own.shape[:3], -1)], axis=3)
+        target_columns = -R[:, :, :, None, :] * of[None, :, None, :, None]
+        columns = np.concatenate([columns, target_columns.reshape(*target_columns.shape[:3], -1)], axis=3)
     weight, left = np.ones(right.shape[:2]), right
     for _ in range(REWEIGHTINGS if columns.shape[3] else 0):
         held = columns * weight[..., None, None]
@@ -125,13 +125,13 @@ def find_slip(observations: Observations) -> Slip | None:
     head = _fit_half(observations, slice(n // 2))
     if head is None or _misfits(observations, head, np.arange(n)[-MAX_ROWS:]) < MIN_ROWS:
         return None
-    _, gain, first, shift, found = min(_slip_costs(observations, head), key=lambda one: one[0])
-    while first > 1 and _misfits(observations, found, np.array([first - 1])):
+    _, gain, first, shift, best_fit = min(_slip_costs(observations, head), key=lambda candidate: candidate[0])
+    while first > 1 and _misfits(observations, best_fit, np.array([first - 1])):
         first -= 1  # the row that was deleted has no pose at all
     q = np.roll(observations.q, shift, axis=0)
     q[:first] = observations.q[:first]
     before, behind = (
-        _median_distance(replace(observations, q=q), found, part)
+        _median_distance(replace(observations, q=q), best_fit, part)
         for part in (slice(first), slice(first, None))
     )
     sound = gain > MIN_NATS_PER_READING * observations.was_read[first:].sum() and max(before, behind) < far
@@ -145,29 +145,31 @@ def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, 
     """
     for shift in (1, -1):
         moved = replace(observations, q=np.roll(observations.q, shift, axis=0))
-        for found in (head, _fit_half(moved, slice(len(observations.q) // 2, None)) or head):
-            own, other = (
-                cauchy(fit_residuals(one, chain(one.vjm, one.q), found), one.scale).sum(axis=1)
-                for one in (observations, moved)
+        for half_fit in (head, _fit_half(moved, slice(len(observations.q) // 2, None)) or head):
+            as_read, slipped = (
+                cauchy(
+                    fit_residuals(observed, chain(observed.vjm, observed.q), half_fit), observed.scale
+                ).sum(axis=1)
+                for observed in (observations, moved)
             )
-            cost = np.cumsum(own - other)[:-MIN_ROWS] + other.sum()
+            cost = np.cumsum(as_read - slipped)[:-MIN_ROWS] + slipped.sum()
             # an inserted row fits either way
             alike = cost < cost.min() + MIN_NATS_PER_READING * observations.was_read.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
-            yield float(cost.min()), float(own.sum() - cost.min()), first, shift, found
+            yield float(cost.min()), float(as_read.sum() - cost.min()), first, shift, half_fit
 
 
 def _fit_half(observations: Observations, half: slice) -> Fit | None:
     """Frame and targets by half of the rows; None where there are too few."""
     rows = np.arange(len(observations.q))[half]
-    one = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
-    return fit(one) if len(rows) >= MIN_ROWS and one.was_read.any() else None
+    sample = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
+    return fit(sample) if len(rows) >= MIN_ROWS and sample.was_read.any() else None
 
 
 def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
     """Count the rows, of some, that do not fit."""
-    one = observations.select(rows)
-    off = np.linalg.norm(fit_residuals(one, chain(one.vjm, one.q), fitted), axis=2)
+    sample = observations.select(rows)
+    off = np.linalg.norm(fit_residuals(sample, chain(sample.vjm, sample.q), fitted), axis=2)
     return int((off > UNFIT_DISTANCE * observations.scale).any(axis=1).sum())
 
 
@@ -199,20 +201,20 @@ def check_last_joint(
         BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
             read.
     """
-    if any(one.rotation is not None for one in series):
+    if any(readings.rotation is not None for readings in series):
         return
-    thin = [select_rows(one, evenly_spaced(one.rows, MAX_ROWS)) for one in series]
+    thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
-        other = fitted(tuple(replace(one, q=sign * one.q) for one in thin))[1].open_position
+        mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[1].open_position
     except BenchError:
         return
-    own = fitted(tuple(thin))[1].open_position
-    if other < MAX_SCATTER_RATIO * own:
+    as_read = fitted(tuple(thin))[1].open_position
+    if mirrored < MAX_SCATTER_RATIO * as_read:
         raise BenchError(
-            f"{series[0].name}: the readings fit this arm to {1e3 * own:.2g} mm along an axis; with the "
+            f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
             "other "
-            f"sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * other:.2g} mm"
+            f"sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * mirrored:.2g} mm"
         )
 
 
@@ -226,7 +228,7 @@ def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
     Raises:
         Misfit: When the rows of one series belong to other poses from some row on.
     """
-    for one in series:
-        if one.distance is None and (found := find_slip(of_series(vjm, one))):
-            first = one.row[found.first]
-            raise Misfit(f"{one.name}: its rows from {first} on do not fit those before", one)
+    for readings in series:
+        if readings.distance is None and (slip := find_slip(of_series(vjm, readings))):
+            first = readings.row[slip.first]
+            raise Misfit(f"{readings.name}: its rows from {first} on do not fit those before", readings)

@@ -54,7 +54,7 @@ class Timeline:
         empty when there are too few readings.
         """
         series = tuple(_series_in_time(select_rows(self.data, evenly(np.arange(self.data.runs)))))
-        steps = [step_places(one, MIN_POSES) for one in series]
+        steps = [step_places(readings, MIN_POSES) for readings in series]
         if not self.vjm.arm.joints or not any(map(len, steps)):
             return []
         try:
@@ -70,9 +70,9 @@ class Timeline:
         )
         clear = MAX_CHANCE / (2 * sum(map(len, steps)))
         issues = [
-            with_shift(linear, *one)
-            for one in most_significant_step(linear, series, steps)
-            if chance(one[1]) < clear
+            with_shift(linear, readings, step)
+            for readings, step in most_significant_step(linear, series, steps)
+            if chance(step) < clear
         ]
         return [replace(step, numbers={**step.numbers, "pairs": True}) for step in issues]
 
@@ -102,6 +102,6 @@ def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
-        frames={one.frame: ORIGIN for one in series},
+        frames={readings.frame: ORIGIN for readings in series},
         mounts={MOUNT_NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
     )
