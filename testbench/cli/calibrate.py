@@ -61,7 +61,7 @@ TABLES = {
         "Periodic errors of the joints",
         "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant",
     ),
-    "pattern": ("One periodic error that joints share", "joint turn_deg mirrored"),
+    "pattern": ("Periodic error that joints share", "joint turn_deg mirrored"),
     "ranges": ("Ranges of joints with the largest errors after calibration", "what rms_mm"),
     "outliers": ("Readings with little weight", "series row marker error_mm pull"),
 }

@@ -107,9 +107,9 @@ def report(checked: Checked) -> Report:
     row = Row(f.sag_mm, load=f.what, at=_place(np.array(f.place_m)), joints=f.joints)
     tables = {
         "sag": Table((TableColumn("load", "payload"), *ends), [row], "Deflection of the tool over the poses"),
-        "worst": Table(where, [row], "Where it is largest"),
+        "worst": Table(where, [row], "Pose of the largest deflection"),
         "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
-        "parts": Table(columns("part sag_share_percent"), parts, "What sags"),
+        "parts": Table(columns("part sag_share_percent"), parts, "Share of the sag by link and joint"),
     }
     return Report(
         scenario=f.arm,

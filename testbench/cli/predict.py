@@ -175,7 +175,9 @@ def report(made: Predicted) -> Report:
     f = prediction_numbers(made)
     first = f.worst[0]
     tables = {
-        "worst": Table(columns(POSES), f.worst, "Poses that move most", headline="deflection_mm"),
+        "worst": Table(
+            columns(POSES), f.worst, "Poses with the largest deflection", headline="deflection_mm"
+        ),
         "numbers": Table(
             columns("what value"),
             [Row(what=name, value=own) for name, own in _others(f) if own is not None],
@@ -221,8 +223,8 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "95 % half width of a position at the tool, median, mm", f.position_half_mm if f.absolute else None
     yield "largest force about the tool's origin, N", f.force_n
     yield "largest moment, N m", f.moment_nm
-    yield "ratio of that force to the largest one identified", f.force_ratio
-    yield "ratio of that moment to the largest one identified", f.moment_ratio
+    yield "ratio of this force to the largest one of the identification", f.force_ratio
+    yield "ratio of this moment to the largest one of the identification", f.moment_ratio
     yield "deflection, least, mm", f.least_mm
     yield "deflection, median, mm", f.median_mm
     yield "largest difference from the linear model, Eq. (6), mm", f.other_off_mm

@@ -89,8 +89,8 @@ NOTATIONS: Mapping[str, Axes] = {
     "vector": "",
 }
 """Usual notations of an orientation by three angles, as a map names them and as SciPy does."""
-Place = Iterator[Change[Observations]]
-Load = Iterator[Change[Loads]]
+PlaceChanges = Iterator[Change[Observations]]
+LoadChanges = Iterator[Change[Loads]]
 
 
 # --- What needs no fit: copied readings, absurd load points, moves against the force ------------------------
@@ -188,7 +188,7 @@ def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Change[
 # --- Readings against the kinematics ------------------------------------------------------------------------
 
 
-def _frame(observations: Observations) -> Place:
+def _frame(observations: Observations) -> PlaceChanges:
     if not observations.free.frame:
         free = replace(observations.free, frame=True)
         yield Change(undone=replace(observations, free=free), large=longer_than(MIN_FRAME_TURN, MIN_SHIFT))
@@ -205,7 +205,7 @@ def _frame_words(issue: Issue, _: Arm) -> str:
     return f"the readings {words}, {how}"
 
 
-def _targets(observations: Observations) -> Place:
+def _targets(observations: Observations) -> PlaceChanges:
     if not observations.free.targets:
         yield Change(
             undone=replace(observations, free=replace(observations.free, targets=True)),
@@ -219,17 +219,17 @@ def _targets_words(issue: Issue, _: Arm) -> str:
     return f"{name} is {off}" if what == "targets" else f"have {name} {off}"
 
 
-def _mirrored(observations: Observations) -> Place:
+def _mirrored(observations: Observations) -> PlaceChanges:
     yield Change(undone=replace(observations, free=replace(observations.free, frame=True, mirrored=True)))
 
 
-def _link(observations: Observations) -> Place:
+def _link(observations: Observations) -> PlaceChanges:
     for k, link in enumerate(observations.vjm.arm.links[1:-1], start=1):
         free = replace(observations.free, theta=(6 * k, 6 * k + 1, 6 * k + 2))
         yield Change((link.name,), undone=replace(observations, free=free), large=longer_than(MIN_SHIFT))
 
 
-def _joint_zero(observations: Observations) -> Place:
+def _joint_zero(observations: Observations) -> PlaceChanges:
     """An error of any size, or a quarter or half turn, which no linear fit finds.
 
     A half turn of a wrist may as well be another sign, which is likelier: it counts as one parameter more.
@@ -254,7 +254,7 @@ def _joint_zero_words(issue: Issue, arm: Arm) -> str:
     return f"fit if the zero of {name} is off by {_angle_text(arm, name, issue.size[0])}{ends.get(name, '')}"
 
 
-def _markers(observations: Observations) -> Place:
+def _markers(observations: Observations) -> PlaceChanges:
     """Other names of the targets: every order of a few; of more the exchange of two that fits best."""
     m = len(observations.markers)
     if observations.free.lost:  # nothing says where any of them is
@@ -293,13 +293,13 @@ def _markers_words(issue: Issue, _: Arm) -> str:
     return f"fit if the names of {', '.join(names)} are exchanged"
 
 
-def _unit(observations: Observations) -> Place:
+def _unit(observations: Observations) -> PlaceChanges:
     for factor in UNITS:
         undone = replace(observations, read=factor * observations.read)
         yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE_PARAMETERS)
 
 
-def _angle_unit(observations: Observations) -> Place:
+def _angle_unit(observations: Observations) -> PlaceChanges:
     hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
         undone = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
@@ -312,7 +312,7 @@ def _angle_unit_words(issue: Issue, _: Arm) -> str:
     )
 
 
-def _order(observations: Observations) -> Place:
+def _order(observations: Observations) -> PlaceChanges:
     """Readings of another pose, from the first row on or from a later one."""
     for shift in (1, -1):
         undone = replace(observations, q=np.roll(observations.q, shift, axis=0))
@@ -328,7 +328,7 @@ def _order_words(issue: Issue, _: Arm) -> str:
     return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
 
 
-def _joint_sign(observations: Observations) -> Place:
+def _joint_sign(observations: Observations) -> PlaceChanges:
     for k, joint in enumerate(observations.vjm.arm.joints):
         sign = np.where(np.arange(observations.q.shape[1]) == k, -1, 1)
         yield Change(
@@ -336,7 +336,7 @@ def _joint_sign(observations: Observations) -> Place:
         )
 
 
-def _joint_coupling(observations: Observations) -> Place:
+def _joint_coupling(observations: Observations) -> PlaceChanges:
     """Usual couplings; `where` has for each joint its name, "+" or "-" and that of the other.
 
     A pendant's third joint counts the second one where a linkage drives it, or where its angle is that
@@ -365,7 +365,7 @@ def _joint_coupling_words(issue: Issue, _: Arm) -> str:
     return f"fit if {sums}: does the robot count {triples[0][0]} together with {triples[0][2]}?"
 
 
-def _joint_order(observations: Observations) -> Place:
+def _joint_order(observations: Observations) -> PlaceChanges:
     names = [joint.name for joint in observations.vjm.arm.joints]
     for order in likely_orders(observations):
         where = tuple(names[k] for k in np.argsort(order))
@@ -384,7 +384,7 @@ def _joint_order_words(issue: Issue, arm: Arm) -> str:
     return f"fit if the joint order in the file is {', '.join(order)}"
 
 
-def _axes(observations: Observations) -> Place:
+def _axes(observations: Observations) -> PlaceChanges:
     """Positions with the sign of an axis, or two axes exchanged; orientations alone tell which."""
     if observations.rotation is None:
         return
@@ -407,7 +407,7 @@ def _axes_words(issue: Issue, _: Arm) -> str:
     return f"fit if {issue.where[1]} of the positions has the other sign"
 
 
-def _notation(observations: Observations) -> Place:
+def _notation(observations: Observations) -> PlaceChanges:
     """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
     if observations.rotation is None:
         return
@@ -489,7 +489,7 @@ def _pose_words(issue: Issue, arm: Arm) -> str:
 # --- Loads and deflections ----------------------------------------------------------------------------------
 
 
-def _mounting(loads: Loads) -> Load:
+def _mounting(loads: Loads) -> LoadChanges:
     if loads.gravity is not None:
         issue, data = mounting(loads.vjm, loads.gravity), with_gravity_along(loads.data, loads.gravity.g)
         yield Change(issue.where, issue.size, issue.numbers, undone=replace(loads, data=data))
@@ -517,14 +517,14 @@ def _sized_change(loads: Loads, unit: float, undone: Sequence[Dataset]) -> Chang
     return Change(columns=loads.model.columns(undone), unit=unit)
 
 
-def _force_offset(loads: Loads) -> Load:
+def _force_offset(loads: Loads) -> LoadChanges:
     if loads.model is not None and loads.largest_force > 0:
         data, size = loads.data, FORCE_SHARE * loads.largest_force
         undone = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
         yield replace(_sized_change(loads, size, undone), large=any_above(0.045 * loads.largest_force))
 
 
-def _load_point(loads: Loads) -> Load:
+def _load_point(loads: Loads) -> LoadChanges:
     if loads.model is not None:
         data = loads.data
         undone = [replace(data, point=data.point + POINT_ERROR * e) for e in np.eye(3)]
@@ -541,7 +541,7 @@ def _load_point_words(issue: Issue, _: Arm) -> str:
     return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
 
-def _touched_tracker(loads: Loads) -> Load:
+def _touched_tracker(loads: Loads) -> LoadChanges:
     """A tracker that moved between the two readings of every run, of a station."""
     data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
@@ -553,7 +553,7 @@ def _touched_tracker(loads: Loads) -> Load:
         yield replace(change, where=() if data.station is None else (str(name),), large=any_above(4e-4))
 
 
-def _level(loads: Loads) -> Load:
+def _level(loads: Loads) -> LoadChanges:
     data, groups = loads.data, levels(loads.data)
     for mask in groups if len(groups) > 1 and loads.model is not None else ():
         force = float(np.linalg.norm(data.wrench[mask, :3], axis=1).mean())
@@ -563,7 +563,7 @@ def _level(loads: Loads) -> Load:
         yield replace(change, numbers={"force": force}, large=any_above(0.08))
 
 
-def _force_axes(loads: Loads) -> Load:
+def _force_axes(loads: Loads) -> LoadChanges:
     data, w = loads.data, loads.data.wrench.reshape(-1, 2, 3)
 
     def undone(other: Array) -> Loads:
@@ -584,7 +584,7 @@ def _force_axes_words(issue: Issue, _: Arm) -> str:
     return f"the readings fit if the forces' axes x, y, z are {', '.join(order)}{minus}"
 
 
-def _levels(loads: Loads) -> Load:
+def _levels(loads: Loads) -> LoadChanges:
     """Loads that were listed in reversed order."""
     data, groups = loads.data, levels(loads.data)
     sizes = [np.linalg.norm(data.wrench[level, :3], axis=1).mean() for level in groups]
@@ -605,7 +605,7 @@ def _rows_of_runs(loads: Loads) -> Iterator[tuple[str, tuple[int, int]]]:
             yield name, (3 * int(first), 3 * int(end))
 
 
-def _run_load(loads: Loads) -> Load:
+def _run_load(loads: Loads) -> LoadChanges:
     if (residual_model := loads.model) is not None:
         expected = (residual_model.read.A @ residual_model.pi).ravel()
         for name, rows in _rows_of_runs(loads):
@@ -613,7 +613,7 @@ def _run_load(loads: Loads) -> Load:
             yield Change((name,), columns=columns, rows=rows, unit=LOAD_FACTOR, large=any_above(0.4))
 
 
-def _bumps(loads: Loads, *, all_targets: bool) -> Load:
+def _bumps(loads: Loads, *, all_targets: bool) -> LoadChanges:
     """Targets of a run that moved, each by itself: all of them, or one."""
     if (residual_model := loads.model) is not None:
         size = BUMP_SIZE / np.repeat(residual_model.read.unit, 3)
@@ -712,7 +712,9 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "repeated",
             _repeated,
-            lambda f, _: f"run {f.where[0]} has the loaded readings of run {f.where[1]}, in another pose",
+            lambda issue, _: (
+                f"run {issue.where[0]} has the loaded readings of run {issue.where[1]}, in another pose"
+            ),
             "was it copied?",
         ),
         Hypothesis("load_point", _far_load, _load_point_words),
@@ -734,18 +736,19 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "link",
             _link,
-            lambda f, _: (
-                f"fit if the end of {f.where[1]} is moved by ({_vector_text(f.size, MM, 0)}) mm, in its axes"
+            lambda issue, _: (
+                f"fit if the end of {issue.where[1]} is moved by ({_vector_text(issue.size, MM, 0)}) mm, "
+                "in its axes"
             ),
             "is this the arm?",
             loose=True,
         ),
         Hypothesis("joint_zero", _joint_zero, _joint_zero_words),
         Hypothesis("markers", _markers, _markers_words),
-        Hypothesis("unit", _unit, lambda f, _: f"are {UNITS[f.size[0]]}"),
+        Hypothesis("unit", _unit, lambda issue, _: f"are {UNITS[issue.size[0]]}"),
         Hypothesis("angle_unit", _angle_unit, _angle_unit_words),
         Hypothesis("order", _order, _order_words),
-        Hypothesis("joint_sign", _joint_sign, lambda f, _: f"fit if {f.where[1]} has the other sign"),
+        Hypothesis("joint_sign", _joint_sign, lambda issue, _: f"fit if {issue.where[1]} has the other sign"),
         Hypothesis("joint_coupling", _joint_coupling, _joint_coupling_words),
         Hypothesis("joint_order", _joint_order, _joint_order_words),
         Hypothesis("notation", _notation, _notation_words),
@@ -761,7 +764,9 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "force_offset",
             _force_offset,
-            lambda f, _: f"a constant force of ({_vector_text(f.size, 1, 0)}) N is missing in every load",
+            lambda issue, _: (
+                f"a constant force of ({_vector_text(issue.size, 1, 0)}) N is missing in every load"
+            ),
             "is the sensor's zero wrong?",
             nats=MIN_NATS,
         ),
@@ -770,9 +775,9 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "level",
             _level,
-            lambda f, _: (
-                f"compared with the other loads, the load of {f.numbers['force']:.4g} N acts as if it "
-                f"were {1 + f.size[0]:.2f} times as large"
+            lambda issue, _: (
+                f"compared with the other loads, the load of {issue.numbers['force']:.4g} N acts as if it "
+                f"were {1 + issue.size[0]:.2f} times as large"
             ),
             "is its mass right?",
             nats=MIN_NATS_OF_RUN,
@@ -790,8 +795,9 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "run",
             partial(_bumps, all_targets=True),
-            lambda f, _: (
-                f"run {f.where[0]}: its targets are {_distance(f):.2g} mm from where the load should move "
+            lambda issue, _: (
+                f"run {issue.where[0]}: its targets are {_distance(issue):.2g} mm from where the load "
+                "should move "
                 "them"
             ),
             nats=MIN_NATS_OF_RUN,
@@ -830,22 +836,25 @@ def _scale_words(issue: Issue, arm: Arm) -> str:
 
 READING_WORDS = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
-    "kinematics": lambda f, _: (
-        f"the {READING_WORDS[f.where[0]]} lie {length_text(f.numbers['now'])} (median) from the arm's "
+    "kinematics": lambda issue, _: (
+        f"the {READING_WORDS[issue.where[0]]} lie {length_text(issue.numbers['now'])} (median) from the "
+        "arm's "
         f"kinematics, and no "
         "single mistake explains that: is this the arm?"
     ),
     "scale": _scale_words,
-    "noise": lambda f, _: (
-        f"the readings scatter {f.numbers['factor']:.2g} times as much as their noise of "
-        f"{1e6 * f.numbers['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
+    "noise": lambda issue, _: (
+        f"the readings scatter {issue.numbers['factor']:.2g} times as much as their noise of "
+        f"{1e6 * issue.numbers['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
     ),
-    "never_read": lambda f, _: (
-        f"{f.where[0]}: targets without any reading are left out: {', '.join(f.where[1:])}"
+    "never_read": lambda issue, _: (
+        f"{issue.where[0]}: targets without any reading are left out: {', '.join(issue.where[1:])}"
     ),
-    "unshared": lambda f, _: f"{f.where[0]}: its {f.where[1]} should be shared, but is fitted separately",
-    "not_parted": lambda f, _: (
-        f"{', '.join(f.where)}: stays one series, because its parts alone do not determine their frames "
+    "unshared": lambda issue, _: (
+        f"{issue.where[0]}: its {issue.where[1]} should be shared, but is fitted separately"
+    ),
+    "not_parted": lambda issue, _: (
+        f"{', '.join(issue.where)}: stays one series, because its parts alone do not determine their frames "
         "or mounts"
     ),
 }
