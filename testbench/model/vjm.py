@@ -16,50 +16,19 @@ Poses may be limited to a work area of the tool; a caller's check keeps them fre
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_array
+from testbench.errors import Array, BenchError, Mask, PoseError, check_array
 from testbench.model.structure import Structure
 
+if TYPE_CHECKING:  # the laws evaluate chains
+    from testbench.model.laws import JointLaws
+
 # --- The virtual joint method on the kinematics of the rigid arm, batched over runs, Eq. (1) to (13) --------
-
-
-class Laws(Protocol):
-    """Define what the model asks of joint laws: virtual joints in series with each joint's own spring."""
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,)."""
-
-    @property
-    def joints(self) -> Ids:
-        """Return the index of the actuated joint that each law turns with, (laws,)."""
-
-    def load(self, chain: "Chain", u: Array) -> Array:
-        """Compute the turn of every law per unit of its size.
-
-        Args:
-            chain: The arm in its poses.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
-
-        Returns:
-            Turn per unit of size, (laws, runs) [rad, m].
-        """
-
-    def slope(self, chain: "Chain", u: Array) -> Array:
-        """Compute the derivative of the laws' turns with respect to the torque of their joint.
-
-        Args:
-            chain: The arm in its poses.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
-
-        Returns:
-            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
-        """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +47,7 @@ class Vjm(Displayed):
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
-    laws: Laws | None = None  #: Laws of its joints beyond a linear spring; None for none.
+    laws: "JointLaws | None" = None  #: Laws of its joints beyond a linear spring; None for none.
 
     @property
     def n_theta(self) -> int:
@@ -146,7 +115,7 @@ class Chain:
     #: Origin, (3, runs) [m], and axes, world from body, (3, 3, runs), of the links' bodies from the base on
     #: and of the tool, n + 2 of them.
     bodies: tuple[tuple[Array, Array], ...]
-    laws: Laws | None = None  #: Joint laws of the model.
+    laws: "JointLaws | None" = None  #: Joint laws of the model.
 
     def points(self, points: Array) -> Array:
         """Transform points from the tool's frame, (k, 3) [m], to the world, (runs, k, 3) [m]."""
@@ -330,13 +299,15 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
     R = np.tile(vjm.base[:3, :3, None], len(q))
     p = np.tile(vjm.base[:3, 3:], len(q))
     bodies = [(p, R)]
-    for joint, placement, axis, moved in zip(vjm.arm.joints, vjm.placements, vjm.axes, q.T, strict=True):
+    steps = zip(vjm.arm.joints, vjm.placements, vjm.rodrigues_factors, q.T, strict=True)
+    for joint, placement, factors, moved in steps:
         p = p + placement[:3, 3] @ R
         R = placement[:3, :3].T @ R
+        of = factors @ R
         if joint.prismatic:
-            p = p + moved * (axis @ R)
+            p = p + moved * of[:, 6]
         else:
-            R = rotate_frames(R, axis, moved)
+            R = R + np.sin(moved) * of[:, :3] + (1 - np.cos(moved)) * of[:, 3:6]
         bodies.append((p, R))
     bodies.append((p + vjm.tool[:3, 3] @ R, vjm.tool[:3, :3].T @ R))
     return [(p.T, R.transpose(2, 0, 1)) for p, R in bodies]
@@ -366,21 +337,6 @@ def displace_link(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Ar
         hinges[:, k] = beam[:, k]
         beam[:, y], beam[:, z] = c * beam[:, y] + s * beam[:, z], c * beam[:, z] - s * beam[:, y]
     return p, hinges, beam
-
-
-def rotate_frames(R: Array, axis: Array, angle: Array) -> Array:
-    """Turn frames about an axis of their own, by Rodrigues' formula R (1 + sin W + (1 - cos) W^2).
-
-    Args:
-        R: World from body, (3, 3, runs) [1].
-        axis: Unit axis in the body, (3,) [1].
-        angle: Angles, (runs,) [rad].
-
-    Returns:
-        World from turned body, (3, 3, runs) [1].
-    """
-    W = skew(axis)
-    return np.asarray(R + np.sin(angle) * (W.T @ R) + (1 - np.cos(angle)) * ((W @ W).T @ R))
 
 
 def rotation(axis: Array, angle: float) -> Array:
