@@ -623,6 +623,27 @@ class Proposal:
         return Map.model_validate(tomllib.loads(map_text(self.entries)))
 
 
+def _joined(
+    table: TableCells, log: Path, arm: Arm, fits: Fitting | None, beside: Path
+) -> tuple[TableCells, list[Entry], list[Entry], tuple[Fitting | None, TableCells]]:
+    """Join the robot's log to an export.
+
+    Returns:
+        The table with the columns of the log; the entries of its points; those of the log; how the log was read.
+    """
+    rows, layout = _read(log, arm)
+    how, alone = _join(table, rows, fits, layout)
+    table, points = _of_the_arm(table, alone)
+    keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
+    why = {
+        "rows": "no names or times in common, but these counts agree",
+        "parts": "names of the log are parts of the names here",
+    }
+    entries = [Entry("log", key, value, why.get(key, "")) for key, value in keys.items()]
+    entries += _layout_entries("log.table", layout)
+    return join_log(table, rows, how), points, entries, (layout, rows)
+
+
 def propose(
     path: Path,
     arm: Arm,
@@ -662,18 +683,9 @@ def propose(
         blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
         table, points = _of_the_arm(table, np.all(blank, axis=0))
     else:
-        other, own = _read(log, arm)
-        how, alone = _join(table, other, fits, own)
-        table, points = _of_the_arm(table, alone)
-        table = join_log(table, other, how)
-        said = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
-        why = {
-            "rows": "no names or times in common, but these counts agree",
-            "parts": "names of the log are parts of the names here",
-        }
-        entries += [Entry("log", key, value, why.get(key, "")) for key, value in said.items()]
-        entries += _layout_entries("log.table", own)
-        every.append((own, other))
+        table, points, of_log, source = _joined(table, log, arm, fits, beside)
+        entries += of_log
+        every.append(source)
     length = stated_length_unit(above) or (fits and fits.layout.length) or ""
     stated = Stated()
     for one, source in every:

@@ -359,26 +359,11 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
 
 def _document(model: ArmModel) -> dict[str, object]:
     """Collect what model.json says of a model, as plain data."""
-    state, structure, posterior, about = model.state, model.structure, model.posterior, model.about
-    values, noise = structure.entries(state.C_theta).tolist(), model.noise
+    state, posterior, noise = model.state, model.posterior, model.noise
     return {
         "arm": model.arm.name,
-        "about": {
-            "method": about.method,
-            "data": dict(about.data),
-            "doubts": list(about.doubts),
-            "force_N": about.force,
-            "moment_Nm": about.moment,
-            "versions": files.versions(),
-        },
-        "structure": {
-            "name": structure.name,
-            "symmetric": structure.symmetric,
-            "entries": [
-                {"row": structure.labels[a], "column": structure.labels[b], "value": value}
-                for a, b, value in zip(structure.a, structure.b, values, strict=True)
-            ],
-        },
+        "about": _origin_document(model.about),
+        "structure": _structure_document(model.structure, state.C_theta),
         "weights": {"mass_kg": state.weights.mass.tolist(), "centre_m": state.weights.centre.tolist()},
         "theta_0": state.theta_0.tolist(),
         "errors": {
@@ -414,6 +399,26 @@ def _document(model: ArmModel) -> dict[str, object]:
             "on_boundary": posterior.on_boundary,
         },
     }
+
+
+def _origin_document(about: ModelOrigin) -> dict[str, object]:
+    return {
+        "method": about.method,
+        "data": dict(about.data),
+        "doubts": list(about.doubts),
+        "force_N": about.force,
+        "moment_Nm": about.moment,
+        "versions": files.versions(),
+    }
+
+
+def _structure_document(structure: Structure, C_theta: Array) -> dict[str, object]:
+    values = structure.entries(C_theta).tolist()
+    entries = [
+        {"row": structure.labels[a], "column": structure.labels[b], "value": value}
+        for a, b, value in zip(structure.a, structure.b, values, strict=True)
+    ]
+    return {"name": structure.name, "symmetric": structure.symmetric, "entries": entries}
 
 
 def write_stiffness(

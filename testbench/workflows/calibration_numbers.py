@@ -17,7 +17,7 @@ import numpy as np
 from testbench.arm.folder import ArmJoint
 from testbench.data.dataset import Series, numbers_per_target, select_rows
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.align import align_all, residuals
+from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
 from testbench.identify.absolute.evidence import DEFAULT_SCALES, LOOSE_STRENGTH, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
@@ -195,20 +195,12 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     before, after = (
         [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
     )
-    vjm, estimate, noise = calibration.state.vjm, calibration.estimate, calibration.noise
+    vjm, estimate = calibration.state.vjm, calibration.estimate
     q = np.concatenate([np.repeat(one.q, one.seen.sum(axis=1), axis=0) for one in series])
     every = np.concatenate(before), np.concatenate(after)
     f = Row(
         arm=vjm.arm.name,
-        series=[
-            Row(
-                series=one.name,
-                rows=one.rows,
-                before=distance_statistics(MM * x),
-                after=distance_statistics(MM * y),
-            )
-            for one, x, y in zip(series, before, after, strict=True)
-        ],
+        series=[_errors_of_series(*parts) for parts in zip(series, before, after, strict=True)],
         total_before=distance_statistics(MM * every[0]),
         total_after=distance_statistics(MM * every[1]),
         steps=[_step(step, math.sqrt(numbers_per_target(series))) for step in calibration.chosen.steps],
@@ -219,12 +211,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
         far_geometry=_far_geometry(calibrated, geometry),
         compliances=_compliances(calibration),
         **_solved(calibration),
-        noise=Row(
-            sigma_um=float(UM * np.sqrt(np.mean([one.sigma**2 for one in series]))),
-            open_position_um=UM * noise.open_position,
-            open_rotation_urad=UM * noise.open_rotation,
-            position_factor=float(noise.factor[0]),
-        ),
+        noise=_noise(calibration.noise, series),
         mounting=calibrated.mounting,
         weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
         left_open=list(_left_open(calibration)),
@@ -240,6 +227,21 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     f["more"] = more and Row(poses=FURTHER, now_mm=MM * more[0], after_mm=MM * more[1])
     f["doubts"] = [f"{name}: {text}" for name, text in calibration_doubts(f)]
     return f
+
+
+def _errors_of_series(series: Series, before: Array, after: Array) -> Row:
+    """Errors of a series, of the nominal and of the calibrated arm, (readings,) each [m]."""
+    errors = {"before": distance_statistics(MM * before), "after": distance_statistics(MM * after)}
+    return Row(series=series.name, rows=series.rows, **errors)
+
+
+def _noise(noise: Noise, series: Sequence[Series]) -> Row:
+    return Row(
+        sigma_um=float(UM * np.sqrt(np.mean([readings.sigma**2 for readings in series]))),
+        open_position_um=UM * noise.open_position,
+        open_rotation_urad=UM * noise.open_rotation,
+        position_factor=float(noise.factor[0]),
+    )
 
 
 def reason_against_use(f: Row) -> str:
