@@ -629,7 +629,7 @@ def _joined(
     """Join the robot's log to an export.
 
     Returns:
-        The table with the columns of the log; the entries of its points; those of the log; how the log was read.
+        The table with the columns of the log; the entries of its points; those of the log; how it was read.
     """
     rows, layout = _read(log, arm)
     how, alone = _join(table, rows, fits, layout)

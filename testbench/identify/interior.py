@@ -262,13 +262,7 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     dx = cho_solve(root, w - missing)
     # Stay inside the cone: a share MIN_BOUNDARY_SHARE to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
-    step = min(
-        1.0,
-        *(
-            float(scaling_of_step.longest(scaling_of_step.scaled(dx), sum_of_steps))
-            for scaling_of_step, sum_of_steps in pairs
-        ),
-    )
+    step = min(1.0, *(float(scaling.longest(scaling.scaled(dx), total)) for scaling, total in pairs))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
@@ -453,11 +447,8 @@ def _definite(x: Array, groups: list[Ids]) -> Mask:
 def _batch_step(state: _State, newton: "_Newton") -> _State:
     """Take one step: predicted to first order, then corrected to second order."""
     missing = state.gradient - state.s
-    x, s, order = (
-        state.x,
-        state.s,
-        sum(each_scaling.d.shape[1] * each_scaling.d.shape[2] for each_scaling in newton.scalings),
-    )
+    x, s = state.x, state.s
+    order = sum(scaling.d.shape[1] * scaling.d.shape[2] for scaling in newton.scalings)
     aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
     scaled, wanted, sums = newton.scaled_back(missing), np.empty_like(x), []
     for scaling in newton.scalings:  # s is diag d there

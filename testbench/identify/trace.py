@@ -256,8 +256,8 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
     k, left = choose(readings, scaled, rigid, weights)
     weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
     chi2 = max(left, GRAM_ROUNDING * readings.total[-1, -1])  # of an exact fit rounding alone
-    points = readings.all_equations / 3
-    return replace(penalty, weight=float(weights[k] * readings.n_terms / math.sqrt(chi2 * points)))
+    misfit = math.sqrt(chi2 * readings.all_equations / 3)
+    return replace(penalty, weight=float(weights[k] * readings.n_terms / misfit))
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,8 @@ class _ScaledFolds:
     price: Array  #: Trace per unit of the coordinates, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     order: Ids  #: Parameters in the order of the coordinates, (n,).
-    unit: Array  #: Parameters per unit of the coordinates, (n,) [m/N, rad/(N m)].
+    scale: Array  #: Parameters per unit of the coordinates and of `unit`, (n,) [m/N, rad/(N m)].
+    unit: float  #: Size of all readings together [1].
 
     def problems(self, folds: slice) -> interior.Problems:
         """Make the least-squares problems of some folds."""
@@ -280,7 +281,7 @@ class _ScaledFolds:
     def parameters(self, x: Array) -> Array:
         """Convert coordinates x, (..., n), to parameters, (..., n)."""
         pi = np.empty_like(x)
-        pi[..., self.order] = x * self.unit
+        pi[..., self.order] = x * self.scale * self.unit
         return pi
 
 
@@ -299,7 +300,8 @@ def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
         price=penalty.price[order] * scale / unit,
         sizes=tuple(len(block) for block in s.blocks),
         order=order,
-        unit=scale * unit,
+        scale=scale,
+        unit=unit,
     )
 
 

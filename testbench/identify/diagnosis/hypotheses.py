@@ -796,9 +796,8 @@ HYPOTHESES = Hypotheses(
             "run",
             partial(_bumps, all_targets=True),
             lambda issue, _: (
-                f"run {issue.where[0]}: its targets are {_distance(issue):.2g} mm from where the load "
-                "should move "
-                "them"
+                f"run {issue.where[0]}: its targets are {_distance(issue):.2g} mm from where the load should "
+                "move them"
             ),
             nats=MIN_NATS_OF_RUN,
         ),
@@ -838,9 +837,7 @@ READING_WORDS = {"unloaded": "unloaded readings", "loaded": "loaded readings", "
 OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda issue, _: (
         f"the {READING_WORDS[issue.where[0]]} lie {length_text(issue.numbers['now'])} (median) from the "
-        "arm's "
-        f"kinematics, and no "
-        "single mistake explains that: is this the arm?"
+        "arm's kinematics, and no single mistake explains that: is this the arm?"
     ),
     "scale": _scale_words,
     "noise": lambda issue, _: (

@@ -213,8 +213,7 @@ def check_last_joint(
     if mirrored < MAX_SCATTER_RATIO * as_read:
         raise BenchError(
             f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
-            "other "
-            f"sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * mirrored:.2g} mm"
+            f"other sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * mirrored:.2g} mm"
         )
 
 
