@@ -410,7 +410,7 @@ def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice
         The model with a loop of two half widths in those runs and of one in the others; unchanged without
         laws.
     """
-    if taken_off is None or vjm.laws is None:
+    if taken_off is None or not isinstance(vjm.laws, JointLaws):
         return vjm
     return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[runs], 2.0, 1.0)))
 

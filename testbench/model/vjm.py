@@ -16,19 +16,50 @@ Poses may be limited to a work area of the tool; a caller's check keeps them fre
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Mask, PoseError, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_array
 from testbench.model.structure import Structure
 
-if TYPE_CHECKING:  # the laws evaluate chains
-    from testbench.model.laws import JointLaws
-
 # --- The virtual joint method on the kinematics of the rigid arm, batched over runs, Eq. (1) to (13) --------
+
+
+class Laws(Protocol):
+    """Define what the model asks of joint laws: virtual joints in series with each joint's own spring."""
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Name the kind of every law, (laws,)."""
+
+    @property
+    def joints(self) -> Ids:
+        """Return the index of the actuated joint that each law turns with, (laws,)."""
+
+    def load(self, chain: "Chain", u: Array) -> Array:
+        """Compute the turn of every law per unit of its size.
+
+        Args:
+            chain: The arm in its poses.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size, (laws, runs) [rad, m].
+        """
+
+    def slope(self, chain: "Chain", u: Array) -> Array:
+        """Compute the derivative of the laws' turns with respect to the torque of their joint.
+
+        Args:
+            chain: The arm in its poses.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
+        """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +78,7 @@ class Vjm(Displayed):
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
-    laws: "JointLaws | None" = None  #: Laws of its joints beyond a linear spring; None for none.
+    laws: Laws | None = None  #: Laws of its joints beyond a linear spring; None for none.
 
     @property
     def n_theta(self) -> int:
@@ -115,7 +146,7 @@ class Chain:
     #: Origin, (3, runs) [m], and axes, world from body, (3, 3, runs), of the links' bodies from the base on
     #: and of the tool, n + 2 of them.
     bodies: tuple[tuple[Array, Array], ...]
-    laws: "JointLaws | None" = None  #: Joint laws of the model.
+    laws: Laws | None = None  #: Joint laws of the model.
 
     def points(self, points: Array) -> Array:
         """Transform points from the tool's frame, (k, 3) [m], to the world, (runs, k, 3) [m]."""

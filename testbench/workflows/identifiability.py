@@ -577,7 +577,7 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
 
 
 def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
-    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remain"
+    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remains"
     if not hidden_quantity.confounded_with:
         return f"{hidden_quantity.name} is not seen ({left}){_advice(hidden_quantity, joints)}"
     behind = " and ".join(
@@ -655,7 +655,7 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
 
 def _left(own: Sequence[HiddenQuantity]) -> str:
     shares = [100 * hidden_quantity.share for hidden_quantity in own]
-    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance remain"
+    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance remains"
 
 
 def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:
