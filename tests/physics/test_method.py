@@ -296,7 +296,7 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     assert first.sigmas == pytest.approx(first.residual / (np.sqrt(2) * 50e-6))
     assert fit.regression.equations == 3 * (45 - 4)
     said = advice(fit)
-    assert f"4 of 45 readings rejected, beyond {REJECTION_THRESHOLD} standard deviations" in said
+    assert f"4 of 45 readings are rejected: they lie beyond {REJECTION_THRESHOLD} standard deviations" in said
     assert any(f"all readings of run {data.run[6]} are rejected:" in words for words in said)
 
 

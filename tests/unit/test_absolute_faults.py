@@ -96,7 +96,7 @@ def test_what_a_pose_leaves_open_is_no_move_however_many_readings_it_has(kr500):
     behind = np.arange(one.rows) >= 36
     moved = gathered(kr500, replace(one, position=one.position + behind[:, None, None] * 5e-3))
     (words,) = moves(moved, kr500)
-    size = float(re.search(r"the tracker moved by (\S+) mm.* between rows 36 and 37:", words)[1])
+    size = float(re.search(r"the tracker moved by (\S+) mm.* between rows 36 and 37,", words)[1])
     assert size == pytest.approx(5 * 3**0.5, rel=0.05)  # tenths of a millimetre are the arm's own
 
 
@@ -120,7 +120,7 @@ def test_what_moved_in_mid_series_is_found_at_its_row_and_parted(ur10, fault):
     found = gathered(ur10, moved)
     (words,) = moves(found, ur10)
     assert f"the {what} moved" in words
-    assert f"between rows {k} and {k + 1}:" in words
+    assert f"between rows {k} and {k + 1}," in words
     assert [part.rows for part in found.series] == [k, ROWS - k]
     assert found.noise.open_position < 2e-4  # tenths of what the step would leave
 
