@@ -376,7 +376,7 @@ def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
     np.testing.assert_allclose(series.position[:, order], known.position[rows][:, targets], atol=2e-7)
     np.testing.assert_allclose(series.wrench, known.wrench[rows] if loaded else 0, atol=1e-6)
     assert f"{series.rows} readings" in said
-    assert "They fit the arm as drawn to" in said
+    assert "They fit the nominal arm to" in said
     assert ("NEST1 without joints" in said) is (name == "nested")
     shots = name in ("leica_en", "leica_shots")
     assert ("shots" in said) is shots
@@ -390,7 +390,7 @@ def test_a_wrong_guess_is_not_silent(said, known, tmp_path):
     file, flags, _ = written(said, known, tmp_path)
     done = do("data", "map", ARM, file, *flags)
     is_refused(done, said)
-    assert "They fit the arm" not in done.stdout
+    assert "They fit the nominal arm" not in done.stdout
 
 
 def test_targets_side_by_side_are_read_as_by_the_map_that_was_written_by_hand(tmp_path):

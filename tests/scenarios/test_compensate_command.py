@@ -143,7 +143,7 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
     words = " ".join(said.split())
     assert f"{report['before_mm']['median']:.3f} mm as programmed" in words
-    assert f"Corrected, {report['unseen']} points have no bound." in words
+    assert f"{report['unseen']} points have no bound after correction." in words
     first, push = report["ellipsoids"][0], np.zeros((POINTS, 6))
     push[0, :3] = 100 * np.array(first["directions"][0])
     moved = tip_of(solve_equilibrium(kr500.plant, q, wrench + push, np.tile(TIP, (POINTS, 1))))

@@ -157,4 +157,4 @@ def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_
     assert "measured deflections divided by those that the arm's folder predicts: " in said
     refused("data", "check", ARM, file, said="for the whole file is said by --load", below=tmp_path)
     absolute = ROOT / "testbench/layouts/readings.csv"  # in our names, without a load
-    assert "They fit the arm as drawn to " in fine("data", "check", ARM, absolute)
+    assert "They fit the nominal arm to " in fine("data", "check", ARM, absolute)
