@@ -50,7 +50,7 @@ KEPT = "Green: kept, because it improves held-out readings. Grey: tried, not kep
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 TABLES = {
     "steps": (
-        "Errors tried, and the error at held-out readings with each",
+        "Errors tried, and the held-out error of the calibrated arm with each",
         "tried verdict after_mm series_after_mm",
     ),
     "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
