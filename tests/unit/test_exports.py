@@ -418,8 +418,8 @@ def test_the_sigma_of_file_or_map_counts_more_than_a_flag_and_that_is_said(tmp_p
     assert read_export(*own[:2], None, 20e-6).data.sigma == 20e-6
     both = read_export(*own, 20e-6)
     assert both.data.sigma == pytest.approx(30e-6)
-    assert any("not 20 um as the command states" in note for note in both.notes)
-    assert not any("as the command states" in note for note in read_export(*own, 30e-6).notes)
+    assert any("not the stated 20 um" in note for note in both.notes)
+    assert not any("not the stated" in note for note in read_export(*own, 30e-6).notes)
 
 
 BETWEEN = {"spreadsheet": ";", "merged": ";", "rows_of_axes": "\t"}
