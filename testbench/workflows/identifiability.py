@@ -584,9 +584,8 @@ def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
         filter(None, [", ".join(hidden_quantity.confounded_with[:-1]), hidden_quantity.confounded_with[-1]])
     )
     return (
-        f"{hidden_quantity.name} cannot be separated from {behind} (correlation "
-        f"{hidden_quantity.correlation:.2f}, "
-        f"{left}){_advice(hidden_quantity, joints)}"
+        f"{hidden_quantity.name} cannot be separated from {behind} "
+        f"(correlation {hidden_quantity.correlation:.2f}, {left}){_advice(hidden_quantity, joints)}"
     )
 
 

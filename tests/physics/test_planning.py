@@ -282,7 +282,9 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
     stuck = places[:POSES].copy()
     stuck[:, 4] = 0.3
     said = [
-        words for words in undetermined_by(union, stuck) if words.startswith("joint_4's offset hides behind")
+        words
+        for words in undetermined_by(union, stuck)
+        if words.startswith("joint_4's offset cannot be separated from")
     ]
     assert len(said) == 1
     assert "link_4's turn" in said[0]
