@@ -263,4 +263,7 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "positions with reduced weight, % (0.7 % expected)", f.less_pull_percent
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm
-        yield f"expected error over it after {f.more.poses} more planned poses, mm", f.more.after_mm
+        yield (
+            f"expected error over the workspace after {f.more.poses} more planned poses, mm",
+            f.more.after_mm,
+        )

@@ -683,9 +683,9 @@ def propose(
         blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
         table, points = _of_the_arm(table, np.all(blank, axis=0))
     else:
-        table, points, of_log, source = _joined(table, log, arm, fits, beside)
+        table, points, of_log, read = _joined(table, log, arm, fits, beside)
         entries += of_log
-        every.append(source)
+        every.append(read)
     length = stated_length_unit(above) or (fits and fits.layout.length) or ""
     stated = Stated()
     for one, source in every:
