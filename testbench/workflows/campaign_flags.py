@@ -31,7 +31,7 @@ from testbench.runs.interrupt import SESSION
 from testbench.workflows.cell import Cell, LoadedPoses, Scenario, Truth, of_arm, settle_both
 from testbench.workflows.options import read_mass
 
-if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+if TYPE_CHECKING:
     from testbench.workflows.cell import Pair
 
 

@@ -10,7 +10,7 @@ from loads import GRAVITY, hung
 from run_here import here
 
 from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
-from testbench.cli.predict import program
+from testbench.cli.program import program
 from testbench.correct.newton import assign_rows
 from testbench.data.dataset import select_rows
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
