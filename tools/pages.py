@@ -152,7 +152,7 @@ def made_with(run: Path) -> str:
         return ""
     show = ["git", "-C", str(ROOT), "show", "-s", "--format=%cs (%h)", "--abbrev=8", commit]
     day = subprocess.run(show, capture_output=True, text=True, check=True).stdout.strip()
-    return f"Numbers of the code of {day}."
+    return f"The code of {day} computed these numbers."
 
 
 def draw(name: str, run: Path) -> None:
