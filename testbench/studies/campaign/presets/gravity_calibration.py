@@ -131,8 +131,7 @@ PRESET = Preset(
     name="gravity_calibration",
     page="docs/studies/gravity_calibration.md",
     question="Which stiffness model best predicts how an arm sags under a hung weight?",
-    how="A tracker reads three markers in 11 poses: 8 identify, 3 check. Models are judged over the "
-    "workspace.",
+    how="Runs in 11 poses, three markers; 8 poses identify, 3 check; judged over the workspace.",
     options=Options,
     settings=coverage.settings,
     seeds=(1, 10_000),

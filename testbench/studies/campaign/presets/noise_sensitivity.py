@@ -111,7 +111,8 @@ PRESET = Preset(
     page="docs/studies/noise_sensitivity.md",
     question="How much do errors grow with tracker noise, for each method and structure?",
     how="Models of the 108 runs of section 5.2 are judged in check runs. Models of the KR 500, read in 8 "
-    "poses by several instruments, are judged over the workspace. All levels of noise share their random numbers.",
+    "poses by several instruments, are judged over the workspace. All levels of noise share their random "
+    "numbers.",
     options=NoiseOptions,
     settings=noise.settings,
     seeds=(1000, 4),
