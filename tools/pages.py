@@ -181,7 +181,7 @@ def _text(name: str, run: Path, found: Report, rows: int, links: list[str]) -> s
         found.block("statements"),
         _short(next(iter(found.tables.values())), rows),
         found.title,
-        f"All rows: {', '.join(links)}.",
+        f"All tables: {', '.join(links)}.",
     ]
     return "\n\n".join(filter(None, parts)) + "\n"
 
