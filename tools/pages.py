@@ -152,7 +152,7 @@ def made_with(run: Path) -> str:
         return ""
     show = ["git", "-C", str(ROOT), "show", "-s", "--format=%cs (%h)", "--abbrev=8", commit]
     day = subprocess.run(show, capture_output=True, text=True, check=True).stdout.strip()
-    return f"Numbers of the code of {day}."
+    return f"The code of {day} computed these numbers."
 
 
 def draw(name: str, run: Path) -> None:
@@ -181,7 +181,7 @@ def _text(name: str, run: Path, found: Report, rows: int, links: list[str]) -> s
         found.block("statements"),
         _short(next(iter(found.tables.values())), rows),
         found.title,
-        f"All rows: {', '.join(links)}.",
+        f"All tables: {', '.join(links)}.",
     ]
     return "\n\n".join(filter(None, parts)) + "\n"
 

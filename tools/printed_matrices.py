@@ -32,15 +32,23 @@ ROUNDED_COSTS = 200  #: F_M taken of so many of them.
 DEFLECTION, READING = "if_sigma_is_of_a_deflection", "if_sigma_is_of_a_reading"
 OWN, PIN = "eq_23_from_the_data_of_eq_22", "pinning"
 FACTS = {
-    f"{PIN}.rms_over_sigma": "Eq. (22) off Eq. (21), RMS: 1 if sigma is of a deflection, 1.41 of a reading",
-    f"{PIN}.p_as_large_if_sigma_is_of_a_deflection": "p of as much or more, if sigma is of a deflection",
-    f"{PIN}.p_as_small_if_sigma_is_of_a_reading": "p of as little or less, if sigma is of a reading",
-    f"{PIN}.likelihood_ratio_deflection_to_reading": "likelihood ratio, deflection over reading",
+    f"{PIN}.rms_over_sigma": (
+        "RMS difference of Eq. (22) and (21): 1 if sigma is of a deflection, 1.41 if of a reading"
+    ),
+    f"{PIN}.p_as_large_if_sigma_is_of_a_deflection": (
+        "probability of this or a larger difference, if sigma is of a deflection"
+    ),
+    f"{PIN}.p_as_small_if_sigma_is_of_a_reading": (
+        "probability of this or a smaller difference, if sigma is of a reading"
+    ),
+    f"{PIN}.likelihood_ratio_deflection_to_reading": (
+        "likelihood ratio: sigma of a deflection over sigma of a reading"
+    ),
     f"{PIN}.random_loads_rms_over_sigma": "RMS that six random loads would give",
     f"{OWN}.rank_within_rounding": "rank of Eq. (23) within its rounding",
-    f"{OWN}.optimum_rank": "rank of the optimum",
-    f"{OWN}.optimum_prediction.position_rms_um": "position error of the optimum, um",
-    f"{OWN}.optimum_prediction.rotation_rms_urad": "rotation error of the optimum, urad",
+    f"{OWN}.optimum_rank": "rank of the certified optimum",
+    f"{OWN}.optimum_prediction.position_rms_um": "position error of the certified optimum, um",
+    f"{OWN}.optimum_prediction.rotation_rms_urad": "rotation error of the certified optimum, urad",
 }
 """What the table says, by where its number is."""
 OFF = TableColumn("rms_to_eq_23_over_sigma", "RMS distance to Eq. (23)", "sigma/load", ".2f")
@@ -66,7 +74,7 @@ def least_cost(found: Row) -> Row:
     own = found[OWN]
     least, most = own.printed_f_m_within_rounding
     holds = least <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0)
-    row = statement_row("F_M of Eq. (23) is the least of a conservative matrix", holds, None)
+    row = statement_row("Eq. (23) has the least F_M of all conservative matrices", holds, None)
     return Row(row, published=Spread(own.printed_f_m, least, most), found=own.optimum_f_m)
 
 

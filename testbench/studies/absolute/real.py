@@ -513,7 +513,8 @@ def report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
     return Report(
         scenario="real_ur10",
         question=Markdown(
-            "What explains the readings of a real UR10, and what predicts those that it never saw?"
+            "Which errors explain the readings of a real UR10, and which models predict readings that were "
+            "not fitted?"
         ),
         title=say(
             "{arm}, public laser tracker readings of July and November 2020: {series:list}",

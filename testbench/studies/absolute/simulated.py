@@ -594,8 +594,8 @@ def report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
     return Report(
         scenario=NAME,
         question=Markdown(
-            "What do absolute readings tell of an arm: which errors hide behind which, how many poses are "
-            "enough, what do loaded pairs add?"
+            "Which errors can absolute readings not separate? How many poses are enough? What do loaded "
+            "pairs add?"
         ),
         title=say(
             "{trials:counted trial} of {arms:list} in turn, {featured} poses, noise {dataset.sigma_um:g} um",

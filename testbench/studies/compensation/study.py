@@ -115,8 +115,8 @@ def report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
     return Report(
         scenario=NAME,
         question=Markdown(
-            "How much of the deflection under drilling and milling does a correction remove, by which model, "
-            "from which campaign?"
+            "How much of the deflection under drilling and milling does a correction remove? How does this "
+            "depend on the model and on the campaign?"
         ),
         title=say(
             "{arm}, {points[drilling]} drilled and {points[milling]} milled points, {force[0]:g} to "

@@ -245,7 +245,9 @@ def report(asked: LoadedStiffnessSettings, seeds: range, trials: Trials) -> Repo
     badge = _badge(heaviest)
     return Report(
         scenario=STUDY.name,
-        question=say("{arm}: how far off are Eq. (6) and Eq. (7) as the hung weight grows?", f),
+        question=say(
+            "How large are the errors of Eq. (6) and Eq. (7) for {arm} as the hung weight grows?", f
+        ),
         title=say(
             "{arm}, {poses} poses, {n} hung weights of {least:.4g} to {most:.4g} N; no noise",
             f,

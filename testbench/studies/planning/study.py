@@ -178,7 +178,7 @@ def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
     )
     return Report(
         scenario=NAME,
-        question=say("Which {n} poses, to predict best where the robot works?", n=n),
+        question=say("Which {n} poses give the best predictions where the robot works?", n=n),
         title=say(
             "{arm} under {payload_kg:g} kg, noise {dataset.sigma_um:g} um, {study.candidates} candidates; "
             "non-linear truth, {seeds}",

@@ -130,7 +130,7 @@ def write(run: Run[CalibrationSettings]) -> PageContent:
 PRESET = Preset(
     name="gravity_calibration",
     page="docs/studies/gravity_calibration.md",
-    question="Which stiffness model predicts best how an arm sags under a hung weight?",
+    question="Which stiffness model best predicts how an arm sags under a hung weight?",
     how="Runs in 11 poses, three markers; 8 poses identify, 3 check; judged over the workspace.",
     options=Options,
     settings=coverage.settings,

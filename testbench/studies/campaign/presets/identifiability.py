@@ -119,9 +119,9 @@ def figures(found: Report) -> Mapping[str, Figure]:
 PRESET = Preset(
     name="identifiability",
     page="docs/studies/identifiability.md",
-    question="What do the poses of section 6 not see, and what is a CAD prior worth?",
-    how="An arm under its payload in 8 poses, judged in 200 poses never measured. The prior is twice too "
-    "soft and 30 % wrong in shape. Intervals are of datasets whose noise is drawn anew.",
+    question="What do the poses of section 6 not determine, and how much does a CAD prior help?",
+    how="An arm is read under its payload in 8 poses. Models are judged in 200 other poses. The prior is "
+    "twice too soft and 30 % wrong in shape. Coverage is over datasets with other draws of noise.",
     options=PriorOptions,
     settings=priors.settings,
     seeds=(1000, 10),

@@ -50,9 +50,9 @@ def figures(found: Report) -> Mapping[str, Figure]:
 PRESET = Preset(
     name="instruments",
     page="docs/studies/instruments.md",
-    question="What are dial gauges, wires, a ballbar and a camera worth beside a laser tracker?",
+    question="How do dial gauges, wires, a ballbar and a camera compare with a laser tracker?",
     how="Every instrument reads the KR 500 under its payload in the same random poses. Gauges are half a "
-    "degree off; their directions are chosen in each pose. Models are judged over the workspace.",
+    "degree off. Their directions are chosen in each pose. Models are judged over the workspace.",
     options=read_by.Options,
     settings=read_by.settings,
     seeds=(100, 8),

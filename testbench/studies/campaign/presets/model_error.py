@@ -127,9 +127,8 @@ def figures(found: Report) -> Mapping[str, Figure]:
 PRESET = Preset(
     name="model_error",
     page="docs/studies/model_error.md",
-    question="What do disturbances cost that the model does not know?",
-    how="Poses and weight are those of section 6, without noise and with it. Models are judged in poses "
-    "never measured.",
+    question="How much do errors grow with disturbances that the model lacks?",
+    how="Poses and weight are those of section 6, with and without noise. Models are judged in other poses.",
     options=disturbed.DisturbanceOptions,
     settings=disturbed.settings,
     seeds=(100, 2),

@@ -109,9 +109,10 @@ def figures(found: Report) -> Mapping[str, Figure]:
 PRESET = Preset(
     name="noise_sensitivity",
     page="docs/studies/noise_sensitivity.md",
-    question="What does tracker noise cost, by method and structure?",
-    how="The 108 runs of section 5.2 are judged in check runs. The KR 500 in 8 poses, also read by several "
-    "instruments, is judged over the workspace. All levels of noise share their random numbers.",
+    question="How much do errors grow with tracker noise, for each method and structure?",
+    how="Models of the 108 runs of section 5.2 are judged in check runs. Models of the KR 500, read in 8 "
+    "poses by several instruments, are judged over the workspace. All levels of noise share their random "
+    "numbers.",
     options=NoiseOptions,
     settings=noise.settings,
     seeds=(1000, 4),

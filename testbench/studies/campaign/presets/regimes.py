@@ -123,9 +123,9 @@ def figures(found: Report) -> Mapping[str, Figure]:
 PRESET = Preset(
     name="regimes",
     page="docs/studies/regimes.md",
-    question="Where does the cone pay by itself?",
+    question="Where does the cone help by itself?",
     how="GCO and least squares of the same structure fit the same readings, without a prior. They are judged "
-    "over the workspace. Every trial has two kinds of true arm.",
+    "over the workspace. Every trial has true arms of two kinds.",
     options=grids.GridOptions,
     settings=grids.settings,
     seeds=(100, 2),

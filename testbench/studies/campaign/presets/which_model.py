@@ -118,9 +118,9 @@ def figures(found: Report) -> Mapping[str, Figure]:
 PRESET = Preset(
     name="which_model",
     page="docs/studies/which_model.md",
-    question="Which method should an engineer use by default with 8, 12 or 20 poses?",
-    how="Each arm is read under its payload, in two runs per pose. MuJoCo is the truth; models are judged "
-    "over the workspace. In every trial six true arms each meet another of six priors.",
+    question="Which method should be the default with 8, 12 or 20 poses?",
+    how="Each arm is read under its payload, in two runs per pose. MuJoCo gives the true deflections. Models "
+    "are judged over the workspace. In every trial, each of six true arms gets another of six priors.",
     options=FamilyOptions,
     settings=family.settings,
     seeds=(102, 6),
