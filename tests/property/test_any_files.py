@@ -1,4 +1,4 @@
-"""Whatever a file holds: a dataset comes back from any dialect, an arm is sound, or one line says why."""
+"""Whatever a file holds: a dataset comes back, an arm is sound, or one line says why."""
 
 import re
 import shutil
@@ -6,8 +6,6 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from random import Random
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,54 +23,19 @@ from testbench.files.read_pairs import SIGMA_RANGE
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
 ARM = load_arm(MODELS / "kr500_l480")
-HEADER = (ROOT / "docs" / "example_dataset.csv").read_text(encoding="utf-8").partition("\n")[0]
 LOWER, UPPER = ARM.limits
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=40)
 FUZZ = settings(REPEATABLE, max_examples=80)
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-ANGLES = {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}
-FORCES, MOMENTS = {"N": 1.0, "kN": 1e3}, {"Nm": 1.0, "Nmm": 1e-3}
-APART = np.array([0.0, 11.0, 22.0])  #: Three equal coordinates are no place.
-STATES = {"before": "Unloaded", "after": "loaded"}
 MOST = min(MAX_NUMBERS.values())
 ANY = st.floats(-MOST, MOST).filter(lambda x: x == 0 or abs(x) >= MIN_NUMBER)
-SOME = st.floats(-5, 5).filter(lambda x: x == 0 or abs(x) >= 1e6 * MIN_NUMBER)
 ID = st.integers(-(2**63), 2**63 - 1)
-
-
-DIALECTS = st.fixed_dictionaries(
-    {
-        "delimiter": st.sampled_from([",", ";", "\t", "|"]),
-        "decimal": st.sampled_from(".,"),
-        "encoding": st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]),
-        "suffix": st.sampled_from(["_{}", " [{}]", " ({})", " in {}", " / {}"]),  # of a unit in a name
-        "length": st.sampled_from(list(LENGTHS)),
-        "angle": st.sampled_from(list(ANGLES)),
-        "force": st.sampled_from(list(FORCES)),
-        "moment": st.sampled_from(list(MOMENTS)),
-        "wide": st.booleans(),  # all markers in a row
-        "states": st.booleans(),  # a row a state
-        "capitals": st.booleans(),
-        "title": st.booleans(),  # lines before the header
-        "seed": st.integers(0, 999),  # of the order of columns and rows
-    }
-).map(lambda own: SimpleNamespace(**own))
-"""How somebody writes; a comma is no decimal between commas."""
-
-
-def arms_and_markers(draw: st.DrawFn, runs: int, least: float = 0.0) -> dict[str, object]:
-    """Some markers, and joints within their limits or away from them."""
-    m, share = draw(st.integers(1, 3)), st.floats(least, 1 - least)
-    q = LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=share))
-    return {"markers": tuple(draw(st.permutations(ARM.markers))[:m]), "q": q}
 
 
 @st.composite
 def datasets(draw: st.DrawFn) -> Dataset:
     """One to four runs of any numbers that are read, extreme ones too; orientations and set-ups or none."""
-    runs = draw(st.integers(1, 4))
-    common = arms_and_markers(draw, runs)
-    m = len(common["markers"])
+    runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
+    share = draw(arrays(float, (runs, 6), elements=st.floats(0, 1)))
 
     def numbers(*shape: int) -> np.ndarray:
         return draw(arrays(float, shape, elements=ANY))
@@ -89,7 +52,8 @@ def datasets(draw: st.DrawFn) -> Dataset:
 
     turned = draw(st.booleans())
     return Dataset(
-        **common,
+        markers=tuple(draw(st.permutations(ARM.markers))[:m]),
+        q=LOWER + (UPPER - LOWER) * share,
         run=integers(unique=True),
         pose=integers(),
         wrench=numbers(runs, 6),
@@ -102,31 +66,6 @@ def datasets(draw: st.DrawFn) -> Dataset:
         sigma_rotation=draw(st.floats(*SIGMA_RANGE)) if turned else None,
         station=integers() if draw(st.booleans()) else None,
         taken_off=draw(arrays(bool, runs)) if draw(st.booleans()) else None,
-    )
-
-
-@st.composite
-def exported(draw: st.DrawFn) -> Dataset:
-    """Runs as an instrument exports them, each in a pose of its own, some targets lost."""
-    runs = draw(st.integers(1, 4))
-    common = arms_and_markers(draw, runs, 0.1)
-    m = len(common["markers"])
-    seen = draw(arrays(bool, (runs, m)))
-    seen[0] = True
-    sigma = draw(st.floats(1e-6, 1e-3))
-    wrench, point, before, after = (
-        draw(arrays(float, (runs, *shape), elements=SOME)) for shape in ((6,), (3,), (m, 3), (m, 3))
-    )
-    return Dataset(
-        **common,
-        run=np.arange(runs) + draw(st.integers(-9, 9)),
-        pose=np.arange(runs) * 2 + 1,
-        wrench=wrench,
-        point=point,
-        before=np.where(seen[..., None], before + APART, 0.0),
-        after=np.where(seen[..., None], after + APART, 0.0),
-        sigma=sigma,
-        precision=None if seen.all() else np.where(seen[..., None, None], np.eye(3) / (2 * sigma**2), 0.0),
     )
 
 
@@ -153,73 +92,6 @@ def test_any_dataset_survives_its_file_and_a_split_by_poses_bit_by_bit(
             own = {f.name: getattr(data, f.name) for f in fields(Dataset)}
             own = {name: x[here] if isinstance(x, np.ndarray) else x for name, x in own.items()}
             assert bits(part) == bits(Dataset(**own)) == bits(select(data, here))
-
-
-def written(data: Dataset, own: SimpleNamespace) -> bytes:
-    """The dataset as text."""
-    if own.delimiter == ",":
-        own.decimal = "."
-    random, rows = Random(own.seed), list[dict[str, str]]()
-
-    def name(quantity: str, unit: str) -> str:
-        whole = quantity.strip("_") + own.suffix.format(unit)
-        return whole.upper() if own.capitals else whole
-
-    def put(row: dict[str, str], quantity: str, unit: str, scale: float, values: np.ndarray) -> None:
-        for axis, value in zip("xyz", values, strict=True):
-            row[name(f"{quantity}_{axis}", unit)] = repr(float(value) / scale).replace(".", own.decimal)
-
-    for r in range(data.runs):
-        common = {"run": str(data.run[r]), "Pose": str(data.pose[r]), "note": "abc", "time": "10:15"}
-        for joint, value in zip(ARM.joints, data.q[r], strict=True):
-            text = repr(float(value) / ANGLES[own.angle]).replace(".", own.decimal)
-            common[name(joint.name, own.angle)] = text
-        put(common, "force", own.force, FORCES[own.force], data.wrench[r, :3])
-        put(common, "moment", own.moment, MOMENTS[own.moment], data.wrench[r, 3:])
-        put(common, "point", own.length, LENGTHS[own.length], data.point[r])
-        common[name("sigma", "um")] = repr(data.sigma / 1e-6).replace(".", own.decimal)
-        parts: dict[tuple[str, str], dict[str, str]] = {}
-        for m, marker in enumerate(data.markers):
-            for when in STATES:
-                key = ("" if own.wide else marker, STATES[when] if own.states else "")
-                what = "_".join(filter(None, (marker if own.wide else "", "" if own.states else when)))
-                row = parts.setdefault(key, dict(common))
-                put(row, what, own.length, LENGTHS[own.length], getattr(data, when)[r, m])
-                row |= {"marker": key[0]} if key[0] else {}
-                row |= {"state": key[1]} if key[1] else {}
-                if not data.seen[r, m]:
-                    row |= {name(f"{what}_{axis}", own.length): "" for axis in "xyz"}
-        rows += parts.values()
-    header = list(rows[0])
-    random.shuffle(header)
-    lines = [own.delimiter.join(header), *(own.delimiter.join(row[h] for h in header) for row in rows)]
-    before = ["Report of a day", "", "# a remark"] if own.title else []
-    return "\r\n".join([*before, *lines, ""]).encode(own.encoding)
-
-
-def read(content: bytes) -> Dataset:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "export.txt"
-        file.write_bytes(content)
-        return read_csv(file, ARM)
-
-
-@REPEATABLE
-@given(exported(), DIALECTS)
-def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: SimpleNamespace) -> None:
-    back = read(written(data, own))
-    assert sorted(back.markers) == sorted(data.markers)  # wide ones stand in the order of their columns
-    order = [back.markers.index(name) for name in data.markers]
-    for what in ("run", "pose"):
-        np.testing.assert_array_equal(getattr(back, what), getattr(data, what))
-    for what in ("q", "wrench", "point", "sigma"):
-        np.testing.assert_allclose(getattr(back, what), getattr(data, what), rtol=1e-12, atol=1e-12)
-    for what in ("before", "after"):
-        read_back = getattr(back, what)[:, order]
-        np.testing.assert_allclose(read_back, getattr(data, what), rtol=1e-12, atol=1e-12, err_msg=what)
-    np.testing.assert_array_equal(back.seen[:, order], data.seen)
-    if data.precision is not None:
-        np.testing.assert_allclose(back.precision[:, order], data.precision, rtol=1e-12)
 
 
 def drawn_spoilt(draw: Callable, content: bytes, patterns: list[bytes], words: list[bytes]) -> bytes:
@@ -286,13 +158,31 @@ def check_reading(content: bytes) -> None:
         np.testing.assert_array_equal(getattr(again, field.name), getattr(back, field.name))
 
 
+PLAIN = (ROOT / "docs" / "example_dataset.csv").read_text(encoding="utf-8")
+HEADER = PLAIN.partition("\n")[0]
+HEADS = [*(f"joint_{k} [deg]" for k in range(1, 7)), *(f"P{k} {x} / mm" for k in (1, 2) for x in "xyz")]
+ROWS = ["0;0;unloaded;0;-90;90;0,5;20;0;1;2;3;4;5;6", "80;0;LOADED;0;-90;90;0,5;20;0;1,5;2;2,5;;;"]
+WIDE = "\r\n".join(["Report; of a day", "", ";".join(["Mass in kg", "Pose", "state", *HEADS]), *ROWS, ""])
+"""A row a state with all markers, a title above, decimal commas, a lost target."""
+BASES = [
+    PLAIN.encode("utf-8-sig"),
+    PLAIN.replace(",", "\t").encode("utf-16"),
+    PLAIN.replace(",", "|").encode(),
+    WIDE.encode("cp1252"),
+]
+
+
 @FUZZ
-@given(exported(), DIALECTS, st.data())
-def test_no_mutation_of_a_file_crashes_the_reader(
-    data: Dataset, own: SimpleNamespace, choose: st.DataObject
-) -> None:
+@given(st.sampled_from(BASES), st.data())
+def test_no_mutation_of_a_file_crashes_the_reader(base: bytes, choose: st.DataObject) -> None:
     patterns = [rb"[^,;|\t\n]+", rb"[^\n]*\n", rb"[\s\S]{1,20}"]
-    check_reading(drawn_spoilt(choose.draw, written(data, own), patterns, NASTY + CELLS))
+    check_reading(drawn_spoilt(choose.draw, base, patterns, NASTY + CELLS))
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_what_is_mutated_is_read(base: bytes, tmp_path: Path) -> None:
+    (tmp_path / "export.txt").write_bytes(base)
+    assert read_csv(tmp_path / "export.txt", ARM).runs >= 1
 
 
 TOML = {name: (MODELS / name / "elastic.toml").read_bytes() for name in ("arm_6r", "single_link")}
@@ -335,7 +225,12 @@ BYTES = st.one_of(st.binary(max_size=300), st.text(max_size=300).map(lambda s: s
 
 
 @FUZZ
-@given(st.one_of(BYTES, st.text('0123456789.-e,\n"P', max_size=300).map(lambda s: f"{HEADER}\n{s}".encode())))
+@given(
+    st.one_of(
+        BYTES,
+        st.text('0123456789.-e,\n"P', max_size=300).map(lambda s: f"{PLAIN.splitlines()[0]}\n{s}".encode()),
+    )
+)
 def test_no_bytes_crash_the_reader(content: bytes) -> None:
     check_reading(content)
 
