@@ -12,8 +12,6 @@ from testbench.identify.trace import _strongest_weight, divide_poses, learn_trac
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell
 
-STRUCTURES = (template56, mgco68, mgco147, all153)
-
 
 @pytest.fixture(scope="module")
 def campaign(kr500):
@@ -24,7 +22,7 @@ def moved(cell, estimate, campaign):
     return deflections(cell.vjm, estimate, campaign.truth)
 
 
-@pytest.mark.parametrize("structure", [template56, mgco147, all153])
+@pytest.mark.parametrize("structure", [mgco147, all153])
 def test_a_heavy_weight_is_joint_stiffness_only(kr500, campaign, structure):
     """Whether joints are unknowns of their own or counted in the link before them."""
     heavy = replace(gco, trace_weight=1e9)(kr500.vjm, structure(kr500.arm), campaign.identification)
@@ -34,7 +32,7 @@ def test_a_heavy_weight_is_joint_stiffness_only(kr500, campaign, structure):
     assert np.abs(apart).max() < 1e-4 * np.abs(moved(kr500, joints, campaign)).max()
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("structure", [template56, mgco68])
 def test_the_weighted_problem_is_solved_and_proven_and_its_certificate_made_again(kr500, campaign, structure):
     found = gco(kr500.vjm, structure(kr500.arm), campaign.identification)
     assert found.status == "solved"
