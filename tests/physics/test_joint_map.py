@@ -138,7 +138,7 @@ def test_plans_are_the_same_poses_in_pendant_joints(both, tmp_path):
 
 
 def test_programs_are_corrected_alike_and_come_out_in_pendant_joints(both, tmp_path):
-    """As robots' languages have it, test_robot_programs.py tells; every file gives the joints back."""
+    """Every table gives the joints back as this pendant counts them."""
     way = np.linspace([0.2, -0.6, 0.9, 0.1, -0.4, 0.3], [0.5, -0.3, 0.6, 0.3, -0.6, 0.1], 7)
     found = []
     for cell, q, name in zip(both, (way, counted(way)), ("plain", "pendant"), strict=True):
