@@ -190,8 +190,9 @@ def test_the_library_reads_no_clock_prints_nothing_and_writes_no_file(name):
     called = [
         f"{place(path)}: {_called(node)}"
         for module, path in modules().items()
+        if room(module) == name
         for node in nodes(path)
-        if room(module) == name and isinstance(node, ast.Call) and _called(node) in wrong
+        if isinstance(node, ast.Call) and _called(node) in wrong
     ]
     assert called == []
 

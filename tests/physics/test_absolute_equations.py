@@ -387,7 +387,7 @@ def sought(readings):
     return find_pattern(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
 
 
-@pytest.mark.parametrize("seed", range(1000, 1004))
+@pytest.mark.parametrize("seed", [1000, 1001])
 def test_joints_that_share_a_pattern_are_found_with_their_turns_and_no_others(seed):
     """The one with errors of its own, and the one that was hardly turned, are left out."""
     rng = np.random.default_rng(seed)

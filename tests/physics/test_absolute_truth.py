@@ -140,8 +140,7 @@ def off(cell, disturbances, mass):
     return np.linalg.norm(seen - series.position, axis=2)[:, 0]
 
 
-@pytest.mark.parametrize("name", ["kr500", "slides"])
-@pytest.mark.parametrize("steps", [0, 1, 2])
+@pytest.mark.parametrize(("name", "steps"), [("kr500", 0), ("kr500", 2), ("slides", 1)])
 def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, monkeypatch):
     """Half the compliance leaves a quarter of the error of loads on the straight arm, then 1/8 and 1/16."""
     cell = request.getfixturevalue(name)

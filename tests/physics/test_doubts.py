@@ -69,7 +69,7 @@ def test_sound_runs_raise_no_doubt(sets, kind):
 
 
 FIRST = {mistake.names: name for name, mistake in reversed(MISTAKES.items())}
-BELOW = {"noise", "hung", "swapped", "force_zero", "load_point", "joint_zero", "tracker_moved"}
+BELOW = set("noise hung swapped swapped_once force_zero load_point joint_zero tracker_moved".split())
 SLOW = {"load_order", "payload", "kilograms", "force_axis", "one_reading", "frame_tilted"}
 """One mistake of each doubt, those planted below too, and those that take long: `make studies` plants all."""
 
@@ -174,7 +174,7 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(made):
 
 
 def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
-    """Joint angles in gon that were read as degrees; without the row another mistake, or none, is named."""
+    """Joint angles in gon that were read as degrees."""
     page = (ROOT / "docs" / "add_hypothesis.md").read_text()
     added: dict[str, Any] = {}
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], added)
@@ -185,7 +185,6 @@ def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
     assert first.name == "gon"
     words = describe(first, vjm.arm, hypotheses=table).sentence
     assert "joint angles are gon, not degrees: which unit does the controller export? (median" in words
-    assert "gon" not in {issue.name for issue in diagnose(given, own.prior)}
 
 
 def test_mistakes_are_undone_one_after_the_other():
@@ -361,21 +360,21 @@ def plate(cell, runs, targets):
 
 
 def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500, monkeypatch):
-    monkeypatch.setattr(diagnosis, "MAX_READINGS", 120)
-    assert told(*plate(kr500, runs=8, targets=40)) == []
+    monkeypatch.setattr(diagnosis, "MAX_READINGS", 40)
+    assert told(*plate(kr500, runs=8, targets=12)) == []
 
 
 def test_of_many_targets_two_that_have_each_others_names_are_named(kr500):
-    vjm, data = plate(kr500, runs=8, targets=40)
-    order = np.arange(40)
-    order[[17, 30]] = 30, 17
+    vjm, data = plate(kr500, runs=8, targets=12)
+    order = np.arange(12)
+    order[[5, 9]] = 9, 5
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     data = replace(data, before=data.before @ turn.T + 2, after=data.after @ turn.T + 2)
     swapped = replace(data, before=data.before[:, order], after=data.after[:, order])
     assert told(vjm, data, "tracker") == []
     [(name, sentence), *_] = told(vjm, swapped, "tracker")
     assert name == "markers"
-    assert "T17, T30" in sentence
+    assert "T5, T9" in sentence
 
 
 @pytest.mark.study

@@ -306,9 +306,9 @@ def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):
     clean = hung(kr500, SEEDS[0], 12)
     exact = reduce(kr500.vjm, structure, replace(clean.runs, sigma=sigma))
     [size] = expected(kr500.vjm, clean, CellGrid(kr500.arm.name, (12,), (sigma,)), [exact])
-    rng, draws = trial_rng(SEEDS[0], 1), 300
+    rng, draws = trial_rng(SEEDS[0], 1), 100
     seen = [reduce(kr500.vjm, structure, reread(clean.runs, sigma, rng)) for _ in range(draws)]
     found = [solve(regression, "none") for regression in (exact, *seen)]
     moved = np.array([deflections(kr500.vjm, own, clean.judge) for own in found])
     error = 1e6 * np.sqrt(np.square(moved[1:] - moved[0]).sum(axis=3).mean())
-    assert error == pytest.approx(size, rel=0.2)  # of one direction 300 draws tell it to 4 %
+    assert error == pytest.approx(size, rel=0.2)  # of one direction 100 draws tell it to 7 %

@@ -49,9 +49,9 @@ def ur10():
     return build_cell("ur10").arm
 
 
-@pytest.fixture(scope="module", params=["zyyxyx", "zZyXz", "zzZ", "zyzyzyz"])
+@pytest.fixture(scope="module", params=["zZyXz", "zzZ", "zyzyzyz"])
 def any_arm(request, tmp_path_factory):
-    """Six hinges, slides among hinges, parallel axes alone, seven hinges."""
+    """Slides among hinges, parallel axes alone, seven hinges."""
     folder = write_arm(tmp_path_factory.mktemp("arm") / request.param, request.param)
     return build_cell(folder).arm
 
@@ -261,22 +261,17 @@ def ur10_yaml():
 UR_KEYS = "x y z roll pitch yaw".split()
 
 
-def flow(text, width):
-    """The same YAML in braces, each frame in lines of a width."""
+def flow(text):
+    """The same YAML in braces, each frame in short lines."""
     content = yaml.safe_load(text)["kinematics"]
-    whole = yaml.safe_dump({"kinematics": content}, default_flow_style=None, sort_keys=False, width=width)
+    whole = yaml.safe_dump({"kinematics": content}, default_flow_style=None, sort_keys=False, width=40)
     return f"# é of the factory\n{whole}"
 
 
 @pytest.mark.parametrize(
     "style",
-    [
-        str,
-        lambda text: flow(text, 1000),
-        lambda text: flow(text, 40),
-        lambda text: f"# own\nkinematics: {json.dumps(yaml.safe_load(text)['kinematics'])}\n",
-    ],
-    ids=["block", "flow", "flow in short lines", "braces and quotes"],
+    [str, flow, lambda text: f"# own\nkinematics: {json.dumps(yaml.safe_load(text)['kinematics'])}\n"],
+    ids=["block", "flow in short lines", "braces and quotes"],
 )
 def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path, style):
     """Read back by a reader of its own, z the axis of every joint; all but 36 numbers stays as it was."""

@@ -14,7 +14,6 @@ from testbench.cli.program import program
 from testbench.correct.newton import assign_rows
 from testbench.data.dataset import select_rows
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
-from testbench.identify.estimate import ModelAverage
 from testbench.identify.hierarchy import evidence_model
 from testbench.identify.metric import Prior, cad_prior, scale_by_prior
 from testbench.identify.posterior import model_of_estimate
@@ -182,23 +181,6 @@ def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500,
     assert score(ours, theirs).rms < 3e-6
     half = [own.upper - own.lower for own in (intervals(kr500.vjm, e, truth) for e in (found, linear))]
     assert 1 < np.median(half[0] / half[1]) < 1.4
-
-
-def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campaigns, estimates):
-    """The weight is set, as a campaign that leaves it open would be a matter of digits."""
-    truth, own = campaigns["all"][1], estimates["all"][0]
-    lawful_, whole, w, s = own.average.with_laws, own.average.all_parts, 0.4, own.structure
-    pi = w * lawful_.pi
-    pi[s.a < s.n_compliance_rows] += (1 - w) * whole.pi
-    average = ModelAverage(0.0, whole, laws_weight=w, laws_probability=w, with_laws=lawful_)
-    mean = replace(own, pi=pi, C_theta=s.matrix(pi), average=average)
-    *both, found = (deflections(kr500.vjm, e, truth) for e in (lawful_, whole, mean))
-    np.testing.assert_allclose(found, w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12)
-    sides = [intervals(kr500.vjm, e, truth) for e in (lawful_, whole)]
-    half = [(e.upper - e.lower) / 2 for e in (intervals(kr500.vjm, mean, truth), *sides)]
-    apart = np.abs(both[0] - both[1])
-    assert (half[0] >= np.sqrt(w * half[1] ** 2 + (1 - w) * half[2] ** 2) * 0.9).all()
-    assert (half[0] >= 1.5 * np.sqrt(w * (1 - w)) * apart).all()
 
 
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):

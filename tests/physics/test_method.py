@@ -264,14 +264,12 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
 
 
 def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_digit(kr500):
-    s, pairs, same = template56(kr500.arm), [], 0
-    for seed in range(2):
-        data = readings(kr500, seed)
-        units, regression = rough(kr500, s, seed), reduce(kr500.vjm, s, data)
-        for constraint, method in (("psd", paper_gco), ("none", least_squares)):
-            pairs.append((robustly(kr500, s, data, constraint), method(kr500.vjm, s, data)))
-            by_hand = solve(regression, constraint, WeightedPrior(units, STRENGTH))
-            pairs.append((robustly(kr500, s, data, constraint, units), by_hand))
+    s, data, pairs, same = template56(kr500.arm), readings(kr500, 0), [], 0
+    units, regression = rough(kr500, s, 0), reduce(kr500.vjm, s, data)
+    for constraint, method in (("psd", paper_gco), ("none", least_squares)):
+        pairs.append((robustly(kr500, s, data, constraint), method(kr500.vjm, s, data)))
+        by_hand = solve(regression, constraint, WeightedPrior(units, STRENGTH))
+        pairs.append((robustly(kr500, s, data, constraint, units), by_hand))
     for own, plain in pairs:
         assert own.method == f"{plain.method}, Huber loss"
         assert len(own.rejected) <= 1
@@ -279,8 +277,8 @@ def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_d
             assert advice(own) == advice(plain)
             np.testing.assert_array_equal(own.pi, plain.pi)
             same += 1
-    # 0.14 of 135 sound readings lie beyond the 99.9 % quantile: four times that, in all four fits
-    assert same >= 6
+    # 0.14 of 135 sound readings lie beyond the 99.9 % quantile
+    assert same >= 3
 
 
 def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_left_are_named(kr500):

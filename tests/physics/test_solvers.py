@@ -37,17 +37,17 @@ STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
 
 
 @pytest.fixture(scope="module")
-def campaigns(kr500):
-    return [simulate(kr500, Scenario(arm=kr500.arm.name, workspace_poses=1), seed) for seed in (11, 12, 13)]
+def campaign(kr500):
+    return simulate(kr500, Scenario(arm=kr500.arm.name, workspace_poses=1), 11)
 
 
 @pytest.mark.parametrize("kind", ["kind", *NASTY])
 def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
     """With a prior, where ours is proven or the referee's is taken, and without one."""
     own = 0
-    for k in range(8):
+    for uncertainty in STRENGTHS:
         regression = random_regression(kind, rng)
-        case = with_random_prior(regression, STRENGTHS[k % len(STRENGTHS)], rng)
+        case = with_random_prior(regression, uncertainty, rng)
         found = compared(case)
         own += found.own
         assert found.over <= WORSE
@@ -60,15 +60,10 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
             trace = [penalty.price @ a.pi for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
             assert cost[0] <= cost[1] + WORSE * program.unit
-    assert own >= 6 or kind != "kind"  # of random ones 97 of 100 are proven
+    assert own >= 5 or kind != "kind"  # of random ones 97 of 100 are proven
 
 
-WITHOUT_NOISE = (
-    ("arm_6r", all153, "linear", 1005),
-    ("arm_6r", all153, "nonlinear", 1010),
-    ("ur10", mgco68, "linear", 1005),
-    ("ur10", mgco68, "nonlinear", 1011),
-)
+WITHOUT_NOISE = ("arm_6r", all153, "nonlinear", 1010), ("ur10", mgco68, "linear", 1005)
 
 
 def told_again(cell, structure, campaign, rng):
@@ -80,11 +75,10 @@ def told_again(cell, structure, campaign, rng):
         yield conic.solve_gco(reduce(cell.vjm, structure(cell.arm), changed))
 
 
-def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):
+def test_the_last_digits_of_readings_move_no_prediction(kr500, campaign, rng):
     """What no reading shows is held by the trace term alone: the referee lets it move by micrometres."""
-    for run in campaigns:
-        told = [deflections(kr500.vjm, own, run.truth) for own in told_again(kr500, all153, run, rng)]
-        assert np.ptp(told, axis=0).max() < 2e-7
+    told = [deflections(kr500.vjm, own, campaign.truth) for own in told_again(kr500, all153, campaign, rng)]
+    assert np.ptp(told, axis=0).max() < 2e-7
 
 
 @pytest.mark.parametrize(("name", "structure", "truth", "seed"), WITHOUT_NOISE)
@@ -102,8 +96,8 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
 
 
 @pytest.mark.parametrize(("off", "status"), [(1e-9, "solved"), (1e-2, "worse")])
-def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, status, monkeypatch):
-    regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
+def test_what_is_not_near_enough_is_not_called_solved(kr500, campaign, off, status, monkeypatch):
+    regression = reduce(kr500.vjm, mgco68(kr500.arm), campaign.identification)
     own = conic.solve_clarabel(regression, conic.scale_program(regression, tie_break(regression)))
     far = replace(own, pi=(1 + off) * own.pi, failure="worse")
     monkeypatch.setattr(conic, "solve_interior_point", lambda *args: None)
@@ -112,13 +106,14 @@ def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, sta
     assert conic.solve_gco(regression).status == status
 
 
-@pytest.mark.parametrize("wrong", [0.99, 1.01, 0.0, np.nan, None])
-@pytest.mark.parametrize("structure", [template56, mgco68])
+@pytest.mark.parametrize(
+    ("structure", "wrong"), [(template56, 1.01), *((mgco68, x) for x in (0.99, 1.01, 0.0, np.nan, None))]
+)
 def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
-    kr500, campaigns, structure, wrong, monkeypatch
+    kr500, campaign, structure, wrong, monkeypatch
 ):
     """Too small, too large, nothing, not a number, outside the cone."""
-    regression = reduce(kr500.vjm, structure(kr500.arm), campaigns[0].identification)
+    regression = reduce(kr500.vjm, structure(kr500.arm), campaign.identification)
     own = rescale_to_data(scale_by_prior(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     belief = WeightedPrior(own, Strength(3.0))
     right, sound = solve(regression, "psd", belief), interior.interior
@@ -231,7 +226,7 @@ def refuted(regression, certificate, cost, pi):
 def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
     """Zero columns, rank one, no noise, readings against the loads; duals of their own and random ones."""
     within = 0
-    for _ in range(8):
+    for _ in range(4):
         regression = random_regression(kind, rng)
         s, best = regression.structure, conic.solve_gco(regression)
         others, t = [best.pi, 0 * best.pi], best.certificate.trace_bounds
@@ -249,7 +244,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
                 for other in others:
                     slack = 1e-9 if other is least else SLACK  # what Clarabel leaves of its constraints
                     assert refuted(regression, found, estimate.pi, other) <= slack
-    assert within >= 4
+    assert within >= 2
 
 
 def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):

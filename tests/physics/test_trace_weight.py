@@ -8,11 +8,9 @@ import pytest
 from testbench import BenchError, Scenario, deflections, score, simulate
 from testbench.identify import certify, cone, gco, interior, least_squares, paper_gco, reduce, trace
 from testbench.identify.regression import reduce_parts
-from testbench.identify.trace import _strongest_weight, divide_poses, learn_trace_weight, trace_penalty
+from testbench.identify.trace import _strongest_weight, divide_poses, learn_trace_weight
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell
-
-STRUCTURES = (template56, mgco68, mgco147, all153)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +22,7 @@ def moved(cell, estimate, campaign):
     return deflections(cell.vjm, estimate, campaign.truth)
 
 
-@pytest.mark.parametrize("structure", [template56, mgco147, all153])
+@pytest.mark.parametrize("structure", [mgco147, all153])
 def test_a_heavy_weight_is_joint_stiffness_only(kr500, campaign, structure):
     """Whether joints are unknowns of their own or counted in the link before them."""
     heavy = replace(gco, trace_weight=1e9)(kr500.vjm, structure(kr500.arm), campaign.identification)
@@ -34,7 +32,7 @@ def test_a_heavy_weight_is_joint_stiffness_only(kr500, campaign, structure):
     assert np.abs(apart).max() < 1e-4 * np.abs(moved(kr500, joints, campaign)).max()
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("structure", [template56, mgco68])
 def test_the_weighted_problem_is_solved_and_proven_and_its_certificate_made_again(kr500, campaign, structure):
     found = gco(kr500.vjm, structure(kr500.arm), campaign.identification)
     assert found.status == "solved"
@@ -135,13 +133,3 @@ def test_without_poses_to_hold_out_generalised_cross_validation_chooses(kr500, c
 def test_a_weight_is_refused_that_is_none(kr500):
     with pytest.raises(BenchError, match=r"trace_weight \[N m/rad\]: expected 0 or more, got -1"):
         replace(gco, trace_weight=-1)
-
-
-def test_joints_cost_a_millionth_wherever_they_are_counted(kr500):
-    s = mgco68(kr500.arm)
-    penalty = trace_penalty(kr500.vjm, s, 2.0)
-    assert penalty.lift.shape == (68, 69)  # joint 1 is counted in link 0
-    links = penalty.structure.a < 6 * s.links
-    diagonal = penalty.structure.a == penalty.structure.b
-    assert penalty.price[links & diagonal].min() == 2.0
-    np.testing.assert_allclose(penalty.price[~links], 2e-6)

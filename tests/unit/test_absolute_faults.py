@@ -198,7 +198,7 @@ FIRST = "x and y, joint 3 counts joint 2, five poses, all lost".split(", ")
 )
 def test_a_mistake_is_named(ur10, mistake):
     plant, words = MISTAKES[mistake]
-    (one,) = read(ur10, poses=30)
+    (one,) = read(ur10, poses=16)
     with pytest.raises(BenchError, match=f"^series 1: .*{words}"):
         gathered(ur10, plant(one))
 
@@ -231,7 +231,7 @@ def test_circles_of_one_joint_each_tell_couplings_orders_and_slips(kr500, circle
 
 def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):
     """A KR500 reaches 2.5 times as far as a UR10."""
-    (one,) = simulate_series(kr500, AbsoluteCampaign(poses=20), 1)[0]
+    (one,) = simulate_series(kr500, AbsoluteCampaign(poses=8), 1)[0]
     with pytest.raises(BenchError, match=r"spread 2\.\d+ times as far as its tool: another arm"):
         gathered(ur10, one)
 

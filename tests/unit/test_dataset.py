@@ -180,7 +180,7 @@ FORMS: dict[str, Callable[[str], bytes]] = {
     "utf_16": lambda text: text.replace("\n", "\r").encode("utf-16"),
     "decimal_comma": lambda text: text.replace(",", ";").replace(".", ",").encode(),
     "tabs_and_no_end": lambda text: text.replace(",", "\t").rstrip("\n").encode(),
-    "runs_of_blanks": lambda text: text.replace(",", "  ").encode(),
+    "bars": lambda text: text.replace(",", "|").encode(),
     "title": lambda text: f"Report; of a day\n\n\n{text}".encode(),
     "comments_and_blank_lines": lambda text: text.replace("\n12,", "\n\n# a remark\n,,,\n12,").encode(),
     "header_again": lambda text: text.replace("\n13,", f"\n{text[: text.index(chr(10))]}\n13,", 1).encode(),

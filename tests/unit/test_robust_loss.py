@@ -32,14 +32,3 @@ def test_a_scatter_beside_the_readings_is_found_though_some_are_wild(loss, rng):
     assert loss.scatter(wild, variance, 1.0) == pytest.approx(2e-4, rel=0.06)
     assert loss.scatter(0.5 * rng.standard_normal(variance.shape) * np.sqrt(variance), variance, 1.0) == 0
     assert loss.scatter(np.zeros((0, 3)), np.zeros((0, 3)), 1.0) == 0
-
-
-@LOSSES
-def test_a_scatter_leaves_residuals_as_long_as_the_unknowns_that_were_spent_let_them_be(loss, rng):
-    """A fit has taken a third of the equations: what is left of them is shorter by that."""
-    variance = np.full((300, 3), 1e-8)
-    residual = 2e-4 * rng.standard_normal(variance.shape)
-    for share in (1.0, 2 / 3):
-        s = loss.scatter(residual, variance, share)
-        length = (residual**2 / (variance + s**2)).sum(axis=1)
-        assert np.minimum(length, loss.threshold**2).mean() == pytest.approx(loss.mean_square * share)
