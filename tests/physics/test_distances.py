@@ -1,4 +1,4 @@
-"""Calibration by distances to fixed points: rows, recovery of MuJoCo's arm, files, and mistakes."""
+"""Calibration by distances to fixed points and planes: rows, recovery of MuJoCo's arm, files, and mistakes."""
 
 from dataclasses import replace
 
@@ -11,10 +11,16 @@ from testbench.errors import BenchError
 from testbench.files.read_series import read_series
 from testbench.files.write import write_series
 from testbench.identify.absolute.align import align_all, scatter
-from testbench.identify.absolute.evidence import moved_frame, moved_mount
+from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.state import Mount, nominal_state, series_equilibrium, unknowns_of
+from testbench.identify.absolute.state import (
+    Mount,
+    moved_frame,
+    nominal_state,
+    series_equilibrium,
+    unknowns_of,
+)
 from testbench.identify.metric import cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Linearisation, reduce_series
@@ -24,17 +30,18 @@ from testbench.model.load import read_weights
 from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
-from testbench.plant.tracker import DistanceMeter
+from testbench.plant.tracker import DistanceMeter, PlaneProbe
 from testbench.workflows.absolute import (
     AbsoluteCampaign,
     position_errors,
     simulate_distances,
     simulate_series,
 )
-from testbench.workflows.campaign_flags import Mounted
+from testbench.workflows.campaign_flags import AXES, Mounted
 from testbench.workflows.cell import Cell
 
 POINTS = (2.2, 0.0, 0.1), (0.5, 2.0, 0.8)
+PLANES = ("z", (1.9, 0.3, 0.6)), ("-x", (2.3, 0.0, 1.4)), ("-y", (1.5, 1.2, 1.4))
 EXACT = DistanceMeter(sigma=1e-7, fixed_point_sigma=2e-3, travel=10.0)
 CAMPAIGN = AbsoluteCampaign(
     poses=40,
@@ -66,8 +73,25 @@ def read(stiff):
     return tuple(replace(one, sigma=EXACT.sigma) for one in every)
 
 
-def test_rows_of_distances_are_finite_differences_and_a_turn_about_the_point_is_left_out(kr500, read):
-    one = read[0]
+@pytest.fixture(scope="module")
+def touched(stiff):
+    """Heights over three faces, each off its stated normal by half a degree, nearly without noise."""
+    return tuple(replace(one, sigma=EXACT.sigma) for one in heights(stiff, CAMPAIGN, 5, 1e-12)[0])
+
+
+def heights(cell, campaign, seed, sigma, q=None):
+    probe = PlaneProbe(sigma=sigma, flatness=0.0, travel=0.05)
+    asked = [Mounted(probe, "P1", AXES[axis], fixed=np.array(place)) for axis, place in PLANES]
+    return simulate_distances(cell, campaign, asked, seed, q)
+
+
+@pytest.mark.parametrize("kind", ["point", "point and constant", "plane"])
+def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_left_out(
+    kr500, read, touched, kind
+):
+    one = touched[1] if kind == "plane" else read[0]
+    if kind == "point and constant":
+        one = replace(one, zero_sigma=1.0, distance=one.distance - 0.7)
     state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
     rows, (u, _) = series_rows(unknowns, state, one), beams(state, one, series_equilibrium(state, one))
@@ -126,17 +150,51 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     assert reduce_series(Linearisation(unknowns, state, noise), (few,)).counts.tolist() == [50]
 
 
-@pytest.mark.parametrize("what", ["one point", "two points and a tracker"])
-def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, read, what):
-    """Judged in 30 poses that were never measured; as drawn the arm is off by millimetres."""
+@pytest.mark.parametrize(("frames", "directions"), [("abc", (29, 30)), ("aaa", (26, 27))])
+def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
+    stiff, touched, rng, frames, directions
+):
+    """Three planes, and three faces of one block: six unknowns of frame, 21 of arm and target, less one."""
+    weightless = read_weights(stiff.arm)
+    state = nominal_state(stiff.vjm, replace(weightless, mass=0 * weightless.mass), np.ones(6))
+    mount = Mount(stiff.vjm.markers[:1], np.eye(3), ("P1",))
+    placed = {name: Frame(np.eye(3), np.zeros(3)) for name in frames}
+    state = replace(state, frames=placed, mounts={touched[0].target: mount})
+    for spread, expected in zip((0.0, 0.01), directions, strict=True):
+        series = [
+            replace(one, frame=name, q=one.q + spread * rng.standard_normal(one.q.shape))
+            for one, name in zip(touched, frames, strict=True)
+        ]
+        unknowns = unknowns_of(stiff.vjm, tuple(series), JointErrors(), joints_only(stiff.arm))
+        rows = [series_rows(unknowns, state, one)[0, :, : unknowns.starts["elastic"]] for one in series]
+        normal = [np.einsum("x,xcr->rc", one.normal, own) for one, own in zip(series, rows, strict=True)]
+        size = np.linalg.svd(np.concatenate(normal), compute_uv=False)
+        assert (size > 1e-6 * size[0]).sum() == expected
+
+
+@pytest.mark.parametrize(
+    "what",
+    ["one point", "one point and a constant", "two points and a tracker", "planes", "planes and a tracker"],
+)
+def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, read, touched, what):
+    """Judged in 30 poses that were never measured; as drawn the arm is off by millimetres.
+
+    Planes alone show the arm's scale by heights of millimetres: 0.1 um of these are 10 um in a reach of 2.5 m.
+    """
     shared = CAMPAIGN.model_copy(update={"share_frame": True, "share_target": True})
     (there, check), _ = simulate_series(stiff, shared.model_copy(update={"series": 2}), 5)
     tracker = (replace(there, sigma=EXACT.sigma),)
-    series = read[:1] if what == "one point" else (*read, *tracker)
+    series = {
+        "one point": read[:1],
+        "one point and a constant": (replace(read[0], zero_sigma=1.0, distance=read[0].distance - 2.5),),
+        "two points and a tracker": (*read, *tracker),
+        "planes": touched,
+        "planes and a tracker": (*touched, *tracker),
+    }[what]
     options = CalibrationOptions(only=frozenset({"joint springs"}))
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
     model, other = model_of(found), replace(check, frame="new", target="new")
-    assert position_errors(model, [other], 30).max_mm < 1e-3
+    assert position_errors(model, [other], 30).max_mm < (0.02 if what == "planes" else 1e-3)
     rigid = replace(model, state=nominal_state(stiff.vjm, model.state.weights, np.ones(6)))
     assert position_errors(rigid, [other], 30).rms_mm > 0.5
 

@@ -179,12 +179,16 @@ def calibrate(
 
 
 def _check_points(series: Sequence[Series]) -> None:
-    """Refuse a frame of distances with two fixed points, or with positions, by BenchError."""
-    fixed: dict[str, tuple[float, ...] | None] = {}
+    """Refuse a frame of distances with two fixed points, with positions or with planes, by BenchError.
+
+    Planes of one frame are faces of one block.
+    """
+    fixed: dict[str, str] = {}
     for one in series:
-        known = fixed.setdefault(one.frame, one.fixed)
-        if known != one.fixed:
-            both = " and ".join("positions" if own is None else str(own) for own in (known, one.fixed))
+        own = "positions" if one.fixed is None else str(one.fixed) if one.normal is None else "planes"
+        known = fixed.setdefault(one.frame, own)
+        if known != own:
+            both = f"{known} and {own}"
             raise BenchError(f"{one.name}: frame {one.frame!r}: expected one fixed point, got {both}")
 
 
