@@ -377,8 +377,8 @@ def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
 NOMINAL_FIXED = 0.02
 """Least standard deviation of a stated fixed point along each axis [m]: that of a nominal target."""
 NOMINAL_TILT = math.radians(0.5)
-"""Least standard deviation of a stated plane's normal about each axis [rad]: that of a base and its first axis
-together."""
+"""Least standard deviation of a stated plane's normal about each axis [rad]: those of the base and of its
+first axis."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -420,7 +420,7 @@ class Series(Displayed):
     #: Stated normal of the plane towards the targets, unit vector, world axes [1]; None of a fixed point.
     normal: tuple[float, float, float] | None = None
     tilt: float = NOMINAL_TILT  #: Standard deviation of the normal about each axis [rad].
-    #: Standard deviation of an unknown constant in all distances from the fixed point [m]; 0 if there is none.
+    #: Standard deviation of an unknown constant in all distances from the fixed point [m]; 0 without one.
     zero_sigma: float = 0.0
     #: Name and unit of every joint's column in the file that it was read from, in the arm's order.
     joints: tuple[tuple[str, str], ...] = ()

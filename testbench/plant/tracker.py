@@ -406,9 +406,7 @@ class PlaneProbe:
     """
 
     sigma: float = 10e-6  #: Standard deviation of one reading [m].
-    flatness: float = (
-        3e-6  #: Standard deviation of the face from a plane, the same in all rows of a pose [m].
-    )
+    flatness: float = 3e-6  #: Standard deviation of the face from a plane, one per pose [m].
     fixed_point_sigma: float = 2e-3  #: That of the stated point of the face along each axis [m].
     tilt: float = math.radians(0.5)  #: That of the stated normal about each axis [rad].
     travel: float = 25e-3  #: Largest height that it reads, to either side [m].

@@ -634,8 +634,7 @@ def _read_distances(
     """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances."""
     assert own.fixed is not None
     if isinstance(own.instrument, PlaneProbe):
-        assert own.direction is not None
-        normal = own.direction / np.linalg.norm(own.direction)
+        normal = unit_normal(own)
         read = own.instrument.read_absolute((own.fixed, normal), places, exact.pose, rng)
         sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
         beside = {"normal": tuple(normal.tolist()), "tilt": max(own.instrument.tilt, NOMINAL_TILT)}
@@ -687,31 +686,51 @@ def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> 
     from testbench.plant.site import collisions  # here: few commands need it
 
     assert isinstance(own.instrument, PlaneProbe)
-    assert own.direction is not None
     assert own.fixed is not None
-    arm, points, kept = cell.arm, marker_points(cell.vjm, (own.marker,)), []
-    normal = own.direction / np.linalg.norm(own.direction)
+    normal = unit_normal(own)
+    arm, points, kept = cell.arm, marker_points(cell.vjm, (own.marker,)), list[Array]()
     for _ in range(MAX_TOUCH_BATCHES):
         q = arm.draw_poses(rng, POSES_PER_BATCH)
-        near = np.linalg.norm(tool_points(cell.vjm, q, points)[:, 0] - own.fixed, axis=1)
-        q = q[near <= own.instrument.radius]
-        for _ in range(NEWTON_STEPS):  # the shortest step of the joints that takes the marker to the face
-            where = chain(cell.vjm, q)
-            slope = np.einsum("x,xnr->rn", normal, translation_rows(where, points)[:, cell.vjm.joint_slice])
-            height = (where.points(points)[:, 0] - own.fixed) @ normal
-            q = arm.with_dependent_joints(q - slope * (height / (slope**2).sum(axis=1))[:, None])
+        off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
+        q = q[np.linalg.norm(off, axis=1) <= own.instrument.radius]
+        for _ in range(NEWTON_STEPS):
+            q = moved_along_normal(
+                cell, own, q, (tool_points(cell.vjm, q, points)[:, 0] - own.fixed) @ normal
+            )
         where = chain(cell.vjm, q)
         off = where.points(points)[:, 0] - own.fixed
         on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)
         on &= (where.position - own.fixed) @ normal > -1e-6
         on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
-        kept += [
-            own_q for own_q, pair in zip(q[on], collisions(cell.room, q[on]), strict=True) if pair is None
-        ]
+        clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
+        kept.extend(q[on][clear])
         if len(kept) >= count:
             return np.array(kept[:count])
     place = ", ".join(f"{x:g}" for x in own.fixed)
     raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch the plane at {place} m")
+
+
+def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Array:
+    """Move poses by the shortest step of the joints that lowers the marker by a height over the plane.
+
+    Args:
+        cell: The arm; a linear step by its rigid model.
+        own: The plane probe.
+        q: Poses, (poses, n) [rad, m].
+        height: Heights, (poses,) [m].
+
+    Returns:
+        The poses, (poses, n) [rad, m].
+    """
+    rows = translation_rows(chain(cell.vjm, q), marker_points(cell.vjm, (own.marker,)))
+    slope = np.einsum("x,xnr->rn", unit_normal(own), rows[:, cell.vjm.joint_slice])
+    return cell.arm.with_dependent_joints(q - slope * (height / (slope**2).sum(axis=1))[:, None])
+
+
+def unit_normal(own: Mounted) -> Array:
+    """Return the unit normal of the plane of a probe, as it is stated, (3,)."""
+    normal = np.asarray(own.direction, dtype=float)
+    return np.asarray(normal / np.linalg.norm(normal))
 
 
 def _of_all(placed_frames: list[PlacedFrame], shared: bool) -> tuple[PlacedFrame, ...]:

@@ -1,4 +1,4 @@
-"""Calibration by distances to fixed points and planes: rows, recovery of MuJoCo's arm, files, and mistakes."""
+"""Calibration by distances to fixed points and planes: rows, recovery of MuJoCo's arm, files, mistakes."""
 
 from dataclasses import replace
 
@@ -179,7 +179,7 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
 def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, read, touched, what):
     """Judged in 30 poses that were never measured; as drawn the arm is off by millimetres.
 
-    Planes alone show the arm's scale by heights of millimetres: 0.1 um of these are 10 um in a reach of 2.5 m.
+    Planes alone show the arm's scale by heights of millimetres: 0.1 um of these are 10 um in a reach of 2 m.
     """
     shared = CAMPAIGN.model_copy(update={"share_frame": True, "share_target": True})
     (there, check), _ = simulate_series(stiff, shared.model_copy(update={"series": 2}), 5)

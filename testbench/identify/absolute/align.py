@@ -403,7 +403,7 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
             frame, mount = align(replace(state, frames=frames, mounts=mounts), without_unread_targets(one))
         except BenchError:
             shared = any(one.frame == other.frame or one.target == other.target for other in waiting)
-            if one in late or not shared:
+            if not shared or any(one is other for other in late):
                 raise
             # Try again after the other series: one of them may determine the shared frame or mount.
             late, waiting = [*late, one], [*waiting, one]
@@ -545,7 +545,8 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
         turned = f" and {np.degrees(turn):.3g} deg" if plane else ""
         raise BenchError(
             f"{series.name}: its {what} is {off:.3g} m{turned} from where it is stated, at "
-            f"{', '.join(f'{own:.4g}' for own in found)} m rather than {place} m; another {other}, sign or axes?"
+            f"{', '.join(f'{own:.4g}' for own in found)} m rather than {place} m; another {other}, sign or "
+            "axes?"
         )
 
 

@@ -1,0 +1,153 @@
+"""Judge plane faces against a laser tracker in absolute calibration: true arms of several kinds, 60 poses.
+
+    python tools/judge_planes.py runs/judged_planes.jsonl --seed 920001 --seeds 20
+
+Every true arm has typical errors of geometry, and its folder has wrong compliances. In 60 poses that touch
+three faces it is read without load and under 460 kg: by a tracker of 50 um, by a probe that reads its height
+over the face to 10 um, and by touches, for which the joints are moved until the height is 0. All are fitted
+by geometry, joint springs and links. Errors are those of 150 poses that were never read, under own weight
+and under load, after frame and target were fitted to 30 others. An arm is a line of JSON in the file; the
+judge may be stopped and started again. `--seeds 0` prints the table alone.
+"""
+
+import json
+import sys
+from argparse import ArgumentParser
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from judge_arms import lines
+from judge_instruments import spread
+from threadpoolctl import threadpool_limits
+
+from testbench.data.dataset import select_rows
+from testbench.errors import BenchError
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
+from testbench.identify.absolute.posterior import model_of
+from testbench.plant.disturbance import TYPICAL, Disturbances
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.workflows.absolute import (
+    AbsoluteCampaign,
+    moved_along_normal,
+    poses_on_planes,
+    position_errors,
+    simulate_distances,
+    simulate_series,
+)
+from testbench.workflows.campaign_flags import mounted
+from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.models import wrong_prior
+
+ARM, POSES, MASS = "kr500_l480", 60, 460.0
+FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
+CHECKED, PLACED = 180, 30  #: Poses that are never read, and those of them that give frame and target.
+OPTIONS = CalibrationOptions(without=frozenset({"joint errors", "common pattern"}))
+CAMPAIGN = AbsoluteCampaign(
+    poses=POSES,
+    masses=(0.0, MASS),
+    disturbances=Disturbances(own_weight=True, geometry=TYPICAL.geometry),
+)
+KINDS = {"tracker": "tracker, 50 um", "heights": "heights, 10 um", "touches": "touches, 10 um"}
+LOADS = {"weight": "own weight", "loaded": f"under {MASS:g} kg"}
+
+
+def touches(cell, faces, seed, q):
+    """Move the joints of every row until the true arm touches, and read noise about zero there."""
+    exact = [replace(own, instrument=replace(own.instrument, sigma=1e-9, flatness=0.0)) for own in faces]
+    parts = []
+    for mass in CAMPAIGN.masses:
+        campaign, at = CAMPAIGN.model_copy(update={"masses": (mass,)}), q.copy()
+        for _ in range(4):  # of which each leaves about a thousandth of the height
+            found, _ = simulate_distances(cell, campaign, exact, seed, at)
+            for own, series in zip(exact, found, strict=True):
+                rows = series.pose - 1
+                at[rows] = moved_along_normal(cell, own, at[rows], series.distance[:, 0])
+        parts.append(found)
+    rng = trial_rng(seed, 6)
+    read = []
+    for own, both in zip(faces, zip(*parts, strict=True), strict=True):
+        sigma = float(np.hypot(own.instrument.sigma, own.instrument.flatness))
+        for one in both:
+            assert np.abs(one.distance).max() < 1e-7  # a hundredth of the noise
+            noise = sigma * rng.standard_normal(one.distance.shape)
+            read.append(replace(one, distance=noise, sigma=sigma))
+    return read
+
+
+def judge(cell, seed):
+    """Calibrate one true arm by each instrument, and score it."""
+    true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
+    faces = [mounted(text) for text in FACES]
+    q = poses_on_planes(cell, faces, POSES, trial_rng(seed, 4))
+    unseen = CAMPAIGN.model_copy(update={"poses": CHECKED, "noise": False})
+    (check,), _ = simulate_series(true, unseen, seed)
+    check = replace(check, name="check", frame="check", target="check")
+    read = {
+        "tracker": simulate_series(true, CAMPAIGN, seed, q)[0],
+        "heights": simulate_distances(true, CAMPAIGN, faces, seed, q)[0],
+        "touches": touches(true, faces, seed, q),
+    }
+    row = {"seed": seed}
+    for kind, series in read.items():
+        found = calibrate(cell.vjm, series, wrong_prior(cell, seed), OPTIONS)
+        for load, of in (("weight", 0.0), ("loaded", 1.0)):
+            rows = np.flatnonzero(check.wrench.any(axis=1) == of)
+            errors = position_errors(model_of(found), [select_rows(check, rows)], PLACED)
+            row |= {f"{kind}_{load}": errors.rms_mm, f"{kind}_{load}_covered": 100 * errors.coverage_95}
+        row[f"{kind}_numbers"] = sum(one.equations for one in series)
+    return row
+
+
+def run(file, seeds):
+    """Judge what the file lacks."""
+    known, cell = {row["seed"] for row in lines(file)}, build_cell(ARM)
+    for seed in seeds:
+        if seed in known:
+            continue
+        try:
+            row = judge(cell, seed)
+        except BenchError as error:
+            row = {"seed": seed, "refused": str(error)}
+        with file.open("a") as out:
+            out.write(json.dumps(row) + "\n")
+
+
+def table(rows):
+    """Errors by instrument and load, their ratio to the tracker's on the same arm, and coverage."""
+    yield "| read by | numbers | load | RMS error, mm | over the tracker's | better | covered, % |\n"
+    yield "| --- | ---: | --- | --- | --- | ---: | ---: |\n"
+    judged = [row for row in rows if "touches_loaded" in row]
+    for kind, words in KINDS.items():
+        for load, under in LOADS.items():
+            own, tracker, covered, numbers = (
+                np.array([row[key] for row in judged])
+                for key in (
+                    f"{kind}_{load}",
+                    f"tracker_{load}",
+                    f"{kind}_{load}_covered",
+                    f"{kind}_numbers",
+                )
+            )
+            better = f"{(own < tracker).sum()} of {len(own)}"
+            cells = [words, f"{np.median(numbers):.0f}", under, spread(own, 3), spread(own / tracker, 2)]
+            yield f"| {' | '.join([*cells, better, f'{covered.mean():.1f}'])} |\n"
+    refused = [f"{row['seed']}: {row['refused']}" for row in rows if "refused" in row]
+    yield f"\nRefused: {', '.join(refused) or 'none'}.\n"
+
+
+def main():
+    """Judge, and print the table."""
+    flags = ArgumentParser(description=__doc__)
+    flags.add_argument("file", type=Path, help="one line per arm")
+    flags.add_argument("--seed", type=int, default=920001, help="first seed")
+    flags.add_argument("--seeds", type=int, default=20, help="number of arms; 0 for the table alone")
+    asked = flags.parse_args()
+    with threadpool_limits(1):
+        run(asked.file, range(asked.seed, asked.seed + asked.seeds))
+    sys.stdout.writelines(table(list(lines(asked.file))))
+
+
+if __name__ == "__main__":
+    main()
