@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.fit import CalibrationOptions, calibrate
+from testbench.identify.absolute.fit import SELECTABLE_ERRORS, CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.tracker import trial_rng
@@ -43,7 +43,7 @@ from testbench.workflows.models import wrong_prior
 ARM, POSES, MASS = "kr500_l480", 60, 460.0
 FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
 CHECKED, PLACED = 180, 30  #: Poses that are never read, and those of them that give frame and target.
-OPTIONS = CalibrationOptions(without=frozenset({"joint errors", "common pattern"}))
+OPTIONS = CalibrationOptions(without=frozenset(SELECTABLE_ERRORS) - {"joint springs", "links"})
 CAMPAIGN = AbsoluteCampaign(
     poses=POSES,
     masses=(0.0, MASS),

@@ -345,14 +345,15 @@ def _parted(
         if fixed is not None:
             number = _number_of(point, [own for own, *rest in keys if rest[:2] == [series, station]])
         place, turned = " ".join(filter(None, (series, station, number))), bool(part.oriented.any())
-        if fixed is not None:
+        if fixed is not None and point is not None:
+            x, y, z, *normal = point
             part = replace(
                 part,
                 position=np.zeros_like(part.position),
                 distance=part.position[:, :, 0],
-                fixed=point and point[:3],
+                fixed=(x, y, z),
                 fixed_sigma=float(fixed.sigma[first[rows]].max()),
-                normal=(point and point[3:]) or None,
+                normal=(normal[0], normal[1], normal[2]) if normal else None,
                 tilt=float(fixed.tilt[first[rows]].max()),
                 zero_sigma=float(fixed.zero_sigma[first[rows]].max()),
             )

@@ -633,15 +633,17 @@ def _read_distances(
 ) -> Series:
     """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances."""
     assert own.fixed is not None
+    normal: tuple[float, float, float] | None = None
+    tilt, zero = NOMINAL_TILT, 0.0
     if isinstance(own.instrument, PlaneProbe):
-        normal = unit_normal(own)
-        read = own.instrument.read_absolute((own.fixed, normal), places, exact.pose, rng)
+        x, y, z = unit_normal(own).tolist()
+        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
+        read = own.instrument.read_absolute((own.fixed, np.array(normal)), places, exact.pose, rng)
         sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
-        beside = {"normal": tuple(normal.tolist()), "tilt": max(own.instrument.tilt, NOMINAL_TILT)}
     else:
         assert isinstance(own.instrument, DistanceMeter)
-        read, sigma = own.instrument.read_absolute(own.fixed, places, rng), own.instrument.sigma
-        beside = {"zero_sigma": own.instrument.zero_sigma}
+        read, zero = own.instrument.read_absolute(own.fixed, places, rng), own.instrument.zero_sigma
+        sigma = own.instrument.sigma
     seen = np.isfinite(read)[:, None] & np.equal(used, own.marker)
     series = replace(
         exact,
@@ -652,9 +654,11 @@ def _read_distances(
         distance=np.where(seen, read[:, None], 0.0),
         fixed=tuple(own.fixed.tolist()),
         fixed_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED),
-        **beside,
+        normal=normal,
+        tilt=tilt,
+        zero_sigma=zero,
     )
-    return series if series.normal is None else select_rows(series, seen.any(axis=1))
+    return series if normal is None else select_rows(series, seen.any(axis=1))
 
 
 def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.random.Generator) -> Array:
@@ -694,9 +698,8 @@ def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> 
         off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
         q = q[np.linalg.norm(off, axis=1) <= own.instrument.radius]
         for _ in range(NEWTON_STEPS):
-            q = moved_along_normal(
-                cell, own, q, (tool_points(cell.vjm, q, points)[:, 0] - own.fixed) @ normal
-            )
+            off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
+            q = moved_along_normal(cell, own, q, off @ normal)
         where = chain(cell.vjm, q)
         off = where.points(points)[:, 0] - own.fixed
         on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)

@@ -221,7 +221,8 @@ def mounted(text: str) -> Mounted:
         if isinstance(instrument, Gauge | PlaneProbe):
             name = where.pop(0)
             on_tool = name.startswith(ON_TOOL) and isinstance(instrument, Gauge)
-            direction = _vector(name.removeprefix(ON_TOOL) if on_tool else name)
+            name = name.removeprefix(ON_TOOL) if on_tool else name
+            direction = AXES[name] if name in AXES else _vector(name)
         fixed = None if isinstance(instrument, Gauge) else _vector(where.pop(0))
         if where or (direction is not None and not direction.any()):
             raise ValueError
@@ -231,8 +232,8 @@ def mounted(text: str) -> Mounted:
 
 
 def _vector(text: str) -> Array:
-    """Read three finite numbers, or the name of an axis; ValueError for anything else."""
-    vector = AXES[text] if text in AXES else np.array([*map(float, text.split(","))])
+    """Read three finite numbers; ValueError for anything else."""
+    vector = np.array([*map(float, text.split(","))])
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError
     return vector

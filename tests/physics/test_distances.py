@@ -79,10 +79,10 @@ def touched(stiff):
     return tuple(replace(one, sigma=EXACT.sigma) for one in heights(stiff, CAMPAIGN, 5, 1e-12)[0])
 
 
-def heights(cell, campaign, seed, sigma, q=None):
-    probe = PlaneProbe(sigma=sigma, flatness=0.0, travel=0.05)
-    asked = [Mounted(probe, "P1", AXES[axis], fixed=np.array(place)) for axis, place in PLANES]
-    return simulate_distances(cell, campaign, asked, seed, q)
+def heights(cell, campaign, seed, sigma, planes=PLANES, **other):
+    probe = PlaneProbe(sigma=sigma, flatness=0.0, travel=0.05, **other)
+    asked = [Mounted(probe, "P1", AXES[axis], fixed=np.array(place)) for axis, place in planes]
+    return simulate_distances(cell, campaign, asked, seed)
 
 
 @pytest.mark.parametrize("kind", ["point", "point and constant", "plane"])
@@ -174,22 +174,30 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
 
 @pytest.mark.parametrize(
     "what",
-    ["one point", "one point and a constant", "two points and a tracker", "planes", "planes and a tracker"],
+    [
+        *("one point", "one point and a constant", "planes", "a block with two parallel faces"),
+        "planes, two points and a tracker",
+    ],
 )
 def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, read, touched, what):
     """Judged in 30 poses that were never measured; as drawn the arm is off by millimetres.
 
     Planes alone show the arm's scale by heights of millimetres: 0.1 um of these are 10 um in a reach of 2 m.
+    Two parallel faces of one block show it as distances do.
     """
     shared = CAMPAIGN.model_copy(update={"share_frame": True, "share_target": True})
     (there, check), _ = simulate_series(stiff, shared.model_copy(update={"series": 2}), 5)
     tracker = (replace(there, sigma=EXACT.sigma),)
+    box = (*PLANES, ("y", (1.5, -1.2, 1.4)))
+    block, _ = heights(stiff, CAMPAIGN, 5, 1e-12, box, tilt=0.0, fixed_point_sigma=0.0)
     series = {
+        "a block with two parallel faces": tuple(
+            replace(one, frame="block", sigma=EXACT.sigma) for one in block
+        ),
         "one point": read[:1],
         "one point and a constant": (replace(read[0], zero_sigma=1.0, distance=read[0].distance - 2.5),),
-        "two points and a tracker": (*read, *tracker),
         "planes": touched,
-        "planes and a tracker": (*touched, *tracker),
+        "planes, two points and a tracker": (*touched, *read, *tracker),
     }[what]
     options = CalibrationOptions(only=frozenset({"joint springs"}))
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
@@ -219,6 +227,25 @@ def test_distances_are_read_back_by_fixed_point_and_lost_ones_are_blank(kr500, t
         assert (one.sigma, one.fixed_sigma) == (own.sigma, own.fixed_sigma)
 
 
+def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(kr500, tmp_path):
+    few = CAMPAIGN.model_copy(update={"poses": 9})
+    planes, _ = heights(kr500, few, 2, 1e-5)
+    wire = simulate_distances(kr500, few, bars(POINTS[0], instrument=replace(EXACT, zero_sigma=1.0)), 2)[0]
+    file, stem = tmp_path / "d.csv", {"target": "d", "markers": ("P1",)}
+    named = [replace(one, name=f"d {k}", **stem) for k, one in enumerate((*planes, *wire))]
+    named[:2] = [replace(one, frame="d block") for one in named[:2]]
+    write_series(file, kr500.arm, named)
+    again = read_series(file, kr500.arm).series
+    assert [one.frame for one in again] == [one.frame for one in named]
+    for one, own in zip(again, named, strict=True):
+        np.testing.assert_allclose(one.distance, own.distance, atol=1e-15)
+        assert (one.fixed, one.normal, one.zero_sigma) == (own.fixed, own.normal, own.zero_sigma)
+        assert one.frame_deviation == own.frame_deviation
+    mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
+    with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
+        calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))
+
+
 JOINTS = ",".join(f"joint_{k}_deg" for k in range(1, 7))
 TABLE = f"""marker,{JOINTS},distance_mm,fixed_x_mm,fixed_y_mm,fixed_z_mm
 P1,10,-60,80,5,30,0,2345.6,2200,0,100
@@ -237,6 +264,70 @@ def test_every_fixed_point_of_a_workshops_table_is_a_series_of_its_own(kr500, tm
     )
     assert [one.fixed_sigma for one in export.series] == [0.02, 0.02]
     assert any("20 mm of a fixed point is assumed" in note for note in export.notes)
+
+
+FACES = f"""marker,{JOINTS},height_mm,fixed_x_mm,fixed_y_mm,fixed_z_mm,direction_x,direction_y,direction_z
+P1,10,-60,80,5,30,0,0,2200,0,100,0,0,2
+P1,20,-60,80,5,30,0,-1.5,2200,0,100,0,0,2
+P1,20,-60,80,5,30,0,2345,2200,0,100,,,
+"""
+
+
+def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_path):
+    file = tmp_path / "d.csv"
+    file.write_text(FACES)
+    export = read_series(file, kr500.arm)
+    plane, point = export.series
+    assert (plane.name, point.name) == ("d plane 1", "d point 2")
+    assert (plane.normal, point.normal) == ((0.0, 0.0, 1.0), None)
+    np.testing.assert_allclose(plane.distance, [[0], [-1.5e-3]])
+    assert any("in 2 rows: 0.5 deg of direction is assumed" in note for note in export.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            ",0,0,2\n",
+            ",,,\n",
+            "line 2, column height_mm: expected more than 0, got 0 m; a height over a plane",
+        ),
+        ("100,0,0,2", "100,0,0,0", "line 2, column direction_x: expected the plane's normal, got 0, 0, 0"),
+        ("100,0,0,2", "100,0,,2", "line 2, column direction_y: expected a finite number, got ''"),
+        ("2345", "-2345", "line 4, column height_mm: expected more than 0, got -2.345 m"),
+    ],
+)
+def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, new, words):
+    file = tmp_path / "d.csv"
+    file.write_text(FACES.replace(old, new, 1))
+    assert words in refused(read_series, file, kr500.arm)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "words"),
+    [
+        (
+            lambda one: {"distance": 1e3 * one.distance},
+            "do not fit this arm and a plane through 2.3, 0, 1.4 m",
+        ),
+        (lambda one: {"normal": (-0.6, 0.0, 0.8)}, "another .*normal"),
+        (lambda one: {"fixed": (1.7, 0.0, 1.4)}, "its plane is 0.6 m and"),
+        (lambda one: {"q": np.tile(one.q[:1], (one.rows, 1))}, "1 poses with a reading are too few"),
+        (lambda one: {"q": in_a_row(one.q)}, "its poses lie in a row on the plane"),
+    ],
+    ids=["mm for m", "another normal", "another place", "one pose", "in a row"],
+)
+def test_heights_that_do_not_fit_or_show_no_plane_are_refused(kr500, touched, spoiled, words):
+    one = replace(touched[1], **spoiled(touched[1]))
+    with pytest.raises(BenchError, match=words):
+        calibrate(kr500.vjm, [one], cad_prior(kr500.arm))
+
+
+def in_a_row(q):
+    """The poses of a joint that turns, with the other joints where they are in the first row."""
+    rows = np.tile(q[0], (len(q), 1))
+    rows[:, 0] += np.linspace(0, 1e-3, len(q))
+    return rows
 
 
 @pytest.mark.parametrize(
