@@ -658,7 +658,7 @@ def _read_distances(
         tilt=tilt,
         zero_sigma=zero,
     )
-    return series if normal is None else select_rows(series, seen.any(axis=1))
+    return series if normal is None else select_rows(series, np.asarray(seen.any(axis=1)))
 
 
 def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.random.Generator) -> Array:

@@ -372,6 +372,7 @@ def _read(
             rotations = tuple(equilibrium.rotation for equilibrium in settled)
             numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
         else:
+            assert isinstance(own.instrument, DistanceMeter)
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
         lost = np.asarray(np.isnan(numbers).any(axis=0))
         direction[:, k] = u
