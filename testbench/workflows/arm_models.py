@@ -400,7 +400,7 @@ def _document(model: ArmModel) -> dict[str, object]:
             name: {
                 "rotation": frame.rotation.tolist(),
                 "translation_m": frame.translation.tolist(),
-                **({"zero_m": frame.zero} if frame.zero else {}),
+                "zero_m": frame.zero,
             }
             for name, frame in state.frames.items()
         },
