@@ -709,8 +709,8 @@ def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> 
         kept.extend(q[on][clear])
         if len(kept) >= count:
             return np.array(kept[:count])
-    place = ", ".join(f"{x:g}" for x in own.fixed)
-    raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch the plane at {place} m")
+    face = f"the plane at {', '.join(f'{x:g}' for x in own.fixed)} m"
+    raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch {face}; is it in reach?")
 
 
 def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Array:
@@ -733,7 +733,7 @@ def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Arr
 def unit_normal(own: Mounted) -> Array:
     """Return the unit normal of the plane of a probe, as it is stated, (3,)."""
     normal = np.asarray(own.direction, dtype=float)
-    return np.asarray(normal / np.linalg.norm(normal))
+    return np.asarray(normal / np.linalg.norm(normal)) + 0.0  # no component is -0
 
 
 def _of_all(placed_frames: list[PlacedFrame], shared: bool) -> tuple[PlacedFrame, ...]:
