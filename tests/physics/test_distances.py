@@ -245,6 +245,9 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
     mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
     with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
         calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))
+    known = replace(again[3], zero_sigma=0.0, distance=mixed.distance)
+    with pytest.raises(BenchError, match="and a constant within 1 m and"):
+        calibrate(kr500.vjm, [again[3], known], cad_prior(kr500.arm))
 
 
 JOINTS = ",".join(f"joint_{k}_deg" for k in range(1, 7))
@@ -320,8 +323,9 @@ def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, n
 )
 def test_heights_that_do_not_fit_or_show_no_plane_are_refused(kr500, touched, spoiled, words):
     one = replace(touched[1], **spoiled(touched[1]))
+    both = [one, replace(one, row=one.row + 1000)]  # either may have the frame and mount that they share
     with pytest.raises(BenchError, match=words):
-        calibrate(kr500.vjm, [one], cad_prior(kr500.arm))
+        calibrate(kr500.vjm, both, cad_prior(kr500.arm))
 
 
 def in_a_row(q):

@@ -186,6 +186,7 @@ def _check_points(series: Sequence[Series]) -> None:
     fixed: dict[str, str] = {}
     for one in series:
         own = "positions" if one.fixed is None else str(one.fixed) if one.normal is None else "planes"
+        own += f" and a constant within {one.zero_sigma:g} m" if one.zero_sigma else ""
         known = fixed.setdefault(one.frame, own)
         if known != own:
             both = f"{known} and {own}"
