@@ -141,16 +141,17 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
             others = "--tracker, --sigma-um, --orientations or --series"
             raise BenchError(f"--instrument: expected no {others} with it")
         found, _ = simulate_distances(cell, campaign, [*map(mounted, asked.instrument)], asked.seed, q)
-        files = [found]  # all fixed points in one
+        files = [found]  # all fixed points and planes in one
     else:
         found, _ = simulate_series(cell, campaign, asked.seed, q)
         files = [(series,) for series in found]
     with whole_files(paths) as parts:
         for path, part, every in zip(paths, parts, files, strict=True):
             write_series(part, cell.arm, [_named(one, path.stem, alone=len(every) == 1) for one in every])
-    for path, (series, *_) in zip(paths, files, strict=True):
-        poses, targets = len(np.unique(series.pose)), ", ".join(series.markers)
-        console.print(f"{path}: {series.rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
+    for path, every in zip(paths, files, strict=True):
+        rows, targets = sum(one.rows for one in every), ", ".join(every[0].markers)
+        poses = len(np.unique(np.concatenate([one.pose for one in every])))
+        console.print(f"{path}: {rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
 
 
 def _named(series: Series, stem: str, *, alone: bool) -> Series:

@@ -1,5 +1,6 @@
 """Measured runs as arrays: one load in one pose per run, every marker read before and after loading."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, TypeVar
@@ -375,6 +376,9 @@ def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
 
 NOMINAL_FIXED = 0.02
 """Least standard deviation of a stated fixed point along each axis [m]: that of a nominal target."""
+NOMINAL_TILT = math.radians(0.5)
+"""Least standard deviation of a stated plane's normal about each axis [rad]: those of the base and of its
+first axis."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -407,11 +411,17 @@ class Series(Displayed):
     torque: Array | None = None  #: Torques of the actuated joints, (rows, n) [N m, N].
     temperature: Array | None = None  #: Temperature, (rows,) [degree Celsius].
     time: Array | None = None  #: Time from any start, (rows,) [s].
-    #: Distance of every target from the fixed point, (rows, m) [m]; positions are then zeros. None of
-    #: positions.
+    #: Distance of every target from the fixed point, or height over the plane, (rows, m) [m]; positions are
+    #: then zeros. None of positions.
     distance: Array | None = None
-    fixed: tuple[float, float, float] | None = None  #: Stated fixed point of distances, world axes [m].
-    fixed_sigma: float = NOMINAL_FIXED  #: Standard deviation of the fixed point along each axis [m].
+    #: Stated fixed point of distances, or a point of the plane, world axes [m].
+    fixed: tuple[float, float, float] | None = None
+    fixed_sigma: float = NOMINAL_FIXED  #: Standard deviation of that point along each axis [m].
+    #: Stated normal of the plane towards the targets, unit vector, world axes [1]; None of a fixed point.
+    normal: tuple[float, float, float] | None = None
+    tilt: float = NOMINAL_TILT  #: Standard deviation of the normal about each axis [rad].
+    #: Standard deviation of an unknown constant in all distances from the fixed point [m]; 0 without one.
+    zero_sigma: float = 0.0
     #: Name and unit of every joint's column in the file that it was read from, in the arm's order.
     joints: tuple[tuple[str, str], ...] = ()
 
@@ -440,6 +450,8 @@ class Series(Displayed):
             raise BenchError("distances: expected them and a fixed point together, or none")
         if self.distance is not None:
             self._check_distances(self.distance)
+        elif self.normal is not None:
+            raise BenchError("normal: expected heights over the plane beside it, got none")
         if self.rotation is not None:
             if self.rotation.shape != (rows, 3, 3):
                 raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
@@ -449,11 +461,29 @@ class Series(Displayed):
         """Refuse distances that no instrument reads, and what cannot stand beside them, by BenchError."""
         if self.rotation is not None or self.position.any():
             raise BenchError("distances: expected neither positions nor orientations beside them")
-        if not 0 < self.fixed_sigma < np.inf:
-            raise BenchError(f"fixed_sigma [m]: expected more than 0, got {self.fixed_sigma}")
+        for name in ("fixed_sigma", "tilt"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise BenchError(f"{name} [m, rad]: expected more than 0, got {getattr(self, name)}")
+        if self.normal is not None:
+            length = math.hypot(*self.normal)
+            if not abs(length - 1) < ASYMMETRY_TOLERANCE or self.zero_sigma:
+                raise BenchError(f"normal: expected a unit vector and no zero_sigma, got length {length:g}")
+            return
         least = distance[self.seen].min(initial=np.inf)
-        if least <= 0:
+        if least <= 0 and not self.zero_sigma:
             raise BenchError(f"distance [m]: expected more than 0, got {least:g}")
+
+    @property
+    def frame_deviation(self) -> tuple[float, ...] | None:
+        """Return standard deviations of the frame's shifts [m], turns [rad] and constant [m], as stated.
+
+        They are 0 for turns of a fixed point, which change no distance. None of positions: they determine
+        their frame.
+        """
+        if self.distance is None:
+            return None
+        turn = 0.0 if self.normal is None else self.tilt
+        return (*[self.fixed_sigma] * 3, *[turn] * 3, *[self.zero_sigma] * bool(self.zero_sigma))
 
     @property
     def equations(self) -> int:

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
-from testbench.data.dataset import NOMINAL_FIXED, evenly
+from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, evenly
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
@@ -259,8 +259,9 @@ def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[s
 
 TILT, FIXED = np.radians(0.5), 1e-3
 """Standard deviations of a gauge's direction [rad] and of a fixed point [m] if the file states none."""
-MAX_TILT, MAX_FIXED = np.radians(10), 0.1
-"""Largest of these that are accepted [rad, m]: beyond them a unit is wrong."""
+MAX_TILT, MAX_FIXED, MAX_ZERO = np.radians(10), 0.1, 10.0
+"""Largest of these, and of a constant in distances, that are accepted [rad, m, m]: beyond them a unit is
+wrong."""
 
 
 @dataclass(frozen=True)
@@ -324,18 +325,21 @@ def read_lines(columns: Columns) -> FileLines | None:
 
 @dataclass(frozen=True)
 class FixedPoints:
-    """Hold the fixed points of distances in absolute readings."""
+    """Hold the fixed points and planes of distances in absolute readings."""
 
-    place: Array  #: Where each is stated, world axes, (rows, 3) [m].
+    place: Array  #: Where each is stated, a point of a plane, world axes, (rows, 3) [m].
     sigma: Array  #: Standard deviation along each axis, (rows,) [m].
+    normal: Array  #: Normals of planes, unit vectors, world axes, (rows, 3) [1]; NaN for points.
+    tilt: Array  #: Standard deviation of a normal about each axis, (rows,) [rad].
+    zero_sigma: Array  #: That of a constant in all distances from a point, (rows,) [m].
     notes: tuple[str, ...]  #: Assumptions that were made.
 
 
 def read_fixed_points(columns: Columns) -> FixedPoints:
-    """Read the fixed point of every distance of absolute readings.
+    """Read the fixed point or the plane of every distance of absolute readings.
 
-    A calibration finds the point: in the axes of its model it is millimetres from where the base has it. So
-    its standard deviation is at least `NOMINAL_FIXED`.
+    A calibration finds it: in the axes of its model it is millimetres from where the base has it. So its
+    standard deviations are at least `NOMINAL_FIXED` and `NOMINAL_TILT`.
 
     Args:
         columns: The columns of the file.
@@ -344,16 +348,41 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
         The fixed points.
 
     Raises:
-        InputError: If a row has none, or an uncertainty is absurd.
+        InputError: If a row has none, an uncertainty is absurd, or a distance is not positive.
     """
+    table = columns.table
     fixed, names = _triple(columns, "fixed")
     if not names:
         raise columns.lack([*columns_of("fixed")])
     blank = np.asarray(np.isnan(fixed).any(axis=1))
-    columns.table.refuse(blank, names[0], "expected the fixed point of this distance, got ''")
+    table.refuse(blank, names[0], "expected the fixed point of this distance, got ''")
     notes = list[str]()
     sigma = _deviation(columns, "fixed_sigma", ~blank, (NOMINAL_FIXED, MAX_FIXED), notes)
-    return FixedPoints(fixed, np.maximum(sigma, NOMINAL_FIXED), tuple(notes))
+    # A row with a direction is of a plane.
+    direction, axes = _triple(columns, "direction")
+    plane = np.asarray(np.isfinite(direction).all(axis=1))
+    length = np.linalg.norm(direction, axis=1)
+    table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected the plane's normal, got 0, 0, 0")
+    tilt = _deviation(columns, "tilt", plane, (NOMINAL_TILT, MAX_TILT), notes)
+    zero = np.zeros(table.rows)
+    if columns.source_of(Slot("zero_sigma")) is not None:
+        zero = _deviation(columns, "zero_sigma", ~plane, (0.0, MAX_ZERO), notes)
+    column = columns.get(Slot("distance"))
+    read = np.full(table.rows, np.nan) if column is None else columns.values(column)
+    problem = "expected more than 0, got {:g} m; a height over a plane has direction_x, _y and _z"
+    table.refuse(
+        np.asarray((read <= 0) & ~plane & (zero == 0)),
+        "" if column is None else column.name,
+        lambda row: problem.format(read[row]),
+    )
+    return FixedPoints(
+        place=fixed,
+        sigma=np.maximum(sigma, NOMINAL_FIXED),
+        normal=direction / length[:, None],
+        tilt=np.maximum(tilt, NOMINAL_TILT),
+        zero_sigma=zero,
+        notes=tuple(notes),
+    )
 
 
 def _numbers(columns: Columns, what: str) -> Array:
@@ -383,7 +412,7 @@ def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float
     stated = np.full(len(own), 0.0) if source == 0.0 else stated
     if (missing := own & np.isnan(stated)).any():
         point = f"{1e3 * usual[0]:g} mm of a fixed point"
-        words = {"tilt": "0.5 deg of direction", "fixed_sigma": point}[what]
+        words = {"tilt": "0.5 deg of direction", "fixed_sigma": point, "zero_sigma": "no constant"}[what]
         notes.append(f"no column gives the uncertainty in {missing.sum()} rows: {words} is assumed")
     values = np.where(own, np.where(np.isnan(stated), usual[0], stated), 0.0)
     name = source.name if isinstance(source, ReadColumn) else what

@@ -36,7 +36,7 @@ from testbench.files.table import MAX_LISTED, TableCells, read_table
 
 READ: tuple[What, ...] = (
     *("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS),
-    *("travel", "distance", "direction", "fixed", "tilt", "fixed_sigma"),
+    *("travel", "distance", "direction", "fixed", "tilt", "fixed_sigma", "zero_sigma"),
 )
 """Quantities whose cells are blank, or hold a word, if a target was lost."""
 ACTS: tuple[What, ...] = ("force", "moment", "process")

@@ -23,7 +23,7 @@ from testbench.files.names import (
 )
 
 MAX_BYTES = 20_000
-CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma", "tilt", "fixed_sigma")
+CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma", "tilt", "fixed_sigma", "zero_sigma")
 """Quantities that may be one number for the whole file."""
 IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
 NOTATION = r"^(vector|(intrinsic|extrinsic) [xyz]{3})$"  #: Of three angles.

@@ -119,7 +119,7 @@ Which = Literal["run", "pose", "marker", "station", "loading", "state", "axis", 
 Acting = Literal["joint", "mass", "force", "moment", "point", "set_point", "process"]
 Read = Literal["reading", "rotation", "quaternion", "matrix", "torque", "temperature", "time"]
 Scattered = Literal["covariance", "sigma", "deviation", "turn_deviation", "spread", "tilt", "fixed_sigma"]
-Along = Literal["travel", "distance", "direction", "fixed"]
+Along = Literal["travel", "distance", "direction", "fixed", "zero_sigma"]
 What = Which | Acting | Read | Scattered | Along | Literal["series", "series_frame", "series_target"]
 ROTATIONS: tuple[What, ...] = ("rotation", "quaternion", "matrix")
 """Notations of an orientation."""
@@ -128,7 +128,7 @@ SI: Mapping[What, tuple[str, ...]] = {
     **{"force": ("N",), "process": ("N",), "moment": ("Nm",), "covariance": ("m2",), "spread": ("m2",)},
     **{"point": ("m",), "set_point": ("m",), "reading": ("m",), "deviation": ("m",)},
     **{"rotation": ("rad",), "turn_deviation": ("rad",), "tilt": ("rad",)},
-    **dict.fromkeys(("travel", "distance", "fixed", "fixed_sigma"), ("m",)),
+    **dict.fromkeys(("travel", "distance", "fixed", "fixed_sigma", "zero_sigma"), ("m",)),
 }
 """Of every quantity with a unit what its unit may be a multiple of."""
 
@@ -257,7 +257,8 @@ def series_names(arm: Arm) -> dict[str, Slot]:
     Returns:
         Quantities by squeezed name, without unit.
     """
-    found = {"payload": Slot("mass"), "timestamp": Slot("time"), "distance": Slot("distance")}
+    found = {"payload": Slot("mass"), "timestamp": Slot("time")}
+    found |= {"distance": Slot("distance"), "height": Slot("distance"), "zero_sigma": Slot("zero_sigma")}
     found |= {name: Slot(name) for name in ("series", "series_frame", "series_target")}
     for unit in ("", "_c", "_degc", "[c]", "[°c]", "[degc]", "(c)", "(°c)", "(degc)"):
         found |= {f"temperature{unit}": Slot("temperature")}

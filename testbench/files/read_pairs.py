@@ -292,7 +292,7 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | N
 
 
 def read_distances(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
-    """Read distances to fixed points, one per row.
+    """Read distances to fixed points, or heights over planes, one per row.
 
     Args:
         columns: The columns of the file.
@@ -309,9 +309,6 @@ def read_distances(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
     if column is None:
         raise columns.lack(["distance_m"], "; absolute readings have one distance per row, loaded or not")
     distance, names = columns.values(column), _markers(columns, arm)
-    columns.table.refuse(
-        distance <= 0, column.name, lambda row: f"expected more than 0, got {distance[row]:g} m"
-    )
     kept = tuple(dict.fromkeys(names))
     marker = np.array([kept.index(name) for name in names])
     position = np.column_stack([distance, np.zeros((len(names), 2))])

@@ -61,8 +61,8 @@ TURNED_APART = 1e-6
 MAX_LISTED_LINES = 5  #: Most lines that a note lists.
 SERIES_QUANTITIES: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
 """Quantities of absolute readings that pairs do not have."""
-Point = tuple[float, float, float] | None
-"""A fixed point [m]; None of positions."""
+Point = tuple[float, ...] | None
+"""A fixed point [m], of a plane with its normal, (3,) or (6,); None of positions."""
 NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
 """Columns that divide a file into series, or name what series share."""
 
@@ -279,7 +279,7 @@ def _grouped(columns: Columns, conditions: RowConditions, read: FileReadings) ->
     table = columns.table
     marker = np.empty(table.rows, dtype=int)
     marker[read.row] = read.marker
-    found = columns.all_of("series", "series_frame", "series_target", "state", "fixed")
+    found = columns.all_of("series", "series_frame", "series_target", "state", "fixed", "direction")
     words = (np.array(table.texts(column.index)) for column in found)
     # Equal conditions form a group; a repeated marker starts a new reading.
     own = conditions
@@ -331,7 +331,8 @@ def _parted(
     texts = [_texts(columns, what, first) for what in NAMES]
     points: list[Point] = [None] * len(first)
     if fixed is not None:
-        points = [(x, y, z) for x, y, z in fixed.place[first].tolist()]
+        both = np.column_stack([fixed.place, fixed.normal])[first]
+        points = [tuple(own[np.isfinite(own)].tolist()) for own in both]
     keys = list(zip(points, *texts, strict=True))
     found = []
     for key in dict.fromkeys(keys):
@@ -344,13 +345,17 @@ def _parted(
         if fixed is not None:
             number = _number_of(point, [own for own, *rest in keys if rest[:2] == [series, station]])
         place, turned = " ".join(filter(None, (series, station, number))), bool(part.oriented.any())
-        if fixed is not None:
+        if fixed is not None and point is not None:
+            x, y, z, *normal = point
             part = replace(
                 part,
                 position=np.zeros_like(part.position),
                 distance=part.position[:, :, 0],
-                fixed=point,
+                fixed=(x, y, z),
                 fixed_sigma=float(fixed.sigma[first[rows]].max()),
+                normal=(normal[0], normal[1], normal[2]) if normal else None,
+                tilt=float(fixed.tilt[first[rows]].max()),
+                zero_sigma=float(fixed.zero_sigma[first[rows]].max()),
             )
         found.append(
             replace(
@@ -368,9 +373,10 @@ def _parted(
 
 
 def _number_of(point: Point, every: Sequence[Point]) -> str:
-    """Name a fixed point by its place among those of a series; empty if it is the only one."""
+    """Name a fixed point or plane by its place among those of a series; empty if it is the only one."""
     others = list(dict.fromkeys(every))
-    return f"point {others.index(point) + 1}" if len(others) > 1 else ""
+    kind = "plane" if point and len(point) > 3 else "point"
+    return f"{kind} {others.index(point) + 1}" if len(others) > 1 else ""
 
 
 def _texts(columns: Columns, what: What, first: Ids) -> list[str]:

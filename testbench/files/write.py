@@ -334,6 +334,8 @@ def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
         tuple(columns_of("force")): not any(s.wrench[:, :3].any() for s in series),
         tuple(columns_of("moment")): not any(s.wrench[:, 3:].any() for s in series),
         tuple(columns_of("point")): all((s.point == at).all() for s in series),
+        (*columns_of("direction"), "tilt_rad"): all(s.normal is None for s in series),
+        ("zero_sigma_m",): not any(s.zero_sigma for s in series),
     }
     if set(first.markers) - set(arm.markers) and not groups["marker",]:
         raise BenchError(f"markers: expected some of {arm.name}'s {arm.markers}, got {first.markers}")
@@ -364,6 +366,10 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
         length = np.where(lost, np.nan, s.distance.reshape(-1, 1))
         blocks = [(["distance_m"], length), (columns_of("fixed"), np.tile(np.array(s.fixed), (n, 1)))]
         blocks.append((["fixed_sigma_m"], np.full(n, s.fixed_sigma)))
+        normal = np.full(3, np.nan) if s.normal is None else np.array(s.normal)
+        blocks.append((columns_of("direction"), np.tile(normal, (n, 1))))
+        blocks.append((["tilt_rad"], np.full(n, np.nan if s.normal is None else s.tilt)))
+        blocks.append((["zero_sigma_m"], np.full(n, s.zero_sigma)))
     return own | _cells(n, blocks, shown)
 
 

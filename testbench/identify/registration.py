@@ -332,6 +332,7 @@ class Frame:
     #: Covariance of a small rotation about the base's axes, R exp(phi), and of the translation, (6, 6)
     #: [rad, m]; zero for a frame that was given.
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    zero: float = 0.0  #: Constant that an instrument adds to every distance from its fixed point [m].
 
     def rebased(self, pose: Array) -> "Frame":
         """Return the frame that takes the place of the base, with its covariance.

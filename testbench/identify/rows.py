@@ -122,29 +122,36 @@ def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     if series.distance is not None:
         # A distance changes by the part along its beam; its fixed point has no axes that could turn.
         u, _ = beams(state, series, equilibrium)
-        A[:, :, unknowns.columns(f"frame {series.frame}")][:, :, 3:] = 0
+        if series.normal is None:
+            A[:, :, unknowns.columns(f"frame {series.frame}")][:, :, 3:] = 0
         A = u[:, :, None] * np.einsum("sxr,sxcr->scr", u, A)[:, None]
+        if series.zero_sigma:
+            A[:, :, unknowns.columns(f"frame {series.frame}")][:, :, 6] = u * series.seen.T[:, None]
     A[:, :, -1] = series_residuals(state, series, equilibrium)
     return A
 
 
 def beams(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> tuple[Array, Array]:
-    """Compute unit vectors from the fixed point of a series of distances to its targets, and the lengths.
+    """Compute the directions in which targets change their distances, and the distances.
 
-    Mathematics: `abs-14`.
+    Mathematics: `abs-14` for a fixed point, `abs-15` for a plane.
 
     Args:
-        state: The model; the origin of the series' frame is the fixed point.
+        state: The model; the origin of the frame is the fixed point, or the frame has the plane as stated.
         series: Distances.
         equilibrium: The arm at rest in every row.
 
     Returns:
-        Unit vectors in base axes, (m, 3, rows) [1], and lengths, (m, rows) [m].
+        Unit vectors in base axes, (m, 3, rows) [1], and distances as read, (m, rows) [m].
     """
     frame = state.frame(series)
     beam = equilibrium.chain.points(state.mount(series).points) + frame.translation @ frame.rotation
+    if series.normal is not None:
+        u = frame.rotation.T @ series.normal
+        height = beam @ u - np.dot(series.normal, np.array(series.fixed))
+        return np.broadcast_to(u[:, None], (beam.shape[1], 3, len(beam))), height.T
     length = np.linalg.norm(beam, axis=2)
-    return (beam / length[..., None]).transpose(1, 2, 0), length.T
+    return (beam / length[..., None]).transpose(1, 2, 0), length.T + frame.zero
 
 
 def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> Array:

@@ -340,9 +340,11 @@ class DistanceMeter:
     fixed_point_sigma: float  #: Standard deviation of the fixed point's stated place along each axis [m].
     #: Largest change of the distance that it follows, to either side [m].
     travel: float
+    #: Standard deviation of an unknown constant in every distance [m]; a change of distance is without it.
+    zero_sigma: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "fixed_point_sigma"):
+        for name in ("sigma", "fixed_point_sigma", "zero_sigma"):
             check_least(getattr(self, name), name)
         if not 0 < self.travel < math.inf:
             raise BenchError(f"travel [m] of a distance meter: expected more than 0, got {self.travel}")
@@ -374,6 +376,8 @@ class DistanceMeter:
         """
         read, length = self._lengths(stated, places, rng)
         middle = (length.min() + length.max()) / 2
+        if self.zero_sigma:
+            read += self.zero_sigma * rng.standard_normal()
         return np.where(np.abs(length - middle) <= self.travel, read, np.nan)
 
     def _lengths(self, stated: Array, places: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -392,3 +396,47 @@ usual [assumed]."""
 DRAW_WIRE = DistanceMeter(sigma=50e-6, fixed_point_sigma=2e-3, travel=1.0)
 """A draw-wire encoder of 2 m. Makers state a repeatability of some hundredths of a millimetre [assumed]; its
 outlet is known to two millimetres [assumed]."""
+
+
+@dataclass(frozen=True)
+class PlaneProbe:
+    """Describe a probe on the tool that reads its height over a plane face on a stand.
+
+    A touch probe reads zero where it touches; a gauge or a laser triangulation sensor reads near it.
+    """
+
+    sigma: float = 10e-6  #: Standard deviation of one reading [m].
+    flatness: float = 3e-6  #: Standard deviation of the face from a plane, one per pose [m].
+    fixed_point_sigma: float = 2e-3  #: That of the stated point of the face along each axis [m].
+    tilt: float = math.radians(0.5)  #: That of the stated normal about each axis [rad].
+    travel: float = 25e-3  #: Largest height that it reads, to either side [m].
+    radius: float = 0.4  #: Radius of the face around the stated point [m].
+
+    def __post_init__(self) -> None:
+        for name in ("sigma", "flatness", "fixed_point_sigma", "tilt"):
+            check_least(getattr(self, name), name)
+        if not (0 < self.travel < math.inf and 0 < self.radius < math.inf):
+            raise BenchError(f"plane probe: expected a travel and a radius, got {self.travel}, {self.radius}")
+
+    def read_absolute(
+        self, stated: tuple[Array, Array], places: Array, pose: Ids, rng: np.random.Generator
+    ) -> Array:
+        """Read the height of a marker over the face.
+
+        Args:
+            stated: Point of the face [m] and its unit normal [1], as they are said to be, (3,) each.
+            places: The marker in every row, (runs, 3) [m].
+            pose: Identifier of the pose of every row, (runs,).
+            rng: Source of the face's errors and of noise.
+
+        Returns:
+            Heights, (runs,) [m]; NaN out of range and beside the face.
+        """
+        off = places - (stated[0] + self.fixed_point_sigma * rng.standard_normal(3))
+        [normal] = tilt_directions(stated[1][None], self.tilt, np.zeros(1, dtype=int), rng)
+        height = off @ normal
+        beside = np.linalg.norm(off - height[:, None] * normal, axis=1)
+        _, spot = np.unique(pose, return_inverse=True)
+        uneven = self.flatness * rng.standard_normal(int(spot.max()) + 1)[spot]
+        read = height - uneven + self.sigma * rng.standard_normal(len(height))
+        return np.where((np.abs(height) <= self.travel) & (beside <= self.radius), read, np.nan)

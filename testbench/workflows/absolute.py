@@ -5,6 +5,7 @@ Absolute readings of a true arm: what is measured, what trackers read, and the t
 Arm, geometry, gears and springs are MuJoCo's; nothing here is shared with the model that is fitted.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import NOMINAL_FIXED, Dataset, Series, select_rows
+from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, Dataset, Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, sheet_of, stem_of
 from testbench.files.read_series import read_series
 from testbench.identify.absolute.align import (
@@ -25,6 +26,7 @@ from testbench.identify.absolute.align import (
     Outliers,
     align_all,
     outliers,
+    placed_off,
     residuals,
     typical_distance,
     underdetermined_reason,
@@ -47,13 +49,14 @@ from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READINGS
 from testbench.model.load import read_weights
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, chain, marker_points, tool_points, translation_rows
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import (
     DistanceMeter,
     LaserTracker,
+    PlaneProbe,
     Tracker,
     precision,
     read_orientations,
@@ -270,13 +273,16 @@ def of_held(calibration: Calibration) -> list[str]:
     vjm, every, words = calibration.state.vjm, calibration.active.unknowns.undetermined, []
     for series in calibration.series:
         if series.distance is not None:
-            found = -calibration.state.frame(series).translation
-            off = 1e3 * float(np.linalg.norm(found - np.array(series.fixed)))
-            words.append(
-                f"{series.name}: its fixed point is found at {', '.join(f'{x:.4f}' for x in found)} m, "
-                f"{off:.1f} mm from where it is stated; distances do not show how the base is turned "
-                "about this point"
-            )
+            off, turn, found = placed_off(series, calibration.state.frame(series))
+            place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
+            if series.normal is None:
+                zero, open_ = calibration.state.frame(series).zero, "how the base is turned about it"
+                place = f"its fixed point is {place} from where it is stated"
+                place += f", and its distances count from {1e3 * zero:.3f} mm" if series.zero_sigma else ""
+            else:
+                place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
+                open_ = "where the base is along the plane, or how it is turned about the normal"
+            words.append(f"{series.name}: {place}; distances do not show {open_}")
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
             f"mount {series.target}",
@@ -427,6 +433,8 @@ def distance_statistics(mm: Array) -> Row:
 # --- Absolute readings of a true arm: what is measured, what trackers read, and the truth to judge by -------
 
 MAX_POSES = 20_000
+MAX_TOUCH_BATCHES, POSES_PER_BATCH, NEWTON_STEPS = 200, 2000, 8
+"""Most draws of poses for a plane, poses of each, and steps that take them onto it."""
 Mass = Annotated[float, Field(ge=0, le=10_000)]
 
 REAL_ARM = Disturbances(
@@ -583,14 +591,15 @@ def simulate_distances(
     seed: int = 1,
     q: Array | None = None,
 ) -> tuple[tuple[Series, ...], Truth]:
-    """Read the distances of markers from fixed points, in the poses and of the arm of `simulate_series`.
+    """Read the distances of markers from fixed points and planes, of the arm of `simulate_series`.
 
     Args:
         cell: The arm; its plant has the true compliances.
         absolute_campaign: What to measure: one series of all markers.
-        mounted: Distance meters, each of one marker.
+        mounted: Distance meters and plane probes, each of one marker.
         seed: Root of all randomness.
-        q: Poses, (poses, n) [rad, m]; None for random ones that the arm can take.
+        q: Poses, (poses, n) [rad, m]; None for random ones that the arm can take, on the planes if there are
+            some.
 
     Returns:
         A series per instrument, with one mount, and the truth.
@@ -599,6 +608,11 @@ def simulate_distances(
         BenchError: When an instrument reads no distances, or the arm lacks its marker.
     """
     check_markers(cell, mounted)
+    if any(own.fixed is None for own in mounted):
+        raise BenchError("--instrument: expected ballbar, bar, wire or plane with --absolute")
+    planes = [own for own in mounted if isinstance(own.instrument, PlaneProbe)]
+    if q is None and planes:
+        q = poses_on_planes(cell, planes, absolute_campaign.poses, trial_rng(seed, 4))
     every = {"noise": False, "targets": len(cell.arm.markers), "series": 1, "orientations": False}
     (exact,), truth = simulate_series(cell, absolute_campaign.model_copy(update=every), seed, q)
     [station], rng = truth.stations, trial_rng(seed, 3)
@@ -606,25 +620,120 @@ def simulate_distances(
     used = [name for name in cell.arm.markers if name in {own.marker for own in mounted}]
     found = []
     for k, own in enumerate(mounted, 1):
-        if not isinstance(own.instrument, DistanceMeter) or own.fixed is None:
-            raise BenchError("--instrument: expected ballbar, bar or wire with --absolute")
-        read = own.instrument.read_absolute(own.fixed, world[:, cell.arm.markers.index(own.marker)], rng)
-        seen = np.isfinite(read)[:, None] & np.equal(used, own.marker)
-        found.append(
-            replace(
-                exact,
-                name=f"point {k}",
-                frame=f"point {k}",
-                markers=tuple(used),
-                position=np.zeros((exact.rows, len(used), 3)),
-                sigma=own.instrument.sigma,
-                precision=None if seen.all() else seen[..., None, None] * np.eye(3) / own.instrument.sigma**2,
-                distance=np.where(seen, read[:, None], 0.0),
-                fixed=tuple(own.fixed.tolist()),
-                fixed_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED),
-            )
-        )
+        series = _read_distances(exact, own, world[:, cell.arm.markers.index(own.marker)], used, rng)
+        name = f"{'point' if series.normal is None else 'plane'} {k}"
+        if not series.rows:
+            raise BenchError(f"--instrument: no pose brings {own.marker} near {name}; expected poses on it")
+        found.append(replace(series, name=name, frame=name))
     return tuple(found), truth
+
+
+def _read_distances(
+    exact: Series, own: Mounted, places: Array, used: Sequence[str], rng: np.random.Generator
+) -> Series:
+    """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances."""
+    assert own.fixed is not None
+    normal: tuple[float, float, float] | None = None
+    tilt, zero = NOMINAL_TILT, 0.0
+    if isinstance(own.instrument, PlaneProbe):
+        x, y, z = unit_normal(own).tolist()
+        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
+        read = own.instrument.read_absolute((own.fixed, np.array(normal)), places, exact.pose, rng)
+        sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
+    else:
+        assert isinstance(own.instrument, DistanceMeter)
+        read, zero = own.instrument.read_absolute(own.fixed, places, rng), own.instrument.zero_sigma
+        sigma = own.instrument.sigma
+    seen = np.isfinite(read)[:, None] & np.equal(used, own.marker)
+    series = replace(
+        exact,
+        markers=tuple(used),
+        position=np.zeros((exact.rows, len(used), 3)),
+        sigma=sigma,
+        precision=None if seen.all() else seen[..., None, None] * np.eye(3) / sigma**2,
+        distance=np.where(seen, read[:, None], 0.0),
+        fixed=tuple(own.fixed.tolist()),
+        fixed_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED),
+        normal=normal,
+        tilt=tilt,
+        zero_sigma=zero,
+    )
+    return series if normal is None else select_rows(series, np.asarray(seen.any(axis=1)))
+
+
+def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.random.Generator) -> Array:
+    """Draw poses in which the rigid arm touches plane faces, one after the other.
+
+    Random poses whose marker is near the face are moved onto it by Newton's method. Those are kept that are
+    within the joint limits, on the face, clear of collision, and have the tool in front of the face.
+
+    Args:
+        cell: The arm.
+        planes: Plane probes.
+        count: Number of poses of all planes.
+        rng: Source of the poses.
+
+    Returns:
+        Actuated joints, (count, n) [rad, m].
+
+    Raises:
+        BenchError: When too few are found.
+    """
+    found = np.empty((count, cell.arm.n_joints))
+    for k, own in enumerate(planes):
+        found[k :: len(planes)] = _touches(cell, own, len(range(k, count, len(planes))), rng)
+    return found
+
+
+def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> Array:
+    """Draw poses in which the rigid arm touches one face, (count, n)."""
+    from testbench.plant.site import collisions  # here: few commands need it
+
+    assert isinstance(own.instrument, PlaneProbe)
+    assert own.fixed is not None
+    normal = unit_normal(own)
+    arm, points, kept = cell.arm, marker_points(cell.vjm, (own.marker,)), list[Array]()
+    for _ in range(MAX_TOUCH_BATCHES):
+        q = arm.draw_poses(rng, POSES_PER_BATCH)
+        off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
+        q = q[np.linalg.norm(off, axis=1) <= own.instrument.radius]
+        for _ in range(NEWTON_STEPS):
+            off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
+            q = moved_along_normal(cell, own, q, off @ normal)
+        where = chain(cell.vjm, q)
+        off = where.points(points)[:, 0] - own.fixed
+        on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)
+        on &= (where.position - own.fixed) @ normal > -1e-6
+        on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
+        clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
+        kept.extend(q[on][clear])
+        if len(kept) >= count:
+            return np.array(kept[:count])
+    face = f"the plane at {', '.join(f'{x:g}' for x in own.fixed)} m"
+    raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch {face}; is it in reach?")
+
+
+def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Array:
+    """Move poses by the shortest step of the joints that lowers the marker by a height over the plane.
+
+    Args:
+        cell: The arm; a linear step by its rigid model.
+        own: The plane probe.
+        q: Poses, (poses, n) [rad, m].
+        height: Heights, (poses,) [m].
+
+    Returns:
+        The poses, (poses, n) [rad, m].
+    """
+    rows = translation_rows(chain(cell.vjm, q), marker_points(cell.vjm, (own.marker,)))
+    slope = np.einsum("x,xnr->rn", unit_normal(own), rows[:, cell.vjm.joint_slice])
+    return cell.arm.with_dependent_joints(q - slope * (height / (slope**2).sum(axis=1))[:, None])
+
+
+def unit_normal(own: Mounted) -> Array:
+    """Return the unit normal of the plane of a probe, as it is stated, (3,)."""
+    normal = np.asarray(own.direction, dtype=float)
+    return np.asarray(normal / np.linalg.norm(normal)) + 0.0  # no component is -0
 
 
 def _of_all(placed_frames: list[PlacedFrame], shared: bool) -> tuple[PlacedFrame, ...]:

@@ -125,6 +125,7 @@ class FramePart(ModelPart):
 
     rotation: Rows
     translation_m: Numbers
+    zero_m: float = 0.0
 
 
 class MountPart(ModelPart):
@@ -311,6 +312,7 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
             name: Frame(
                 check_array(frame_part.rotation, (3, 3), f"frame {name}"),
                 check_array(frame_part.translation_m, (3,), f"frame {name} [m]"),
+                zero=frame_part.zero_m,
             )
             for name, frame_part in document.frames.items()
         },
@@ -380,7 +382,11 @@ def _document(model: ArmModel) -> dict[str, object]:
             "factor": noise.factor.tolist(),
         },
         "frames": {
-            name: {"rotation": frame.rotation.tolist(), "translation_m": frame.translation.tolist()}
+            name: {
+                "rotation": frame.rotation.tolist(),
+                "translation_m": frame.translation.tolist(),
+                "zero_m": frame.zero,
+            }
             for name, frame in state.frames.items()
         },
         "mounts": {

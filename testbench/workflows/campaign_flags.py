@@ -22,6 +22,7 @@ from testbench.plant.tracker import (
     LONG_BAR,
     DistanceMeter,
     Gauge,
+    PlaneProbe,
     Tracker,
     read_orientations,
     read_positions,
@@ -151,8 +152,8 @@ PROBE = Tracker(50e-6, 5e-5)
 """A probe of six degrees of freedom: position as a tracker, orientation to about 0.003 degrees [assumed]."""
 
 
-Instrument = Tracker | Gauge | DistanceMeter  #: What reads a marker.
-SIZE = re.compile(r"([0-9.]{1,10})(um|deg)")  #: Of an instrument: its noise, or a gauge's tilt.
+Instrument = Tracker | Gauge | DistanceMeter | PlaneProbe  #: What reads a marker.
+SIZE = re.compile(r"([0-9.]{1,10})(um|mm|deg)")  #: Of an instrument: noise, unknown constant, or tilt.
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,8 @@ class Mounted:
     #: zero in runs without the gauge.
     direction: Array | None = None
     on_tool: bool = False  #: Whether the direction is in the tool's axes, so that it turns with the pose.
-    fixed: Array | None = None  #: Where the fixed point of a distance meter is said to be, (3,) [m].
+    #: Where the fixed point of a distance meter is said to be, or a point of a plane, (3,) [m].
+    fixed: Array | None = None
 
 
 KINDS: dict[str, Instrument] = {
@@ -176,6 +178,7 @@ KINDS: dict[str, Instrument] = {
     "ballbar": BALLBAR,
     "bar": LONG_BAR,
     "wire": DRAW_WIRE,
+    "plane": PlaneProbe(),
 }
 """Instruments by name."""
 AXES = {
@@ -185,8 +188,8 @@ AXES = {
 """Directions by name."""
 ON_TOOL = "tool_"  #: Before the name of a direction in the tool's axes.
 FORMS = (
-    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, tracker, camera or probe, then :5um or "
-    ":0.5deg"
+    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, plane:MARKER:z:X,Y,Z, tracker, camera or "
+    "probe, then :5um, :0.5deg or :1000mm"
 )
 """Forms of an instrument's text."""
 
@@ -195,7 +198,8 @@ def mounted(text: str) -> Mounted:
     """Read an instrument from a text, such as "gauge:P1:z:5um:0.5deg" or "wire:P2:1.5,0,0.2".
 
     Args:
-        text: Kind, marker, direction or fixed point in metres, then sigma in um and a gauge's tilt in deg.
+        text: Kind, marker, direction, fixed point in metres, then sigma in um, an unknown constant of
+            distances in mm, and a tilt in deg.
 
     Returns:
         The instrument.
@@ -212,26 +216,36 @@ def mounted(text: str) -> Mounted:
         if isinstance(instrument, Tracker):
             [marker] = places or [""]
             return Mounted(instrument, marker)
-        marker, where = places
-        on_tool = where.startswith(ON_TOOL) and isinstance(instrument, Gauge)
-        name = where.removeprefix(ON_TOOL) if on_tool else where
-        named = name in AXES and isinstance(instrument, Gauge)
-        vector = AXES[name] if named else np.array([*map(float, name.split(","))])
-    except (KeyError, ValueError):
-        vector = np.zeros(0)
-    gauge = vector.shape == (3,) and isinstance(instrument, Gauge)
-    if vector.shape != (3,) or not np.isfinite(vector).all() or (gauge and not vector.any()):
-        raise BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}")
-    if gauge:
-        return Mounted(instrument, marker, vector, on_tool)
-    return Mounted(instrument, marker, fixed=vector)
+        marker, *where = places
+        direction, on_tool = None, False
+        if isinstance(instrument, Gauge | PlaneProbe):
+            name = where.pop(0)
+            on_tool = name.startswith(ON_TOOL) and isinstance(instrument, Gauge)
+            name = name.removeprefix(ON_TOOL) if on_tool else name
+            direction = AXES[name] if name in AXES else _vector(name)
+        fixed = None if isinstance(instrument, Gauge) else _vector(where.pop(0))
+        if where or (direction is not None and not direction.any()):
+            raise ValueError
+    except (KeyError, ValueError, IndexError):
+        raise BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}") from None
+    return Mounted(instrument, marker, direction, on_tool, fixed)
+
+
+def _vector(text: str) -> Array:
+    """Read three finite numbers; ValueError for anything else."""
+    vector = np.array([*map(float, text.split(","))])
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError
+    return vector
 
 
 def _with_size(instrument: Instrument, value: float, unit: str) -> Instrument:
-    """Change the noise in um or a gauge's tilt in deg; ValueError for anything else."""
+    """Change noise in um, constant in mm or tilt in deg; ValueError for what the instrument does not have."""
     if unit == "um" and value > 0:
         return replace(instrument, sigma=value / 1e6)
-    if unit == "deg" and isinstance(instrument, Gauge):
+    if unit == "mm" and isinstance(instrument, DistanceMeter):
+        return replace(instrument, zero_sigma=value / 1e3)
+    if unit == "deg" and isinstance(instrument, Gauge | PlaneProbe):
         return replace(instrument, tilt=math.radians(value))
     raise ValueError
 
@@ -287,6 +301,8 @@ def read_instruments(
         BenchError: When a marker is none of the arm's, or a probe of orientations is not the only instrument.
     """
     check_markers(cell, mounted)
+    if any(isinstance(own.instrument, PlaneProbe) for own in mounted):
+        raise BenchError("--instrument: expected --absolute with a plane; a gauge reads deflections")
     probes = [own for own in mounted if isinstance(own.instrument, Tracker) and own.instrument.sigma_rotation]
     if not mounted or (probes and len(mounted) > 1):
         raise BenchError("instruments: expected at least one, a probe of orientations alone")
@@ -356,6 +372,7 @@ def _read(
             rotations = tuple(equilibrium.rotation for equilibrium in settled)
             numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
         else:
+            assert isinstance(own.instrument, DistanceMeter)
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
         lost = np.asarray(np.isnan(numbers).any(axis=0))
         direction[:, k] = u

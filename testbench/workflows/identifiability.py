@@ -672,10 +672,22 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
     for kind, name in keys:
         columns = np.arange(unknowns.size)[unknowns.columns(f"{kind} {name}")]
-        point = kind == "frame" and name in unknowns.fixed
-        words = f"the fixed point of {name}" if point else f"the {kind} of {name}"
         own = np.setdiff1d(columns, unknowns.turns_of_points)
-        yield ObservedQuantity(words, every[own], of_the_arm=False)
+        rows, words = every[own], f"the {kind} of {name}"
+        if kind == "frame" and name in unknowns.normals:
+            # Planes show shifts along their normals, and turns about the axes across these.
+            words, normals = f"the plane of {name}", np.array(unknowns.normals[name])
+            across = np.concatenate([np.linalg.svd(normal[None])[2][1:] for normal in normals])
+            rows = np.concatenate([_span(normals) @ rows[:3], _span(across) @ rows[3:]])
+        elif kind == "frame" and name in unknowns.fixed:
+            words = f"the fixed point of {name}"
+        yield ObservedQuantity(words, rows, of_the_arm=False)
+
+
+def _span(vectors: Array) -> Array:
+    """Find an orthonormal basis of what some vectors, (k, 3), span."""
+    _, size, basis = np.linalg.svd(vectors)
+    return np.asarray(basis[: int((size > 1e-6).sum())])  # of unit vectors; a turn of 1e-6 rad is none
 
 
 def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:

@@ -377,6 +377,7 @@ CALLED: dict[What, str] = {
     "tilt": "uncertainty of the direction",
     "fixed": "fixed point",
     "fixed_sigma": "uncertainty of the fixed point",
+    "zero_sigma": "uncertainty of the constant",
 }
 """What people call the quantities with another name of theirs."""
 LISTED = 4  #: Words of a column that are listed.

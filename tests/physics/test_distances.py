@@ -1,4 +1,4 @@
-"""Calibration by distances to fixed points: rows, recovery of MuJoCo's arm, files, and mistakes."""
+"""Calibration by distances to fixed points and planes: rows, recovery of MuJoCo's arm, files, mistakes."""
 
 from dataclasses import replace
 
@@ -11,10 +11,16 @@ from testbench.errors import BenchError
 from testbench.files.read_series import read_series
 from testbench.files.write import write_series
 from testbench.identify.absolute.align import align_all, scatter
-from testbench.identify.absolute.evidence import moved_frame, moved_mount
+from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.state import Mount, nominal_state, series_equilibrium, unknowns_of
+from testbench.identify.absolute.state import (
+    Mount,
+    moved_frame,
+    nominal_state,
+    series_equilibrium,
+    unknowns_of,
+)
 from testbench.identify.metric import cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Linearisation, reduce_series
@@ -24,17 +30,18 @@ from testbench.model.load import read_weights
 from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
-from testbench.plant.tracker import DistanceMeter
+from testbench.plant.tracker import DistanceMeter, PlaneProbe
 from testbench.workflows.absolute import (
     AbsoluteCampaign,
     position_errors,
     simulate_distances,
     simulate_series,
 )
-from testbench.workflows.campaign_flags import Mounted
+from testbench.workflows.campaign_flags import AXES, Mounted
 from testbench.workflows.cell import Cell
 
 POINTS = (2.2, 0.0, 0.1), (0.5, 2.0, 0.8)
+PLANES = ("z", (1.9, 0.3, 0.6)), ("-x", (2.3, 0.0, 1.4)), ("-y", (1.5, 1.2, 1.4))
 EXACT = DistanceMeter(sigma=1e-7, fixed_point_sigma=2e-3, travel=10.0)
 CAMPAIGN = AbsoluteCampaign(
     poses=40,
@@ -66,8 +73,25 @@ def read(stiff):
     return tuple(replace(one, sigma=EXACT.sigma) for one in every)
 
 
-def test_rows_of_distances_are_finite_differences_and_a_turn_about_the_point_is_left_out(kr500, read):
-    one = read[0]
+@pytest.fixture(scope="module")
+def touched(stiff):
+    """Heights over three faces, each off its stated normal by half a degree, nearly without noise."""
+    return tuple(replace(one, sigma=EXACT.sigma) for one in heights(stiff, CAMPAIGN, 5, 1e-12)[0])
+
+
+def heights(cell, campaign, seed, sigma, planes=PLANES, **other):
+    probe = PlaneProbe(sigma=sigma, flatness=0.0, travel=0.05, **other)
+    asked = [Mounted(probe, "P1", AXES[axis], fixed=np.array(place)) for axis, place in planes]
+    return simulate_distances(cell, campaign, asked, seed)
+
+
+@pytest.mark.parametrize("kind", ["point", "point and constant", "plane"])
+def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_left_out(
+    kr500, read, touched, kind
+):
+    one = touched[1] if kind == "plane" else read[0]
+    if kind == "point and constant":
+        one = replace(one, zero_sigma=1.0, distance=one.distance - 0.7)
     state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
     rows, (u, _) = series_rows(unknowns, state, one), beams(state, one, series_equilibrium(state, one))
@@ -126,17 +150,60 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     assert reduce_series(Linearisation(unknowns, state, noise), (few,)).counts.tolist() == [50]
 
 
-@pytest.mark.parametrize("what", ["one point", "two points and a tracker"])
-def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, read, what):
-    """Judged in 30 poses that were never measured; as drawn the arm is off by millimetres."""
+@pytest.mark.parametrize(("frames", "directions"), [("abc", (29, 30)), ("aaa", (26, 27))])
+def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
+    stiff, touched, rng, frames, directions
+):
+    """Three planes, and three faces of one block: six unknowns of frame, 21 of arm and target, less one."""
+    weightless = read_weights(stiff.arm)
+    state = nominal_state(stiff.vjm, replace(weightless, mass=0 * weightless.mass), np.ones(6))
+    mount = Mount(stiff.vjm.markers[:1], np.eye(3), ("P1",))
+    placed = {name: Frame(np.eye(3), np.zeros(3)) for name in frames}
+    state = replace(state, frames=placed, mounts={touched[0].target: mount})
+    for spread, expected in zip((0.0, 0.01), directions, strict=True):
+        series = [
+            replace(one, frame=name, q=one.q + spread * rng.standard_normal(one.q.shape))
+            for one, name in zip(touched, frames, strict=True)
+        ]
+        unknowns = unknowns_of(stiff.vjm, tuple(series), JointErrors(), joints_only(stiff.arm))
+        rows = [series_rows(unknowns, state, one)[0, :, : unknowns.starts["elastic"]] for one in series]
+        normal = [np.einsum("x,xcr->rc", one.normal, own) for one, own in zip(series, rows, strict=True)]
+        size = np.linalg.svd(np.concatenate(normal), compute_uv=False)
+        assert (size > 1e-6 * size[0]).sum() == expected
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        *("one point", "one point and a constant", "a block with two parallel faces"),
+        pytest.param("planes", marks=pytest.mark.study),
+        "planes, two points and a tracker",
+    ],
+)
+def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, read, touched, what):
+    """Judged in 30 poses that were never measured; as drawn the arm is off by millimetres.
+
+    Planes alone show the arm's scale by heights of millimetres: 0.1 um of these are 10 um in a reach of 2 m.
+    Two parallel faces of one block show it as distances do.
+    """
     shared = CAMPAIGN.model_copy(update={"share_frame": True, "share_target": True})
     (there, check), _ = simulate_series(stiff, shared.model_copy(update={"series": 2}), 5)
     tracker = (replace(there, sigma=EXACT.sigma),)
-    series = read[:1] if what == "one point" else (*read, *tracker)
+    box = (*PLANES, ("y", (1.5, -1.2, 1.4)))
+    block, _ = heights(stiff, CAMPAIGN, 5, 1e-12, box, tilt=0.0, fixed_point_sigma=0.0)
+    series = {
+        "a block with two parallel faces": tuple(
+            replace(one, frame="block", sigma=EXACT.sigma) for one in block
+        ),
+        "one point": read[:1],
+        "one point and a constant": (replace(read[0], zero_sigma=1.0, distance=read[0].distance - 2.5),),
+        "planes": touched,
+        "planes, two points and a tracker": (*touched, *read, *tracker),
+    }[what]
     options = CalibrationOptions(only=frozenset({"joint springs"}))
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
     model, other = model_of(found), replace(check, frame="new", target="new")
-    assert position_errors(model, [other], 30).max_mm < 1e-3
+    assert position_errors(model, [other], 30).max_mm < (0.02 if what == "planes" else 1e-3)
     rigid = replace(model, state=nominal_state(stiff.vjm, model.state.weights, np.ones(6)))
     assert position_errors(rigid, [other], 30).rms_mm > 0.5
 
@@ -161,6 +228,28 @@ def test_distances_are_read_back_by_fixed_point_and_lost_ones_are_blank(kr500, t
         assert (one.sigma, one.fixed_sigma) == (own.sigma, own.fixed_sigma)
 
 
+def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(kr500, tmp_path):
+    few = CAMPAIGN.model_copy(update={"poses": 9})
+    planes, _ = heights(kr500, few, 2, 1e-5)
+    wire = simulate_distances(kr500, few, bars(POINTS[0], instrument=replace(EXACT, zero_sigma=1.0)), 2)[0]
+    file, stem = tmp_path / "d.csv", {"target": "d", "markers": ("P1",)}
+    named = [replace(one, name=f"d {k}", **stem) for k, one in enumerate((*planes, *wire))]
+    named[:2] = [replace(one, frame="d block") for one in named[:2]]
+    write_series(file, kr500.arm, named)
+    again = read_series(file, kr500.arm).series
+    assert [one.frame for one in again] == [one.frame for one in named]
+    for one, own in zip(again, named, strict=True):
+        np.testing.assert_allclose(one.distance, own.distance, atol=1e-15)
+        assert (one.fixed, one.normal, one.zero_sigma) == (own.fixed, own.normal, own.zero_sigma)
+        assert one.frame_deviation == own.frame_deviation
+    mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
+    with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
+        calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))
+    known = replace(again[3], zero_sigma=0.0, distance=mixed.distance)
+    with pytest.raises(BenchError, match="and a constant within 1 m and"):
+        calibrate(kr500.vjm, [again[3], known], cad_prior(kr500.arm))
+
+
 JOINTS = ",".join(f"joint_{k}_deg" for k in range(1, 7))
 TABLE = f"""marker,{JOINTS},distance_mm,fixed_x_mm,fixed_y_mm,fixed_z_mm
 P1,10,-60,80,5,30,0,2345.6,2200,0,100
@@ -179,6 +268,71 @@ def test_every_fixed_point_of_a_workshops_table_is_a_series_of_its_own(kr500, tm
     )
     assert [one.fixed_sigma for one in export.series] == [0.02, 0.02]
     assert any("20 mm of a fixed point is assumed" in note for note in export.notes)
+
+
+FACES = f"""marker,{JOINTS},height_mm,fixed_x_mm,fixed_y_mm,fixed_z_mm,direction_x,direction_y,direction_z
+P1,10,-60,80,5,30,0,0,2200,0,100,0,0,2
+P1,20,-60,80,5,30,0,-1.5,2200,0,100,0,0,2
+P1,20,-60,80,5,30,0,2345,2200,0,100,,,
+"""
+
+
+def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_path):
+    file = tmp_path / "d.csv"
+    file.write_text(FACES)
+    export = read_series(file, kr500.arm)
+    plane, point = export.series
+    assert (plane.name, point.name) == ("d plane 1", "d point 2")
+    assert (plane.normal, point.normal) == ((0.0, 0.0, 1.0), None)
+    np.testing.assert_allclose(plane.distance, [[0], [-1.5e-3]])
+    assert any("in 2 rows: 0.5 deg of direction is assumed" in note for note in export.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            ",0,0,2\n",
+            ",,,\n",
+            "line 2, column height_mm: expected more than 0, got 0 m; a height over a plane",
+        ),
+        ("100,0,0,2", "100,0,0,0", "line 2, column direction_x: expected the plane's normal, got 0, 0, 0"),
+        ("100,0,0,2", "100,0,,2", "line 2, column direction_y: expected a finite number, got ''"),
+        ("2345", "-2345", "line 4, column height_mm: expected more than 0, got -2.345 m"),
+    ],
+)
+def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, new, words):
+    file = tmp_path / "d.csv"
+    file.write_text(FACES.replace(old, new, 1))
+    assert words in refused(read_series, file, kr500.arm)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "words"),
+    [
+        (
+            lambda one: {"distance": 1e3 * one.distance},
+            "do not fit this arm and a plane through 2.3, 0, 1.4 m",
+        ),
+        (lambda one: {"normal": (-0.6, 0.0, 0.8)}, "another .*normal"),
+        (lambda one: {"fixed": (1.7, 0.0, 1.4)}, "its plane is 0.6 m and"),
+        (lambda one: {"q": np.tile(one.q[:1], (one.rows, 1))}, "1 poses with a reading are too few"),
+        (lambda one: {"q": in_a_row(one.q)}, "its poses lie in a row on the plane"),
+    ],
+    ids=["mm for m", "another normal", "another place", "one pose", "in a row"],
+)
+def test_heights_that_do_not_fit_or_show_no_plane_are_refused(kr500, touched, spoiled, words):
+    one = replace(touched[1], **spoiled(touched[1]))
+    both = [one, replace(one, row=one.row + 1000)]  # either may have the frame and mount that they share
+    with pytest.raises(BenchError, match=words):
+        calibrate(kr500.vjm, both, cad_prior(kr500.arm))
+
+
+def in_a_row(q):
+    """The poses of a joint that turns, with the other joints where they are in the first row."""
+    rows = np.tile(q[0], (len(q), 1))
+    rows[:, 0] += np.linspace(0, 1e-3, len(q))
+    return rows
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,9 @@ def test_readings_along_lines_need_no_frame_and_lie_at_their_markers(kr500):
         "gauge:P1:0,0,0",
         "tracker:0um",
         "wire:P1:nan,0,0",
+        "plane:P1:z",
+        "plane:P1:0,0,0:1,0,0",
+        "plane:P1:z:1,0,0:10mm",
     ],
 )
 def test_a_wrong_instrument_is_refused(text):
@@ -152,4 +155,8 @@ def test_an_instrument_is_a_few_words():
     assert np.rad2deg(own.instrument.tilt) == pytest.approx(0.25)
     np.testing.assert_array_equal(own.direction, [-1, 0, 0])
     assert mounted("wire:P1:1.5,0,0.2:100um").instrument.sigma == pytest.approx(1e-4)
+    assert mounted("wire:P1:1.5,0,0.2:1000mm").instrument.zero_sigma == 1.0
+    own = mounted("plane:P1:-x:2,0,1:20um:1deg")
+    assert (own.direction.tolist(), own.fixed.tolist()) == ([-1, 0, 0], [2, 0, 1])
+    assert own.instrument.sigma == 2e-5
     assert mounted("tracker:20um").marker == ""

@@ -25,6 +25,7 @@ from testbench.identify.absolute.state import (
     ArmState,
     Mount,
     level_frame,
+    moved_frame,
     series_equilibrium,
     undetermined_frames,
 )
@@ -414,7 +415,7 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
             shared = any(
                 readings.frame == other.frame or readings.target == other.target for other in waiting
             )
-            if readings in late or not shared:
+            if not shared or any(readings is other for other in late):
                 raise
             # Try again after the other series: one of them may determine the shared frame or mount.
             late, waiting = [*late, readings], [*waiting, readings]
@@ -478,10 +479,10 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
 
 
 def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
-    """Find the fixed point and the targets of distances, from where they are said to be.
+    """Find the fixed point or plane, and the targets, of distances, from where they are said to be.
 
-    Robust least squares with the nominal arm holds the point and named targets by their priors. The frame has
-    its origin in the point and the base's axes.
+    Robust least squares with the nominal arm holds the frame and named targets by their priors. The frame of
+    a fixed point has its origin there and the base's axes; that of a plane is the base's, as it is stated.
 
     Raises:
         BenchError: If the distances are too few, or not those of this arm.
@@ -490,41 +491,99 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
 
     assert series.distance is not None
     assert series.fixed is not None
+    assert series.frame_deviation is not None
     if few := underdetermined_reason(state.vjm, series):
         raise BenchError(f"{series.name}: {few}")
     targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
     position, rotation = tool_pose(state.vjm, series.q)
-    read, seen, start = series.distance, series.seen, np.r_[series.fixed, targets.ravel()]
+    read, seen, place = series.distance, series.seen, np.array(series.fixed)
     named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
-    sizes = np.full(len(start), NOMINAL_DEVIATION if named else UNNAMED_DEVIATION)
-    sizes[:3] = series.fixed_sigma
+    frame_sizes = np.array(series.frame_deviation)
+    sizes = np.r_[frame_sizes, np.full(targets.size, NOMINAL_DEVIATION if named else UNNAMED_DEVIATION)]
+    free, f = sizes > 0, len(frame_sizes)
+    stated = Frame(np.eye(3), -place if series.normal is None else np.zeros(3))
 
-    def left(x: Array) -> Array:
-        """Compute distance read minus modelled, (read,) [m], for fixed point and targets, (3 + 3 m,) [m]."""
-        points = position[:, None] + x[3:].reshape(-1, 3) @ rotation.swapaxes(1, 2)
-        return np.asarray((read - np.linalg.norm(points - x[:3], axis=2))[seen])
+    def placed(steps: Array) -> tuple[Frame, Array]:
+        """Move the frame and the targets, (m, 3) [m], by steps of what is free."""
+        every = np.zeros(len(sizes))
+        every[free] = steps
+        return moved_frame(stated, every[:f]), targets + every[f:].reshape(-1, 3)
 
-    def rows(x: Array) -> Array:
-        """Compute whitened residuals and priors, (read + 3 + 3 m,) [1]."""
-        return np.concatenate([left(x) / ASSUMED_NOISE, (x - start) / sizes])
+    def left(steps: Array) -> Array:
+        """Compute distance read minus modelled, (read,) [m]."""
+        frame, points = placed(steps)
+        there = (position[:, None] + points @ rotation.swapaxes(1, 2)) @ frame.rotation.T + frame.translation
+        if series.normal is None:
+            return np.asarray((read - np.linalg.norm(there, axis=2) - frame.zero)[seen])
+        return np.asarray((read - (there - place) @ series.normal)[seen])
 
-    x = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
-    far, off = float(np.median(np.abs(left(x)))), float(np.linalg.norm(x[:3] - series.fixed))
-    place_stated, place_found = (
-        ", ".join(f"{coordinate:.4g}" for coordinate in point) for point in (series.fixed, x[:3])
-    )
+    def rows(steps: Array) -> Array:
+        """Compute whitened residuals and priors, (read + free,) [1]."""
+        return np.concatenate([left(steps) / ASSUMED_NOISE, steps / sizes[free]])
+
+    start = np.zeros(free.sum())
+    if series.zero_sigma:  # its place among the free steps is behind those of the point
+        start[3] = np.median(left(start))
+    steps = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
+    _check_placed(state, series, (left(start), left(steps)), placed(steps)[0])
+    frame, points = placed(steps)
+    return frame, Mount(points, np.eye(3), series.markers)
+
+
+def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], frame: Frame) -> None:
+    """Refuse distances that do not fit the arm, or a point or plane far from where it is stated.
+
+    Args:
+        state: The arm's state.
+        series: The distances.
+        left: Distance read minus modelled with frame and targets as stated, and as found, (read,) [m].
+        frame: The frame that was found.
+
+    Raises:
+        BenchError: When one of these is so.
+    """
+    assert series.distance is not None
+    far, plane = float(np.median(np.abs(left[1]))), series.normal is not None
+    place = ", ".join(f"{own:.4g}" for own in series.fixed or ())
     if not far < MAX_NOMINAL_DISTANCE * state.vjm.reach:
-        times = float(np.median(read[seen] / (read[seen] - left(start))))
+        read = series.distance[series.seen]
+        times = "" if plane else f", {np.median(read / (read - left[0])):.3g} times as long as expected"
+        what, other = ("a plane through", "normal") if plane else ("a fixed point near", "point")
         raise BenchError(
-            f"{series.name}: the distances do not fit this arm and a fixed point near {place_stated} m: "
-            f"{far:.3g} m off (median), {times:.3g} times as long as expected; another unit, point or marker?"
+            f"{series.name}: the distances do not fit this arm and {what} {place} m: {far:.3g} m "
+            f"off (median){times}; another unit, {other} or marker?"
         )
-    if off > MAX_POINT_DEVIATIONS * series.fixed_sigma:
+    off, turn, found = placed_off(series, frame)
+    if max(off / series.fixed_sigma, turn / series.tilt if plane else 0.0) > MAX_POINT_DEVIATIONS:
+        what, other = ("plane", "normal") if plane else ("fixed point", "point")
+        turned = f" and {np.degrees(turn):.3g} deg" if plane else ""
         raise BenchError(
-            f"{series.name}: its fixed point is {off:.3g} m from where it is stated, at {place_found} m "
-            f"rather than {place_stated} m; another point, sign or axes?"
+            f"{series.name}: its {what} is {off:.3g} m{turned} from where it is stated, at "
+            f"{', '.join(f'{own:.4g}' for own in found)} m rather than {place} m; another {other}, sign or "
+            "axes?"
         )
-    return Frame(np.eye(3), -x[:3]), Mount(x[3:].reshape(-1, 3), np.eye(3), series.markers)
+
+
+def placed_off(series: Series, frame: Frame) -> tuple[float, float, Array]:
+    """Compute how far a fixed point or a plane is from where it is stated.
+
+    Args:
+        series: The distances.
+        frame: The frame that was found.
+
+    Returns:
+        Distance of the point, or of the plane at its stated point [m]; angle between the normals, 0 for a
+        point [rad]; the point that was found, of a plane the nearest to the stated one, base axes, (3,) [m].
+    """
+    fixed = np.array(series.fixed)
+    if series.normal is None:
+        found = -frame.rotation.T @ frame.translation
+        return float(np.linalg.norm(found - fixed)), 0.0, found
+    normal = np.array(series.normal)
+    u = frame.rotation.T @ normal
+    height = float(normal @ (frame.rotation @ fixed + frame.translation - fixed))
+    turn = float(np.arctan2(np.linalg.norm(np.cross(u, normal)), u @ normal))
+    return abs(height), turn, fixed - height * u
 
 
 @dataclass(frozen=True)
@@ -633,10 +692,23 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
     if poses < MIN_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
         return f"{few}; expected at least {MIN_POSES}, in which {turn} joints turn"
+    if series.normal is not None and _touches_in_a_row(vjm, series):
+        return "its poses lie in a row on the plane, so a turn about it is open; expected some all over it"
     if len(joints) < min(turn, vjm.arm.n_joints):
         expected = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
         return f"only {' and '.join(joints)} turn; {expected}"
     return ""
+
+
+def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
+    """Tell whether heights tell less of the plane's normal than its prior does, for the nominal arm."""
+    drawn = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
+    targets = np.array([drawn.get(name, np.zeros(3)) for name in series.markers])
+    position, rotation = tool_pose(vjm, series.q)
+    points = (position[:, None] + targets @ rotation.swapaxes(1, 2))[series.seen]
+    across = np.linalg.svd(np.array([series.normal]))[2][1:]  # two axes in the plane
+    lever = np.linalg.svd((points - points.mean(axis=0)) @ across.T, compute_uv=False)[-1]
+    return bool(lever * series.tilt < ASSUMED_NOISE)
 
 
 def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:

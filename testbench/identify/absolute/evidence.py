@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import hierarchy
-from testbench.identify.absolute.state import LEVEL_DEVIATION, ArmState, Mount, Unknowns
+from testbench.identify.absolute.state import LEVEL_DEVIATION, ArmState, Mount, Unknowns, moved_frame
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.hierarchy import (
     STUDENT_SCALE,
@@ -37,7 +37,7 @@ from testbench.identify.metric import (
     rescale_to_data,
     with_prior_rows,
 )
-from testbench.identify.registration import NOMINAL_DEVIATION, Frame
+from testbench.identify.registration import NOMINAL_DEVIATION
 from testbench.identify.regression import ReducedReadings, Regression, regression_of, term_from_triangle
 from testbench.identify.solve import certified_solution, solve, solve_by_clarabel
 from testbench.model.vjm import rotation_matrices
@@ -141,8 +141,8 @@ def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
             deviation[first + 3 : first + 6] = LEVEL_DEVIATION
         else:
             deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_DEVIATION
-    for name, sigma in unknowns.fixed.items():
-        deviation[unknowns.columns(f"frame {name}")] = np.repeat([sigma, LEVEL_DEVIATION], 3)
+    for name, sizes in unknowns.fixed.items():
+        deviation[unknowns.columns(f"frame {name}")] = [size or LEVEL_DEVIATION for size in sizes]
     for kind, columns in unknowns.groups:
         deviation[columns] = DEFAULT_SCALES[kind]
     return ErrorScales(deviation, np.ones(kinds))
@@ -536,17 +536,6 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
         frames=frames,
         mounts=mounts,
     )
-
-
-def moved_frame(frame: Frame, step: Array) -> Frame:
-    """Return a frame after the base moved: x + move + turn x x in base axes.
-
-    Args:
-        frame: The frame.
-        step: Move, then turn, (6,) [m, rad].
-    """
-    [turn] = rotation_matrices(step[None, 3:])
-    return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
 
 
 def moved_mount(mount: Mount, step: Array) -> Mount:

@@ -179,16 +179,25 @@ def calibrate(
 
 
 def _check_points(series: Sequence[Series]) -> None:
-    """Refuse a frame of distances with two fixed points, or with positions, by BenchError."""
-    fixed: dict[str, tuple[float, ...] | None] = {}
+    """Refuse a frame of distances with two fixed points, with positions or with planes, by BenchError.
+
+    Planes of one frame are faces of one block.
+    """
+    fixed: dict[str, str] = {}
     for readings in series:
-        known = fixed.setdefault(readings.frame, readings.fixed)
-        if known != readings.fixed:
-            stated = " and ".join(
-                "positions" if point is None else str(point) for point in (known, readings.fixed)
-            )
+        stated = (
+            "positions"
+            if readings.fixed is None
+            else str(readings.fixed)
+            if readings.normal is None
+            else "planes"
+        )
+        stated += f" and a constant within {readings.zero_sigma:g} m" if readings.zero_sigma else ""
+        known = fixed.setdefault(readings.frame, stated)
+        if known != stated:
+            both = f"{known} and {stated}"
             raise BenchError(
-                f"{readings.name}: frame {readings.frame!r}: expected one fixed point, got {stated}"
+                f"{readings.name}: frame {readings.frame!r}: expected one fixed point, got {both}"
             )
 
 

@@ -26,8 +26,8 @@ from testbench.identify.absolute.align import (
     robust_whitening,
     underdetermined_reason,
 )
-from testbench.identify.absolute.evidence import default_scales, moved_frame, moved_mount
-from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, unknowns_of
+from testbench.identify.absolute.evidence import default_scales, moved_mount
+from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, moved_frame, unknowns_of
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.rows import series_rows
 from testbench.model.structure import joints_only
@@ -112,10 +112,11 @@ def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSerie
         F, M, y = _whitened(model, state, sample)
         root = _root(model, F, sample)
         step = solve_triangular(root, solve_triangular(root, F.T @ y, trans="T"))
+        f = _frame_columns(sample)
         state = replace(
             state,
-            frames={**state.frames, sample.frame: moved_frame(state.frame(sample), step[:6])},
-            mounts={**state.mounts, sample.target: moved_mount(state.mount(sample), step[6:])},
+            frames={**state.frames, sample.frame: moved_frame(state.frame(sample), step[:f])},
+            mounts={**state.mounts, sample.target: moved_mount(state.mount(sample), step[f:])},
         )
         if np.abs(step).max() < FRAME_STEP:
             break
@@ -165,7 +166,8 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
         (rows, m, 3, 3) [m^2].
     """
     m, a = len(series.markers), len(model.columns)
-    columns = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target
+    f = _frame_columns(series) + 3 * m
+    columns = np.r_[:f, -a:0]  # positions do not depend on the turn of a target
     posterior = Posterior.normal(placed.posterior.x[columns], placed.posterior.root[:, columns])
     root = np.linalg.inv(
         inverse_noise_roots(series, _noise(model), placed.state.frame(series).rotation)[0][:m]
@@ -174,7 +176,7 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     for first in range(0, series.rows, ROWS_AT_ONCE):
         rows = np.arange(first, min(first + ROWS_AT_ONCE, series.rows))
         A = _columns(model, placed.state, select_rows(series, rows))[0][:m]
-        A = np.delete(A, np.s_[6 + 3 * m : A.shape[2] - a], axis=2)
+        A = np.delete(A, np.s_[f : A.shape[2] - a], axis=2)
         covariance[rows] += posterior.covariance(A.transpose(3, 0, 1, 2))
     return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
@@ -192,6 +194,11 @@ def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_S
     """
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
     return np.asarray((residual * solved).sum(axis=-1) <= quantile)
+
+
+def _frame_columns(series: Series) -> int:
+    """Count the unknowns of the frame of a series."""
+    return len(series.frame_deviation or range(6))
 
 
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:

@@ -43,7 +43,7 @@ from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Fr
 from testbench.model.kinematics import BANDS, JointErrors, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
-from testbench.model.vjm import Chain, Vjm, chain, tool_pose
+from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, tool_pose
 
 # --- State of a calibrated arm, and its static equilibrium --------------------------------------------------
 
@@ -118,6 +118,18 @@ def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
     return ArmState(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
+
+
+def moved_frame(frame: Frame, step: Array) -> Frame:
+    """Return a frame after the base moved: x + move + turn x x in base axes.
+
+    Args:
+        frame: The frame.
+        step: Move, then turn, (6,) [m, rad]; then the change of its constant, if it has one, (7,) [m].
+    """
+    [turn] = rotation_matrices(step[None, 3:6])
+    moved = frame.translation + frame.rotation @ step[:3]
+    return Frame(frame.rotation @ turn, moved, zero=frame.zero + float(step[6:].sum()))
 
 
 @dataclass(frozen=True)
@@ -296,9 +308,10 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     for k in range(len(frames)):
         before[6 * k : 6 * k + 6] = np.repeat(PRIOR_DEVIATIONS[1:], 3)
     for readings in series:
-        if readings.distance is not None:  # its frame is a point, which is found or held by its prior
+        if (sizes := readings.frame_deviation) is not None:  # its prior holds what readings leave open
             f = 6 * frames.index(readings.frame)
-            before[f : f + 6] = np.repeat([LEVEL_DEVIATION / 2, readings.fixed_sigma], 3)
+            turn = min(sizes[3] or LEVEL_DEVIATION, LEVEL_DEVIATION / 2)
+            before[f : f + 6] = np.repeat([turn, sizes[0]], 3)
     for name, m in mounts.items():
         before[first[name] + 3 * m :][:3] = PRIOR_DEVIATIONS[1]
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
@@ -331,7 +344,10 @@ def _rows(vjm: Vjm, series: Series) -> Array:
         assert series.fixed is not None
         beam = position - np.array(series.fixed)
         u = beam / np.linalg.norm(beam, axis=1, keepdims=True)
-        J[:, :, :, :3] = 0
+        if series.normal is None:
+            J[:, :, :, :3] = 0
+        else:
+            u = np.tile(series.normal, (n, 1))
         J = u[:, None, :, None] * np.einsum("nx,nmxk->nmk", u, J)[:, :, None]
     there = np.column_stack([series.seen[rows], series.oriented[rows]])
     return np.asarray(J[there].reshape(-1, J.shape[3]))
@@ -579,8 +595,10 @@ class Unknowns:
     geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined: they have a prior.
     undetermined: frozenset[str] = frozenset()
-    #: Frames of distances: their origin is the fixed point, with this standard deviation [m].
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    #: Frames of distances, which have a prior: `Series.frame_deviation`.
+    fixed: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    #: Normals of the planes of a frame of planes.
+    normals: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
     #: Error pattern that joints share; their waves are then expressed in its `joint_error_basis`.
     pattern: Pattern | None = None
 
@@ -592,7 +610,7 @@ class Unknowns:
     @cached_property
     def starts(self) -> dict[str, int]:
         """Return the first column of every frame, every mount, geometry, errors, compliances, and the end."""
-        sizes = {f"frame {name}": 6 for name in self.frames}
+        sizes = {f"frame {name}": len(self.fixed.get(name, range(6))) for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
         sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
@@ -602,9 +620,8 @@ class Unknowns:
     @property
     def turns_of_points(self) -> Ids:
         """Return the columns that no reading depends on: turns of the frames of fixed points."""
-        return np.concatenate(
-            [np.zeros(0, dtype=int), *(self.starts[f"frame {name}"] + np.arange(3, 6) for name in self.fixed)]
-        )
+        points = [self.starts[f"frame {name}"] for name, sizes in self.fixed.items() if not sizes[3]]
+        return np.concatenate([np.zeros(0, dtype=int), *(start + np.arange(3, 6) for start in points)])
 
     @property
     def size(self) -> int:
@@ -674,8 +691,12 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         mounts[readings.target] = len(readings.markers), turned
     frames = tuple(dict.fromkeys(readings.frame for readings in series))
     held = undetermined_frames(vjm, series)
-    fixed = {readings.frame: readings.fixed_sigma for readings in series if readings.distance is not None}
-    return Unknowns(vjm, frames, mounts, errors, structure, undetermined=held, fixed=fixed)
+    fixed = {readings.frame: sizes for readings in series if (sizes := readings.frame_deviation) is not None}
+    normals: dict[str, tuple[tuple[float, float, float], ...]] = {}
+    for readings in series:
+        if readings.normal is not None:
+            normals[readings.frame] = (*normals.get(readings.frame, ()), readings.normal)
+    return Unknowns(vjm, frames, mounts, errors, structure, undetermined=held, fixed=fixed, normals=normals)
 
 
 def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
