@@ -392,7 +392,7 @@ def with_loaded(table: TableCells, loaded: TableCells) -> TableCells:
     Raises:
         InputError: If the columns are not the same.
     """
-    return table.above(loaded, "state", ("unloaded", "loaded"))
+    return table.above([loaded], "state", ("unloaded", "loaded"))
 
 
 def with_log(table: TableCells, names: Names) -> TableCells:
