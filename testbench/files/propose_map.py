@@ -469,6 +469,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
+    lined = any(_lines(table))
     told, parted, posed = _told(table, arm, said), list[str](), "pose" in said.values()
     for name in names:
         texts = keys_of(table, [name])
@@ -480,7 +481,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
             parted.append(name)
         elif column_meaning(name) == "state":
             continue  # in words that nobody knows
-        elif told.targets(texts):
+        elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
             yield Entry("columns", "marker", name)
             yield from _targets(distinct, arm)
         elif len(distinct) > 1 and not posed:
