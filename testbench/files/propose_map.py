@@ -78,6 +78,7 @@ SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
+HANGS = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b", re.IGNORECASE)  #: In "with 150 kg".
 WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
 UNREADABLE = (
     (
@@ -150,8 +151,7 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         lines = [] if readings else list(_lines(table))
         yield from lines or (markers if readings else [_position_cells(table, arm, length)])
         _refuse_twice(table, [k for columns in readings.values() for k in columns])
-    weighed = [k for k, name in enumerate(table.names) if name == SHEETS and _weights(table.texts(k))]
-    yield from _mass(table, [*weighed, *known.get("mass", [])] if "mass" not in said else [])
+    yield from _mass(table, known.get("mass", []) or _weighed(table) if "mass" not in said else [])
     others = SCATTER | {"temperature": "temperature"}
     kinds = dict.fromkeys(SCATTER, "deviation")
     others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
@@ -215,6 +215,9 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
             down = all(not text.startswith("-") for text in texts)
             yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
             return
+        if masses := masses_in(texts):
+            yield from _massive(name, masses, left)
+            return
         weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
         units = {own["unit"].casefold()[:2] for own in weighed.values() if own["unit"]}
         said = "" if unit else f"_{min(units, default='kg')}"
@@ -230,12 +233,43 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
             yield Entry("words", "0", none)
 
 
-def _weights(texts: Sequence[str]) -> bool:
-    """Whether each of some texts is a mass with its unit, such as "240 kg", or says that none hangs."""
-    weighed = [(own := WEIGHED.fullmatch(text)) and own["unit"] for text in texts]
-    return any(weighed) and all(
-        own or state_of(text) == "before" for own, text in zip(weighed, texts, strict=True)
-    )
+def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]:
+    """The column whose texts say masses, and the number of each."""
+    numbers = {text: mass.partition(" ")[0] for text, mass in masses.items()}
+    unit = max(mass.partition(" ")[2] for mass in masses.values())
+    yield Entry("columns", f"mass_{unit}", name, left and f"not {left}")
+    for number in dict.fromkeys(numbers.values()):
+        yield Entry("words", number, [text for text, own in numbers.items() if own == number])
+
+
+def masses_in(texts: Sequence[str]) -> dict[str, str]:
+    """Find the masses of texts such as "no load" and "with 240 kg", all in one unit.
+
+    Args:
+        texts: The texts of a column, or the names of sheets.
+
+    Returns:
+        The mass of each text, as "240 kg" or "0"; empty unless each has one or says that none hangs.
+    """
+    found = dict[str, str]()
+    for text in dict.fromkeys(texts):
+        masses, state = [*HANGS.finditer(text)], state_of(text)
+        number = masses[0]["number"].replace(",", ".") if masses else "0"
+        if len(masses) > 1 or (not masses and state != "before") or (state == "before" and float(number)):
+            return {}
+        found[text] = f"{number} {masses[0]['unit'].casefold()[:2]}" if float(number) else "0"
+    units = {mass.partition(" ")[2] for mass in found.values()} - {""}
+    return found if len(units) == 1 else {}
+
+
+def _weighed(table: TableCells) -> list[int]:
+    """Columns of states, and names of sheets or sections, that say the mass too."""
+    return [
+        k
+        for k, name in enumerate(table.names)
+        if name in (SECTION, SHEETS) or column_meaning(name) == "state"
+        if masses_in(table.texts(k))
+    ]
 
 
 def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
@@ -465,6 +499,9 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         name for name, kind in kinds.items() if kind == "mass" or STATE_OF_WORD.get(plain(name)) == "after"
     ]
     names += [name for name in others if name not in names and _of_states(table, name)]
+    weighed = _weighed(table) if "mass" not in {*kinds.values(), *said.values()} else []
+    massive = [table.names[k] for k in weighed[:1]]
+    names = [name for name in names if name not in massive]
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
@@ -487,7 +524,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         elif len(distinct) > 1 and not posed:
             posed = True
             yield Entry("columns", "pose", name)
-    yield from _sections(table, arm)
+    yield from _sections(table, arm, massive)
     for name in parted:  # beside columns that hold nothing else
         texts = keys_of(table, [name])
         if parts := _parts_of(texts, arm, told, posed=posed):
@@ -503,7 +540,12 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
 
 def _of_states(table: TableCells, name: str) -> bool:
     """Whether every cell of a column is a word for a state."""
-    return unit_of(table, table.names.index(name)) is None and all(map(state_of, keys_of(table, [name])))
+    texts = {*keys_of(table, [name])}
+    if column_meaning(name) == "name":
+        return {*map(squeeze, texts)} <= {*STATE_OF_CELL} and not any(map(is_decimal, texts))
+    steps = {(state_of(text), *NUMBER.findall(text)) for text in texts}
+    states = {state for state, *_ in steps}  # "Loaded 1" and "Loaded 2" are two loads
+    return unit_of(table, table.names.index(name)) is None and "" not in states and len(steps) == len(states)
 
 
 @dataclass(frozen=True)
@@ -564,14 +606,14 @@ def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
         yield Entry("series", "markers", list(own), "no markers of the arm")
 
 
-def _sections(table: TableCells, arm: Arm) -> Iterator[Entry]:
+def _sections(table: TableCells, arm: Arm, massive: Collection[str]) -> Iterator[Entry]:
     """What lines of words say of the rows below them, or names of sheets of their rows: states or targets."""
-    for name in table.names[-1:]:
+    for name in {*table.names[-1:]} - {*massive}:
         texts = list(dict.fromkeys(table.texts(len(table.names) - 1)))
         if name in (SECTION, SHEETS) and all(map(state_of, texts)):
             yield Entry("columns", "state", name)
             yield from _states(texts)
-        elif name == SHEETS and not any(map(WEIGHED.fullmatch, texts)):
+        elif name == SHEETS:
             yield Entry("columns", "marker", name)
             yield from _targets(texts, arm)
 
@@ -845,7 +887,7 @@ def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
     alike = [name for name in names if first is not None and _alike(first, _sheet(path, name), arm, layout)]
     states = [state_of(name) for name in alike]
     targets = {*map(squeeze, alike)} <= {*map(squeeze, arm.markers)}
-    together = sorted(states) == sorted(STATES) or _weights(alike) or targets
+    together = sorted(states) == sorted(STATES) or masses_in(alike) or targets
     return alike if len(alike) > 1 and together else []
 
 

@@ -516,7 +516,7 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         hint = "if the others are in another file or sheet, testbench data check reads both: --loaded FILE"
-        if [*DIFFERENCES] == [name for name in DIFFERENCES if name in map(plain, table.names)]:
+        if {*DIFFERENCES} <= {*map(plain, table.names)}:
             hint = "if dx, dy, dz are loaded minus unloaded positions, say so in [columns] of a map, as "
             hint += 'before_x = "X", deflection_x = "dX"'
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")

@@ -119,7 +119,7 @@ def _tables(book: CalamineWorkbook, but: str = "") -> Iterator[str]:
 
 def _is_number(cell: Cell) -> bool:
     text = cell.strip().replace(",", ".") if isinstance(cell, str) else ""
-    return isinstance(cell, float) or is_decimal(text)
+    return (isinstance(cell, float | int) and not isinstance(cell, bool)) or is_decimal(text)
 
 
 def _check_size(content: bytes) -> None:
@@ -189,6 +189,7 @@ BLANK = ' ;,|\t"'
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
 """Lines in which a header is searched, most letters of the header, and most names of it that count."""
 STATISTIC = re.compile(KNOWN_EXPORTS["statistics"]["row"])  #: First cell of a row of means or such.
+WIDEST_WORD = 40  #: Most letters of it.
 DELIMITERS = (";", "\t", ",", "|", " ", "  ")
 """Possible delimiters, in order of preference; blanks stand for runs of at least as many."""
 
@@ -390,7 +391,10 @@ def _is_remark(line: str, delimiter: str, count: int) -> bool:
 
 def _is_statistic(line: str, delimiter: str) -> bool:
     """Tell whether a row is of means, deviations or such over others, by its first word."""
-    return STATISTIC.fullmatch(_first_word(line, delimiter).casefold()) is not None
+    begins = line.lstrip(BLANK)[:WIDEST_WORD].casefold()
+    return STATISTIC.match(begins) is not None and bool(
+        STATISTIC.fullmatch(_first_word(line, delimiter).casefold())
+    )
 
 
 def _first_word(line: str, delimiter: str) -> str:

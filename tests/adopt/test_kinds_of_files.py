@@ -587,6 +587,7 @@ TOGETHER = {
             }
         )
     ),
+    "sections by load": f"No load\n{side_by_side(0)}\nLoaded, 100 kg\n{side_by_side(DOWN)}".encode(),
     "merged joints": book(A=merged(both())),
     "merged heads": book(A=HEADS + both().partition("\n")[2]),
     "means and a remark below": f"{both(more=MEANS)}\nSignature: M. Mueller\n".encode(),
@@ -655,6 +656,18 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
         (file := tmp_path / "pairs.csv").write_text(content)
         with pytest.raises(InputError, match=said):
             pairs(file)
+    for words in ("Loaded 1|Loaded 2", "unloaded|with 100 kg and 20 kg", "0 kg|without 100 kg"):
+        (file := tmp_path / "steps.csv").write_bytes(
+            states("Pose|Target|State|X [mm]|Y [mm]|Z [mm]|J{} [deg]", words)
+        )
+        with pytest.raises(InputError, match="no state '"):
+            pairs(file)
+    rows = table(["Pose", "Point", *"XYZ"], [[p, m, "1", "2", "3"] for p in "01" for m in "01"])
+    (file := tmp_path / "points.csv").write_text(rows)
+    (other := tmp_path / "log.csv").write_text(
+        table(["Pose", *(f"J{k}" for k in range(1, 7))], [["0", *"123456"], ["1", *"234567"]])
+    )
+    assert not {"state", "before", "after"} & {own.key for own in propose(file, ARM, other, tmp_path).entries}
     (file := tmp_path / "book.xlsx").write_bytes(book(May=both(), June=both()))
     assert "warning: other sheets with tables are not read: June" in notes_of(file)
     names = [f"J{k} [grad]" for k in range(1, 7)]
