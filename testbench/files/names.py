@@ -366,7 +366,9 @@ def expand(
 
 KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
 BESIDE = {*KNOWN_EXPORTS["beside"]["words"]}  #: Words that stand beside those of a state.
-STATE_OF_WORD = {squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words}
+STATE_OF_WORD: dict[str, str] = {
+    squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words
+}
 STATE_OF_CELL = STATE_OF_WORD | {
     squeeze(word): state for state, words in KNOWN_EXPORTS["answers"].items() for word in words
 }

@@ -221,7 +221,7 @@ class TableCells:
             notes=(*self.notes, *notes),
             cells=[
                 *map(pa.concat_arrays, zip(*every, strict=True)),
-                pa.array([words[k] for k in source], pa.string()),
+                pa.array([words[k] for k in source.tolist()], pa.string()),
             ],
             others=others,
             source=source,
