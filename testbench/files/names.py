@@ -369,7 +369,7 @@ BESIDE = {*KNOWN_EXPORTS["beside"]["words"]}  #: Words that stand beside those o
 STATE_OF_WORD: dict[str, str] = {
     squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words
 }
-STATE_OF_CELL = STATE_OF_WORD | {
+STATE_OF_CELL: dict[str, str] = STATE_OF_WORD | {
     squeeze(word): state for state, words in KNOWN_EXPORTS["answers"].items() for word in words
 }
 LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
