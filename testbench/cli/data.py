@@ -14,7 +14,7 @@ from testbench.errors import BenchError, InputError, sheet_of
 from testbench.files.columns import UnknownColumns
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
-from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
+from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose, sheets_of
 from testbench.files.read_series import read_series
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.readings import column_lines, draw_runs, file_lines, report, written
@@ -116,7 +116,10 @@ def _map_of_layout(
     if runs.mapping and (asked.log or asked.layout or asked.loaded):
         raise BenchError("--map: expected no --log, --loaded or --layout, because the map states them")
     fits = runs.mapping is None and (
-        asked.log or asked.loaded or fitting(runs.dataset, cell.arm, asked.layout)
+        asked.log
+        or asked.loaded
+        or fitting(runs.dataset, cell.arm, asked.layout)
+        or sheets_of(runs.dataset, cell.arm)
     )
     if not fits:
         return runs.mapping
@@ -155,6 +158,8 @@ def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
 
 def _pairs(runs: ReadingOptions, cell: Cell, mapping: Map) -> bool:
     """Whether the readings of a file are in pairs, unloaded and loaded."""
+    if any(key.startswith(("travel_", "distance_before")) for key in mapping.columns):
+        return True
     series = read_series(runs.dataset, cell.arm, mapping, load=runs.load).series
     return any(own.wrench.any() for own in series)
 

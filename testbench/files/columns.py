@@ -1,5 +1,6 @@
 """Meaning and unit of every column of a file, and its values in SI units."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,11 +14,16 @@ from testbench.errors import Array, Ids, InputError, Mask
 from testbench.files.mapping import Named, Names
 from testbench.files.names import (
     DEFLECTION,
+    DEGREES,
+    GON,
+    GRAD,
     LOADING,
     MAX_NUMBERS,
     MIN_NUMBER,
+    NUMBER,
     ROTATIONS,
     SI,
+    UNITS_BY_NAME,
     WHEN,
     XYZ,
     Slot,
@@ -25,12 +31,14 @@ from testbench.files.names import (
     What,
     columns_of,
     looks_like,
+    plain,
     split_unit,
     squeeze,
     unread_column_warnings,
 )
 from testbench.files.rearranged import join_axes, take_apart, with_loaded, with_log
 from testbench.files.table import MAX_LISTED, TableCells, read_table
+from testbench.files.text import sheets_with_tables
 
 # --- Meaning and unit of every column of a file, and its values in SI units ---------------------------------
 
@@ -372,6 +380,7 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
     # Replace words for lost targets and for loads, and fill merged cells.
+    found |= _settled(table, found, arm)
     readings = [c.index for c in found.values() if c.slot.what in READ]
     loads = [c.index for c in found.values() if c.slot.what in ("mass", "force", "moment")]
     mark = table.mark([c.index for c in found.values() if c.unit])
@@ -400,6 +409,9 @@ def _warnings(table: TableCells, names: Names, ignored: Sequence[str]) -> tuple[
     keys = [] if log is None else [*log.on, *log.to]
     full = {name for k, name in enumerate(table.names) if not table.blank(k).all()}
     words = unread_column_warnings([name for name in ignored if name in full and name not in keys])
+    alone = table.sheet and not (names.map.file.sheets or names.map.loaded)
+    if alone and (others := sheets_with_tables(table.path, table.sheet)):
+        words.append(f"warning: other sheets with tables are not read: {', '.join(others)}")
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
         words.insert(0, f"warning: {log.file} is joined row by row: each row to {each} of readings")
@@ -439,6 +451,26 @@ def _chosen(named: dict[int, Named]) -> dict[int, Named]:
     return chosen
 
 
+def _settled(table: TableCells, found: Mapping[Slot, ReadColumn], arm: Arm) -> dict[Slot, ReadColumn]:
+    """Find what "grad" means in the names of columns: degrees by their language, gon by their numbers."""
+    of = {slot: column for slot, column in found.items() if column.unit == GRAD}
+    if not of:
+        return {}
+    if any(DEGREES.search(plain(name)) for name in table.names):
+        return {slot: replace(column, unit=UNITS_BY_NAME["deg"]) for slot, column in of.items()}
+    mark = table.mark([column.index for column in of.values()])
+    for slot, column in of.items():
+        values = np.radians(table.numbers(column.index, mark)) * (column.sign or 1)
+        joint = arm.file_joints[slot.index] if slot.what == "joint" else None
+        low, high = (joint.lower, joint.upper) if joint else (-2 * np.pi, 2 * np.pi)
+        if np.nanmin(values, initial=0.0) < low - 1e-6 or np.nanmax(values, initial=0.0) > high + 1e-6:
+            return {slot: replace(column, unit=GON) for slot, column in of.items()}
+    first = next(iter(of.values())).name
+    says = "grad means degrees in German, Spanish and Russian, gon in English"
+    hint = 'say which in [columns] of a map, as "joint_{n}_deg" or "joint_{n}_gon" = '
+    raise table.header_error(f"{says}; {hint}{re.sub(NUMBER, '{n}', first, count=1)!r}", first)
+
+
 def _unit(table: TableCells, k: int, named: Named, arm: Arm) -> Unit | None:
     """Find the unit of a column: in its name, in the map, or in the line below the header."""
     allowed = SI.get(named.slot.what, ())
@@ -449,6 +481,7 @@ def _unit(table: TableCells, k: int, named: Named, arm: Arm) -> Unit | None:
     if not allowed:
         return None
     said = [unit for unit in (named.unit, named.header, table.units[k]) if unit]
+    said = [unit for unit in said if unit != GRAD] or said
     if not said and (parts := split_unit(table.names[k])):
         said = [parts[1]]
     expected = " or ".join(f"_{u}" for u in allowed)

@@ -52,6 +52,8 @@ class FileLayout(Strict):
     #: Whether lines of words name the rows below them, as "Loaded"; they become the column `section`.
     sections: bool = False
     average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
+    #: Sheets of one workbook below each other; their names become the column `sheet`.
+    sheets: list[Text] = Field(default=[], max_length=100)
 
 
 class AbsoluteLayout(Strict):

@@ -32,6 +32,8 @@ from testbench.runs.whole import write_whole
 MAX_BYTES = 50_000_000  #: Largest program that is read [byte].
 MAX_SHOWN = 40  #: Most characters of a statement in a message.
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+COMPUTED = re.compile(r"\s*[-+*/^]")  #: Behind a number that is a part of a formula.
+SPLIT = re.compile(r"\s*,\s*[\d.]")  #: Behind a number with a decimal comma, where axes have names.
 MARK = "Corrected by testbench"  #: Remark of a program whose points were corrected.
 ANY = "Linear moves and moves of the joints to points in the program are read"
 
@@ -276,6 +278,9 @@ def _numbers(
     for name, at in own:
         number = NUMBER.match(source.code, at)
         if name and number and is_decimal(number[0]):
+            split = "named" in match.re.groupindex and SPLIT.match(source.code, number.end())
+            if split or COMPUTED.match(source.code, number.end(), match.end()):
+                return {}
             found.setdefault(name, Number(float(number[0]), *number.span()))
     return found
 

@@ -25,11 +25,13 @@ class Unit:
 
 INCH, POUND, STANDARD = 0.0254, 0.45359237, 9.80665
 """Of the inch [m], the pound [kg] and the acceleration that makes its force [m/s^2], exact by definition."""
+GON, GRAD = Unit("gon", "rad", math.pi / 200), Unit("grad", "rad", math.pi / 180)
+"""GRAD is degrees in German, Spanish and Russian, and gon in English: `find_columns` settles it."""
 UNITS = (
     *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
     *(Unit(n, "m", s) for n, s in (("mil", 1e-3 * INCH), ("ft", 12 * INCH))),
     *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", math.pi / 180))),
-    Unit("gon", "rad", math.pi / 200),
+    GON,
     *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
     Unit("kgf", "N", STANDARD),
     *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
@@ -49,7 +51,7 @@ OTHERS = {
     "mil": "mils thou thous",
     "ft": "foot feet",
     "rad": "radian radians 弧度",
-    "deg": "° degree degrees degré degrés grad grado grados gradi grau graus 度 градус градусы град",
+    "deg": "° degree degrees degré degrés grado grados gradi grau graus 度 градус градусы град",
     "gon": "gons gradian gradians",
     "kg": "千克 公斤 кг",
     "lb": "lbs",
@@ -57,7 +59,7 @@ OTHERS = {
 }
 OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
 """What files write for these, in small letters; both micro signs become the Greek letter."""
-UNITS_BY_NAME = {unit.name.lower(): unit for unit in UNITS}
+UNITS_BY_NAME = {unit.name.lower(): unit for unit in (*UNITS, GRAD)}
 MAX_NAME_LENGTH = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
@@ -364,11 +366,15 @@ def expand(
 # --- Meaning of columns by their names: joints of one family, positions of targets, and unread columns ------
 
 KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
-STATE_OF_WORD = {squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words}
-STATE_OF_CELL = STATE_OF_WORD | {
+BESIDE = {*KNOWN_EXPORTS["beside"]["words"]}  #: Words that stand beside those of a state.
+STATE_OF_WORD: dict[str, str] = {
+    squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words
+}
+STATE_OF_CELL: dict[str, str] = STATE_OF_WORD | {
     squeeze(word): state for state, words in KNOWN_EXPORTS["answers"].items() for word in words
 }
 LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
+DEGREES = re.compile(KNOWN_EXPORTS["prefixed"]["degrees"])
 PREFIXED = re.compile(KNOWN_EXPORTS["prefixed"]["joint"])
 OTHER_WORD = re.compile(rf"\b(?:{KNOWN_EXPORTS['prefixed']['other']})\b")
 NUMBER = re.compile(r"\d+")
@@ -393,6 +399,23 @@ class Place(NamedTuple):
             The name; target or state are left out if the column states none.
         """
         return "_".join(filter(None, (targets[self.target], self.when, self.axis)))
+
+
+def state_of(text: str) -> str:
+    """Find the state that a text names, such as "no load", "with 240 kg" or "Loaded (2)".
+
+    Args:
+        text: A cell, a line or the name of a sheet.
+
+    Returns:
+        "before" or "after"; "" if it names none, both, or holds words that nobody knows.
+    """
+    words = [word for word in re.findall(r"[^\W\d_]+", text.casefold()) if word not in BESIDE]
+    for whole in (squeeze(text), "".join(words)):
+        if whole in STATE_OF_CELL:
+            return STATE_OF_CELL[whole]
+    found = {STATE_OF_CELL.get(word, "") for word in words}
+    return found.pop() if len(found) == 1 else ""
 
 
 def plain(name: str) -> str:

@@ -39,7 +39,18 @@ from testbench.files.motion import (
     turn_flags,
     values_of,
 )
-from testbench.files.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
+from testbench.files.names import (
+    ALONG,
+    ROTATIONS,
+    SI,
+    XYZ,
+    Slot,
+    What,
+    columns_of,
+    looks_like,
+    program_names,
+    split_unit,
+)
 from testbench.files.rearranged import OTHERS, has_line
 from testbench.files.table import read_table
 from testbench.files.text import read_letters
@@ -440,7 +451,7 @@ def unread_columns(program: Program) -> tuple[str, ...]:
         return program.content.text.notes
     like = {name: _load_like(name) for name in program.other}
     found = [
-        f"Not used, although its unit is that of a load: {name}{near and f' ({near}?)'}"
+        f"Not used, although it looks like a load: {name}{near and f' ({near}?)'}"
         for name, near in like.items()
         if near is not None
     ]
@@ -452,11 +463,11 @@ def unread_columns(program: Program) -> tuple[str, ...]:
 
 
 def _load_like(header: str) -> str | None:
-    """Return the most similar name of a load, "" if none is similar; None if the unit is not a load's."""
+    """Return the most similar name of a load, "" if none is similar; None if name and unit are no load's."""
     name, unit = split_unit(header) or ("", None)
     names = next((own for what, own in LOADS.items() if unit and unit.si in SI[what]), None)
     if unit is None or names is None:
-        return None
+        return "" if unit is None and looks_like(header, "forces") else None
     near = get_close_matches(name.casefold(), names, n=1, cutoff=0.7)
     return f"{near[0]}_{unit.name}" if near else ""
 

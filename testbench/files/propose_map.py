@@ -39,6 +39,7 @@ from testbench.files.names import (
     SI,
     STATE_OF_CELL,
     STATE_OF_WORD,
+    STATES,
     XYZ,
     Place,
     Unit,
@@ -51,6 +52,7 @@ from testbench.files.names import (
     series_names,
     split_unit,
     squeeze,
+    state_of,
 )
 from testbench.files.read_series import read_series
 from testbench.files.rearranged import (
@@ -65,8 +67,8 @@ from testbench.files.rearranged import (
     times_of,
     with_loaded,
 )
-from testbench.files.table import SECTION, TableCells
-from testbench.files.text import BLANK, read_letters
+from testbench.files.table import SECTION, SHEETS, TableCells
+from testbench.files.text import BLANK, read_letters, sheets_with_tables
 
 # --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
 
@@ -76,6 +78,7 @@ SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
+HANGS = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b", re.IGNORECASE)  #: In "with 150 kg".
 WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
 UNREADABLE = (
     (
@@ -142,11 +145,13 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
     readings = dict[str, list[int]]()
     if "reading" not in said:
         readings, markers = _positions(table, arm)
-        if not readings and {"axis", "position"} <= known.keys():
-            readings = {"axis": known["axis"], "position": known["position"]}
-        yield from markers if readings else [_position_cells(table, arm, length)]
+        if not readings and "axis" in known:
+            of_axes = {"position": known["position"]} if "position" in known else _states_by_axis(table)
+            readings = {"axis": known["axis"]} | of_axes if of_axes else {}
+        lines = [] if readings else list(_lines(table))
+        yield from lines or (markers if readings else [_position_cells(table, arm, length)])
         _refuse_twice(table, [k for columns in readings.values() for k in columns])
-    yield from _mass(table, known.get("mass", []) if "mass" not in said else [])
+    yield from _mass(table, known.get("mass", []) or _weighed(table) if "mass" not in said else [])
     others = SCATTER | {"temperature": "temperature"}
     kinds = dict.fromkeys(SCATTER, "deviation")
     others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
@@ -164,6 +169,32 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
     yield from lost_words(table, [k for our, (k, *_) in readings.items() if our != "axis"])
 
 
+def _states_by_axis(table: TableCells) -> dict[str, list[int]]:
+    """Columns of readings unloaded and loaded, whose axis another column says; none unless both are there."""
+    found = {state: k for k, name in enumerate(table.names) if (state := STATE_OF_WORD.get(plain(name), ""))}
+    return {state: [k] for state, k in found.items()} if len(found) == len(STATES) else {}
+
+
+def _lines(table: TableCells) -> Iterator[Entry]:
+    """The columns of gauges, or of distances to a fixed point, by their names; none unless a set is whole."""
+    names = {plain(name): name for name in table.names}
+    for what, own in KNOWN_EXPORTS["lines"].items():
+        states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
+        reading = re.compile(rf"(?:{own['reading']})?(?P<when>{states})(?:{own['reading']})?")
+        read = {
+            STATE_OF_WORD[match["when"]]: name
+            for text, name in names.items()
+            if (match := reading.fullmatch(text)) and match["when"] != text
+        }
+        beside = re.compile(own["beside"])
+        axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
+        if {*read} == {*STATES} and {*axes} == {*XYZ}:
+            where = "direction" if what == "travel" else "fixed"
+            yield from (Entry("columns", f"{what}_{when}", name) for when, name in read.items())
+            yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
+            return
+
+
 def _refuse_twice(table: TableCells, columns: Sequence[int]) -> None:
     """Refuse columns of positions that have one name: nobody knows which of them is meant."""
     names = [table.names[k] for k in columns]
@@ -177,12 +208,15 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
     for k, *others in [columns] if columns else []:
         name, unit = table.names[k], unit_of(table, k)
         texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-        if texts and {*map(squeeze, texts)} <= {*STATE_OF_CELL}:
+        if unit is None and texts and {*map(squeeze, texts)} <= {*STATE_OF_CELL}:
             return  # a column of states
         left = ", ".join(repr(table.names[other]) for other in others)
         if unit and unit.si == "N":
             down = all(not text.startswith("-") for text in texts)
             yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
+            return
+        if masses := masses_in(texts):
+            yield from _massive(name, masses, left)
             return
         weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
         units = {own["unit"].casefold()[:2] for own in weighed.values() if own["unit"]}
@@ -194,8 +228,48 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
         for text, own in weighed.items():
             if own["unit"]:
                 yield Entry("words", own["number"].replace(",", "."), text)
-        if none := [text for text in texts if STATE_OF_CELL.get(squeeze(text)) == "before"]:
+        words = (text for text in texts if not NUMBER.search(text))
+        if none := [text for text in words if STATE_OF_CELL.get(squeeze(text)) == "before"]:
             yield Entry("words", "0", none)
+
+
+def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]:
+    """The column whose texts say masses, and the number of each."""
+    numbers = {text: mass.partition(" ")[0] for text, mass in masses.items()}
+    unit = max(mass.partition(" ")[2] for mass in masses.values())
+    yield Entry("columns", f"mass_{unit}", name, left and f"not {left}")
+    for number in dict.fromkeys(numbers.values()):
+        yield Entry("words", number, [text for text, own in numbers.items() if own == number])
+
+
+def masses_in(texts: Sequence[str]) -> dict[str, str]:
+    """Find the masses of texts such as "no load" and "with 240 kg", all in one unit.
+
+    Args:
+        texts: The texts of a column, or the names of sheets.
+
+    Returns:
+        The mass of each text, as "240 kg" or "0"; empty unless each has one or says that none hangs.
+    """
+    found = dict[str, str]()
+    for text in dict.fromkeys(texts):
+        masses, state = [*HANGS.finditer(text)], state_of(text)
+        number = masses[0]["number"].replace(",", ".") if masses else "0"
+        if len(masses) > 1 or (not masses and state != "before") or (state == "before" and float(number)):
+            return {}
+        found[text] = f"{number} {masses[0]['unit'].casefold()[:2]}" if float(number) else "0"
+    units = {mass.partition(" ")[2] for mass in found.values()} - {""}
+    return found if len(units) == 1 else {}
+
+
+def _weighed(table: TableCells) -> list[int]:
+    """Columns of states, and names of sheets or sections, that say the mass too."""
+    return [
+        k
+        for k, name in enumerate(table.names)
+        if name in (SECTION, SHEETS) or column_meaning(name) == "state"
+        if masses_in(table.texts(k))
+    ]
 
 
 def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
@@ -261,7 +335,7 @@ def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:
     """
     texts = {text for k in columns for text in table.texts(k)}
     words = sorted(text for text in texts if text and not is_decimal(text.replace(",", ".")))
-    words = [text for text in words if not GROUPED.fullmatch(text)]
+    words = [text for text in words if not GROUPED.fullmatch(text) and not NUMBER.search(text)]
     return [Entry("words", "lost", words, "no numbers")] if words else []
 
 
@@ -421,11 +495,18 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     """
     kinds = {name: column_meaning(name) for name in table.names}
     names = [name for name, kind in kinds.items() if kind in ("name", "state") and name not in said]
-    names += [name for name, kind in kinds.items() if kind == "mass" and _of_states(table, name)]
+    others = [
+        name for name, kind in kinds.items() if kind == "mass" or STATE_OF_WORD.get(plain(name)) == "after"
+    ]
+    names += [name for name in others if name not in names and _of_states(table, name)]
+    weighed = _weighed(table) if "mass" not in {*kinds.values(), *said.values()} else []
+    massive = [table.names[k] for k in weighed[:1]]
+    names = [name for name in names if name not in massive]
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
+    lined = any(_lines(table))
     told, parted, posed = _told(table, arm, said), list[str](), "pose" in said.values()
     for name in names:
         texts = keys_of(table, [name])
@@ -437,19 +518,20 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
             parted.append(name)
         elif column_meaning(name) == "state":
             continue  # in words that nobody knows
-        elif told.targets(texts):
+        elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
             yield Entry("columns", "marker", name)
             yield from _targets(distinct, arm)
         elif len(distinct) > 1 and not posed:
             posed = True
             yield Entry("columns", "pose", name)
-    yield from _sections(table)
+    yield from _sections(table, arm, massive)
     for name in parted:  # beside columns that hold nothing else
         texts = keys_of(table, [name])
         if parts := _parts_of(texts, arm, told, posed=posed):
             yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
             shots = "the last number of a name counts shots" if parts.shots else shots
-            yield from _states([word for text in dict.fromkeys(texts) for word in WORD.findall(text)])
+            words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
+            yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
             yield from _targets(parts.targets, arm)
             posed = posed or "{pose}" in parts.pattern
     if shots:
@@ -458,7 +540,12 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
 
 def _of_states(table: TableCells, name: str) -> bool:
     """Whether every cell of a column is a word for a state."""
-    return {squeeze(text) for text in keys_of(table, [name])} <= {*STATE_OF_CELL}
+    texts = {*keys_of(table, [name])}
+    if column_meaning(name) == "name":
+        return {*map(squeeze, texts)} <= {*STATE_OF_CELL} and not any(map(is_decimal, texts))
+    steps = {(state_of(text), *NUMBER.findall(text)) for text in texts}
+    states = {state for state, *_ in steps}  # "Loaded 1" and "Loaded 2" are two loads
+    return unit_of(table, table.names.index(name)) is None and "" not in states and len(steps) == len(states)
 
 
 @dataclass(frozen=True)
@@ -506,6 +593,7 @@ def _told(table: TableCells, arm: Arm, said: Mapping[str, str]) -> _Told:
 
 def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
     """Say whose names those of targets are: the arm's markers by their numbers, else targets of their own."""
+    own = [text for text in own if text]
     numbers = [NUMBER.findall(text)[-1:] for text in own]
     if {*map(squeeze, own)} <= {*map(squeeze, arm.markers)}:
         return
@@ -518,24 +606,21 @@ def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
         yield Entry("series", "markers", list(own), "no markers of the arm")
 
 
-def _sections(table: TableCells) -> Iterator[Entry]:
-    """The states that lines of words give to the rows below them."""
-    if table.names[-1:] == (SECTION,):
-        yield Entry("columns", "state", SECTION)
+def _sections(table: TableCells, arm: Arm, massive: Collection[str]) -> Iterator[Entry]:
+    """What lines of words say of the rows below them, or names of sheets of their rows: states or targets."""
+    for name in {*table.names[-1:]} - {*massive}:
         texts = list(dict.fromkeys(table.texts(len(table.names) - 1)))
-        for state in ("before", "after"):
-            yield Entry("words", state, [text for text in texts if _state_in(text) == state])
-
-
-def _state_in(text: str) -> str:
-    """The state that a text such as "Loaded, 460 kg" names; "" where it names none, or both."""
-    found = {STATE_OF_WORD[own] for own in map(squeeze, (text, *WORD.findall(text))) if own in STATE_OF_WORD}
-    return found.pop() if len(found) == 1 else ""
+        if name in (SECTION, SHEETS) and all(map(state_of, texts)):
+            yield Entry("columns", "state", name)
+            yield from _states(texts)
+        elif name == SHEETS:
+            yield Entry("columns", "marker", name)
+            yield from _targets(texts, arm)
 
 
 def _states(words: Sequence[str]) -> Iterator[Entry]:
     for state in ("before", "after"):
-        if own := sorted({word for word in words if STATE_OF_CELL.get(squeeze(word)) == state}):
+        if own := sorted({word for word in words if state_of(word) == state}):
             yield Entry("words", state, own)
 
 
@@ -669,10 +754,15 @@ def propose(
         InputError: When a file is no table, fits several layouts, lacks joints or positions, or cannot be
             joined to the log.
     """
-    table, fits = _read(path, arm, layout)
+    sheets = sheets_of(path, arm, layout) if loaded is None else []
+    table, fits = _read(path, arm, layout, sheets)
     entries, every = _layout_entries("file", fits), [(fits, table)]
+    if sheets:
+        entries.append(Entry("file", "sheets", sheets))
     if table.names[-1:] == (SECTION,):
         entries.append(Entry("file", "sections", True))
+    if table.head > 1:
+        entries.append(Entry("file", "header", table.head))
     if loaded is not None:
         table = with_loaded(table, _read(loaded, arm, layout)[0])
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
@@ -681,7 +771,11 @@ def propose(
         joint = joints_of(arm)
         joints = [k for k, name in enumerate(table.names) if joint(name)]
         blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
-        table, points = _of_the_arm(table, np.all(blank, axis=0))
+        alone = np.all(blank, axis=0)
+        if merged := _merged(table, arm, alone, joints):
+            entries.append(Entry("file", "merged", True, "joints are blank below those of the pose"))
+            table, alone = table.filled(merged), np.zeros(table.rows, dtype=bool)
+        table, points = _of_the_arm(table, alone)
     else:
         table, points, of_log, read = _joined(table, log, arm, fits, beside)
         entries += of_log
@@ -758,7 +852,9 @@ def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
     return fits_of(arm, series.q[some], series.position[some, 0], tried)[0]
 
 
-def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[TableCells, Fitting | None]:
+def _read(
+    path: Path, arm: Arm, layout: str | None = None, sheets: Sequence[str] = ()
+) -> tuple[TableCells, Fitting | None]:
     """Read a table by the layout that fits, else by the names of columns that are known."""
     place, joint = places(arm), joints_of(arm)
 
@@ -766,15 +862,57 @@ def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[TableCells, 
         return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
     fits = fitting(path, arm, layout)
-    file = fits.file if fits else FileLayout()
+    file = (fits.file if fits else FileLayout()).model_copy(update={"sheets": [*sheets]})
+    own = bool if fits else known
     try:
-        return read_log(path, bool if fits else known, file), fits
+        table = read_log(path, own, file)
     except InputError:
         with contextlib.suppress(InputError):
-            table = read_log(path, bool if fits else known, file.model_copy(update={"sections": True}))
-            if all(map(_state_in, table.texts(len(table.names) - 1))):
+            table = read_log(path, own, file.model_copy(update={"sections": True}))
+            if all(map(state_of, table.texts(len(table.names) - 1))):
                 return table, fits
         raise
+    if not fits and len({*filter(place, table.names)}) < len([*filter(place, table.names)]):
+        with contextlib.suppress(InputError):  # merged cells in a line above may say which is which
+            wide = read_log(path, own, file.model_copy(update={"header": 2}))
+            if len({*filter(place, wide.names)}) == len([*filter(place, table.names)]):
+                return wide, fits
+    return table, fits
+
+
+def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
+    """List the sheets of a workbook that make one table: their names say states, masses or targets.
+
+    Args:
+        path: The file.
+        arm: The arm, with the names of its markers.
+        layout: Name of the layout that the sheets have; None for the one that fits.
+
+    Returns:
+        Their names; empty if there are fewer than two, or the path names one.
+
+    Raises:
+        InputError: If the workbook cannot be read.
+    """
+    names = sheets_with_tables(path)
+    first = _read(path, arm, layout)[0] if len(names) > 1 else None
+    alike = [name for name in names if first is not None and _alike(first, _sheet(path, name), arm, layout)]
+    states = [state_of(name) for name in alike]
+    targets = {*map(squeeze, alike)} <= {*map(squeeze, arm.markers)}
+    together = sorted(states) == sorted(STATES) or masses_in(alike) or targets
+    return alike if len(alike) > 1 and together else []
+
+
+def _sheet(path: Path, name: str) -> Path:
+    return path.with_name(f"{path.name}#{name}")
+
+
+def _alike(first: TableCells, path: Path, arm: Arm, layout: str | None) -> bool:
+    """Whether a sheet has the columns of another one."""
+    with contextlib.suppress(InputError):
+        _read(path, arm, layout)[0].cells_like(first)
+        return True
+    return False
 
 
 def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
@@ -919,6 +1057,24 @@ def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]
     return table, []
 
 
+def _merged(table: TableCells, arm: Arm, alone: Mask, joints: Sequence[int]) -> list[int]:
+    """Columns of merged cells, of a table that states joints once for the rows of a pose; none of another.
+
+    Args:
+        table: The table.
+        arm: The arm, with the names of its markers.
+        alone: Rows without joints, (rows,).
+        joints: Places of the columns of joints.
+    """
+    if not alone.any() or alone[0]:
+        return []
+    place, markers = places(arm), {*map(squeeze, arm.markers)}
+    others = [k for k, name in enumerate(table.names) if name and k not in joints and not place(name)]
+    alike = [k for k in others if np.array_equal(table.blank(k), alone)]
+    named = [np.array([squeeze(text) in markers for text in table.texts(k)]) for k in others]
+    return [*joints, *alike] if alike or any(own.all() for own in named) else []
+
+
 def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Log, Mask]:
     """How rows of a log belong to those of a table, by names that it has once each, else by time.
 
@@ -974,8 +1130,9 @@ def _in_turn(table: TableCells, count: int) -> bool:
     """Whether rows stand together: their names are those of the targets in each group, or one name."""
     if count <= 1:
         return count == 1
-    for name in (name for name in table.names if column_meaning(name) == "name"):
-        texts = keys_of(table, [name])
+    names = [keys_of(table, [name]) for name in table.names if column_meaning(name) == "name"]
+    parts = [zip(*map(WORD.findall, texts), strict=False) for texts in names]
+    for texts in (*names, *(words for own in parts for words in own)):
         groups = [{*texts[k : k + count]} for k in range(0, len(texts), count)]
         one_each = {*map(len, groups)} == {1} and len({*texts}) == len(groups)
         if one_each or (len(groups[0]) == count and all(group == groups[0] for group in groups)):

@@ -42,6 +42,7 @@ from testbench.files.names import (
     Slot,
     What,
     columns_of,
+    plain,
     squeeze,
 )
 from testbench.files.table import TableCells, table_of
@@ -54,6 +55,7 @@ SIGMA_RANGE = (1e-9, 1e-2)
 """Range of standard deviations of instruments [m, rad]: beyond it a unit is wrong."""
 MAX_DEVIATION = 1.0
 """Largest standard deviation of a row [m, rad]: beyond it nothing was measured."""
+DIFFERENCES = "dx", "dy", "dz"  #: Names of deflections, but of deviations from drawn places too.
 MIN_DEVIATIONS = (1e-6, 1e-7)
 """Least standard deviations of a row that are accepted [m, rad]: no target is steadier."""
 
@@ -511,6 +513,9 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         hint = "if the others are in another file or sheet, testbench data check reads both: --loaded FILE"
+        if {*DIFFERENCES} <= {*map(plain, table.names)}:
+            hint = "if dx, dy, dz are loaded minus unloaded positions, say so in [columns] of a map, as "
+            hint += 'before_x = "X", deflection_x = "dX"'
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")
     # Number readings of one pose, load and state; unloaded rows have no load.
     load = np.column_stack([own.wrench, own.point]) * loaded[:, None]

@@ -84,9 +84,9 @@ def _read_targets(path: Path, language: Language) -> TableCells:
     ]
     point_texts = [point for point in point_texts if point.name] or point_texts
     if not point_texts:
-        raise InputError(
-            path, "", f"expected joints in this {language.title} program, got no joint target; {ASKED}"
-        )
+        pulses = any(point.mode == language.pulses for point in program.points if language.pulses)
+        got = "pulses, of which nobody knows how many make a degree" if pulses else "no joint target"
+        raise InputError(path, "", f"expected joints in this {language.title} program, got {got}; {ASKED}")
     names = [point.name for point in point_texts]
     if language.drop and all(name.casefold().startswith(language.drop.casefold()) for name in names):
         names = [name[len(language.drop) :] for name in names]
@@ -392,7 +392,7 @@ def with_loaded(table: TableCells, loaded: TableCells) -> TableCells:
     Raises:
         InputError: If the columns are not the same.
     """
-    return table.above(loaded, "state", ("unloaded", "loaded"))
+    return table.above([loaded], "state", ("unloaded", "loaded"))
 
 
 def with_log(table: TableCells, names: Names) -> TableCells:

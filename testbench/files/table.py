@@ -16,7 +16,7 @@ from pyarrow import csv
 from testbench.arm.document import NUMBER, is_integer
 from testbench.errors import Array, Ids, InputError, Mask, printable
 from testbench.files.mapping import FileLayout
-from testbench.files.names import Unit, squeeze
+from testbench.files.names import Unit, find_unit, squeeze
 from testbench.files.text import SHEET, TableHeader, find_header, read_letters, rows_of, split_lines
 
 BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
@@ -24,6 +24,9 @@ FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
 """What a formula begins with, in letters of full width too, and how: a signed number is none."""
 MARK = "'"
 SECTION = "section"  #: Column of what lines of words say of the rows below them.
+SHEETS = "sheet"  #: Column of the names of sheets that stand below each other.
+NUMBER_BEFORE = r"[+-]?[0-9][0-9.,']*(?:[eE][+-]?[0-9]+)?"
+WITH_UNIT = re.compile(rf"({NUMBER_BEFORE})\s*([^\d\s.,'+-][^\d\s.,'+-]*)")  #: Such as "12.5 mm".
 MAX_LISTED = 40  #: Names of columns in a message.
 
 
@@ -81,12 +84,12 @@ class TableCells:
     notes: tuple[str, ...]  #: How the file was read.
     decimal: str | None  #: The decimal mark; None to find it in the cells.
     sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
+    head: int  #: Lines of the header.
     #: Of every column: texts, or numbers that were computed.
     cells: Sequence["pa.Array"] = field(repr=False)
-    other: "TableCells | None" = field(
-        default=None, repr=False
-    )  #: Table whose rows stand below those of the file.
-    below: Mask | None = field(default=None, repr=False)  #: Which rows are of the other table, (rows,).
+    #: Tables whose rows stand below those of the first, and which table each row is of, (rows,).
+    others: Sequence["TableCells"] = field(default=(), repr=False)
+    source: Ids | None = field(default=None, repr=False)
 
     @property
     def rows(self) -> int:
@@ -105,9 +108,10 @@ class TableCells:
             The error; it names the line in the file.
         """
         line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
-        if self.other is not None and self.below is not None and row < self.rows and self.below[row]:
-            return InputError(self.other.path, self.other.place(int(line), column), problem)
-        return InputError(self.path, self.place(int(line), column), problem)
+        own = [self, *self.others][
+            int(self.source[row]) if self.source is not None and row < self.rows else 0
+        ]
+        return InputError(own.path, own.place(int(line), column), problem)
 
     def header_error(self, problem: str, column: str = "") -> InputError:
         """Make the error about the columns, or about the header of one.
@@ -187,47 +191,63 @@ class TableCells:
             The table with these rows.
         """
         places = np.arange(self.rows)[rows]
-        below = None if self.below is None else self.below[rows]
+        source = None if self.source is None else self.source[rows]
         cells = [cells.take(places) for cells in self.cells]
-        return replace(self, lines=self.lines[rows], below=below, cells=cells)
+        return replace(self, lines=self.lines[rows], source=source, cells=cells)
 
-    def above(self, other: "TableCells", name: str, words: tuple[str, str]) -> "TableCells":
-        """Put the rows of another table below those of this one, with a column that tells them apart.
+    def above(self, others: Sequence["TableCells"], name: str, words: Sequence[str]) -> "TableCells":
+        """Put the rows of other tables below those of this one, with a column that tells them apart.
 
         Args:
-            other: The other table, whose columns have the same names and units.
+            others: The other tables, whose columns have the same names and units.
             name: Name of the new column.
-            words: Its cells in rows of this table, and of the other one.
+            words: Its cells in rows of this table, and of each other one.
 
         Returns:
-            The table of both.
+            The table of all.
 
         Raises:
             InputError: If the columns are not the same.
         """
-        place = {squeeze(own): k for k, own in enumerate(other.names)}
-        missing = [own for own in self.names if squeeze(own) not in place]
-        if missing or len(place) != len({*map(squeeze, self.names)}):
-            got = ", ".join(map(repr, other.names[:MAX_LISTED]))
-            raise other.header_error(f"expected the columns of {self.path.name}, got {got}")
-        order = [place[squeeze(own)] for own in self.names]
-        if self.units != tuple(other.units[k] for k in order):
-            raise other.header_error(f"expected the units of {self.path.name}")
-        below = np.arange(self.rows + other.rows) >= self.rows
-        both = zip(self.cells, (other.cells[k] for k in order), strict=True)
+        every = [self.cells, *(other.cells_like(self) for other in others)]
+        tables = (self, *others)
+        source = np.repeat(np.arange(len(tables)), [table.rows for table in tables])
+        notes = [f"{own.sheet or own.path.name}: {note}" for own in others for note in own.notes]
         return replace(
             self,
             names=(*self.names, name),
             units=(*self.units, None),
-            lines=np.concatenate([self.lines, other.lines]),
-            notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
+            lines=np.concatenate([table.lines for table in tables]),
+            notes=(*self.notes, *notes),
             cells=[
-                *(pa.concat_arrays(pair) for pair in both),
-                pa.array(np.where(below, *words[::-1]), pa.string()),
+                *map(pa.concat_arrays, zip(*every, strict=True)),
+                pa.array([words[k] for k in source.tolist()], pa.string()),
             ],
-            other=other,
-            below=below,
+            others=others,
+            source=source,
         )
+
+    def cells_like(self, first: "TableCells") -> list["pa.Array"]:
+        """List the columns in the order of another table.
+
+        Args:
+            first: The other table.
+
+        Returns:
+            The cells of each of its columns here.
+
+        Raises:
+            InputError: If the columns are not the same.
+        """
+        place = {squeeze(own): k for k, own in enumerate(self.names)}
+        missing = [own for own in first.names if squeeze(own) not in place]
+        if missing or len(place) != len({*map(squeeze, first.names)}):
+            got = ", ".join(map(repr, self.names[:MAX_LISTED]))
+            raise self.header_error(f"expected the columns of {first.path.name}, got {got}")
+        order = [place[squeeze(own)] for own in first.names]
+        if first.units != tuple(self.units[k] for k in order):
+            raise self.header_error(f"expected the units of {first.path.name}")
+        return [self.cells[k] for k in order]
 
     def with_columns_of(self, other: "TableCells", rows: Ids) -> "TableCells":
         """Append the columns of another table that this table lacks; decimal commas become points.
@@ -447,7 +467,14 @@ def read_table(path: Path, known: Callable[[str], bool], layout: FileLayout | No
         InputError: If the file cannot be read, is empty, or is no table.
     """
     layout = layout or FileLayout()
-    return table_of(path, read_letters(path, layout.encoding, layout.decimal or "."), known, layout)
+    paths = [path.with_name(f"{path.name}#{sheet}") for sheet in layout.sheets] or [path]
+    tables = [
+        table_of(own, read_letters(own, layout.encoding, layout.decimal or "."), known, layout)
+        for own in paths
+    ]
+    if not layout.sheets:
+        return tables[0]
+    return replace(tables[0].above(tables[1:], SHEETS, layout.sheets), path=path)
 
 
 def table_of(
@@ -473,18 +500,35 @@ def table_of(
     lines = split_lines(path, text)
     header = find_header(path, lines, layout, known)
     sections = [pa.array([printable(own) for own in header.sections], pa.string())] * layout.sections
+    cells = _cells(*rows_of(path, header, lines), len(header.names))
+    behind = [_unit_behind(own, unit) for own, unit in zip(cells, header.units, strict=True)]
     return TableCells(
         path=path,
         names=(*header.names, *[SECTION] * layout.sections),
-        units=(*header.units, *[None] * layout.sections),
+        units=(*(unit for _, unit in behind), *[None] * layout.sections),
         header=header.line,
         delimiter=header.delimiter,
         lines=np.array(header.body, dtype=int) + 1,
         notes=_notes(encoding, header),
         decimal=layout.decimal,
         sheet=encoding.removeprefix(SHEET) if encoding.startswith(SHEET) else "",
-        cells=[*_cells(*rows_of(path, header, lines), len(header.names)), *sections],
+        head=layout.header,
+        cells=[*(own for own, _ in behind), *sections],
     )
+
+
+def _unit_behind(cells: "pa.Array", unit: Unit | None) -> tuple["pa.Array", Unit | None]:
+    """The numbers of a column and their unit, if each of its cells has the same one, as "12.5 mm"."""
+    first = next((text for text in cells[:MAX_LISTED].to_pylist() if text), "")
+    found = WITH_UNIT.fullmatch(first)
+    word = found[2] if found else ""
+    own = find_unit(word) if word else None
+    if own is None or (unit and unit != own):
+        return cells, unit
+    same = rf"^({NUMBER_BEFORE})\s*{re.escape(word)}$"
+    if not pc.all(pc.or_(pc.equal(cells, ""), pc.match_substring_regex(cells, same))).as_py():
+        return cells, unit
+    return pc.replace_substring_regex(cells, same, r"\1"), own
 
 
 def _notes(encoding: str, header: TableHeader) -> tuple[str, ...]:
@@ -497,6 +541,9 @@ def _notes(encoding: str, header: TableHeader) -> tuple[str, ...]:
     found = [f"{how}, {between} between the cells, {where}"]
     counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
     found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
+    if header.no_readings:
+        words = ", ".join(dict.fromkeys(map(printable, header.no_readings)))
+        found += [f"rows that are no readings are left out: {words}"]
     return (*found, *["the line below the header holds units"] * any(header.units))
 
 

@@ -6,10 +6,10 @@ import functools
 import io
 import re
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
-from itertools import accumulate
+from itertools import accumulate, islice
 from pathlib import Path
 
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, SheetVisibleEnum
@@ -17,7 +17,7 @@ from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, Shee
 from testbench.arm.document import is_decimal
 from testbench.errors import InputError, printable, read_bytes, sheet_of
 from testbench.files.mapping import FileLayout
-from testbench.files.names import Unit, find_unit
+from testbench.files.names import BRACKETS, KNOWN_EXPORTS, Unit, find_unit
 
 # --- Sheets of workbooks (.xlsx, .xls, .ods) as the text of a table, read by calamine -----------------------
 
@@ -34,14 +34,18 @@ SHEET = "sheet "
 DAY_0 = datetime(1899, 12, 30)
 """First day of a spreadsheet's dates."""
 
+WITH_COMMA = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+,\d+|\d+,(\d{1,2}|\d{4,})|0+,\d+)")
+"""Text of a number with a decimal comma; 1,234 may be a thousand."""
+
 Cell = float | str | bool | time | date | datetime | timedelta
 
 
 def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
     """Return the cells of one sheet as text, one line per row, with tabs between the cells.
 
-    The sheet is the one that the path names behind `#`, else the first that is not hidden. A formula is its
-    last result. Calamine returns an error, and a formula without its result, as a blank cell.
+    The sheet is the one that the path names behind `#`, else the first one with a table that is not hidden. A
+    formula is its last result. Calamine returns an error, and a formula without its result, as a blank cell.
+    Numbers get a decimal comma if numbers that stand as text have one.
 
     Args:
         path: The file, and the sheet.
@@ -54,22 +58,68 @@ def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
     Raises:
         InputError: If calamine cannot read the file, it has no such sheet, or it unpacks to too much.
     """
-    try:
-        _check_size(content)
-        book = CalamineWorkbook.from_filelike(io.BytesIO(content))
-        tables = [sheet for sheet in book.sheets_metadata if sheet.typ == SheetTypeEnum.WorkSheet]
-        seen = [sheet.name for sheet in tables if sheet.visible == SheetVisibleEnum.Visible]
-        if not book.sheet_names:
-            raise ValueError("it has no sheet")
-        name = sheet_of(path)[1] or [*seen, *book.sheet_names][0]
+    with _workbook(path, content) as book:
+        name = sheet_of(path)[1] or [*_tables(book), *_seen(book), *book.sheet_names][0]
         if name not in book.sheet_names:
             have = ", ".join(book.sheet_names)
             raise InputError(path, "", f"expected one of its sheets, {have}, got {name!r}")
         rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
+    if any(isinstance(cell, str) and WITH_COMMA.fullmatch(cell.strip()) for row in rows for cell in row):
+        mark = ","
+    return "\n".join(_line(row, mark) for row in rows), f"{SHEET}{name}"
+
+
+def sheets_with_tables(path: Path, but: str = "") -> list[str]:
+    """List the sheets of a workbook that hold tables of numbers and are not hidden.
+
+    Args:
+        path: The file.
+        but: Name of a sheet that is not listed.
+
+    Returns:
+        Their names, in order; empty for a file that is no workbook, and if the path names a sheet.
+
+    Raises:
+        InputError: If the file cannot be read.
+    """
+    content = read_bytes(path, MAX_BYTES)
+    if sheet_of(path)[1] or not content.startswith(WORKBOOKS):
+        return []
+    with _workbook(path, content) as book:
+        return list(_tables(book, but))
+
+
+@contextlib.contextmanager
+def _workbook(path: Path, content: bytes) -> Iterator[CalamineWorkbook]:
+    """Open a workbook; an InputError says why calamine cannot read it."""
+    try:
+        _check_size(content)
+        book = CalamineWorkbook.from_filelike(io.BytesIO(content))
+        if not book.sheet_names:
+            raise ValueError("it has no sheet")
+        yield book
     except (CalamineError, zipfile.BadZipFile, ValueError) as err:
         problem = f"expected a workbook: {err}; save it without a password, or export it as CSV"
         raise InputError(path, "", problem) from err
-    return "\n".join(_line(row, mark) for row in rows), f"{SHEET}{name}"
+
+
+def _seen(book: CalamineWorkbook) -> list[str]:
+    """The sheets that are not hidden, and are no charts."""
+    tables = [sheet for sheet in book.sheets_metadata if sheet.typ == SheetTypeEnum.WorkSheet]
+    return [sheet.name for sheet in tables if sheet.visible == SheetVisibleEnum.Visible]
+
+
+def _tables(book: CalamineWorkbook, but: str = "") -> Iterator[str]:
+    """The sheets of these with two rows of three numbers: a cover sheet has none."""
+    for name in (name for name in _seen(book) if name != but):
+        rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
+        if len([*islice((row for row in rows if sum(map(_is_number, row)) > 2), 2)]) == 2:
+            yield name
+
+
+def _is_number(cell: Cell) -> bool:
+    text = cell.strip().replace(",", ".") if isinstance(cell, str) else ""
+    return (isinstance(cell, float | int) and not isinstance(cell, bool)) or is_decimal(text)
 
 
 def _check_size(content: bytes) -> None:
@@ -138,6 +188,8 @@ BLANK = ' ;,|\t"'
 """Characters of a blank line."""
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
 """Lines in which a header is searched, most letters of the header, and most names of it that count."""
+STATISTIC = re.compile(KNOWN_EXPORTS["statistics"]["row"])  #: First cell of a row of means or such.
+WIDEST_WORD = 40  #: Most letters of it.
 DELIMITERS = (";", "\t", ",", "|", " ", "  ")
 """Possible delimiters, in order of preference; blanks stand for runs of at least as many."""
 
@@ -239,6 +291,7 @@ class TableHeader:
     units: tuple[Unit | None, ...]  #: Units of the columns, from a line of units below.
     body: Sequence[int]  #: Indices of the rows among the lines.
     left_out: int  #: Comments and repeated headers among the rows, left out.
+    no_readings: Sequence[str] = ()  #: First words of rows of means and such, and of remarks behind the rows.
     sections: Sequence[str] = ()  #: What the nearest line of words above each row says, if that is asked for.
 
 
@@ -275,6 +328,10 @@ def find_header(
     names, below = _names(head, delimiter), said[at + layout.header :]
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
+    others = [k for k in rows if _is_statistic(lines[k], delimiter)]
+    rows = [k for k in rows if k not in {*others}]
+    while len(rows) > 1 and not layout.sections and _is_remark(lines[rows[-1]], delimiter, len(names)):
+        others.append(rows.pop())
     # lines of words, which name the rows below them
     sections = list[str]()
     if layout.sections:
@@ -295,7 +352,8 @@ def find_header(
         names=tuple(names),
         units=tuple(units or [None] * len(names)),
         body=rows,
-        left_out=len(below) - len(rows) - bool(units),
+        left_out=len(below) - len(rows) - bool(units) - len(others),
+        no_readings=[_first_word(lines[k], delimiter) for k in others],
         sections=sections,
     )
 
@@ -322,6 +380,25 @@ def _title(line: str, delimiter: str, count: int) -> str:
     """The text of a line of words with less than half as many cells as the header; "" of any other line."""
     cells = [cell for cell in cells_in(line, delimiter) if cell]
     return "" if 2 * len(cells) >= count or any(map(is_decimal, cells)) else " ".join(cells)
+
+
+def _is_remark(line: str, delimiter: str, count: int) -> bool:
+    """Tell whether a line behind a table is a remark: words in one cell, or in fewer than a row has."""
+    cells = cells_in(line, delimiter)
+    alone = sum(map(bool, cells)) == 1 or len(cells) < count
+    return alone and bool(_title(line, delimiter, count))
+
+
+def _is_statistic(line: str, delimiter: str) -> bool:
+    """Tell whether a row is of means, deviations or such over others, by its first word."""
+    begins = line.lstrip(BLANK)[:WIDEST_WORD].casefold()
+    return STATISTIC.match(begins) is not None and bool(
+        STATISTIC.fullmatch(_first_word(line, delimiter).casefold())
+    )
+
+
+def _first_word(line: str, delimiter: str) -> str:
+    return next((cell for cell in cells_in(line, delimiter) if cell), "")
 
 
 def width_of(lines: Sequence[str], delimiter: str) -> int:
@@ -411,8 +488,15 @@ def _names(lines: Sequence[str], delimiter: str) -> list[str]:
     while lowest and not lowest[-1]:
         lowest.pop()
     merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
-    names = (" ".join(filter(None, column)) for column in zip(*merged, lowest, strict=False))
+    names = (" ".join(_unit_last(column)) for column in zip(*merged, lowest, strict=False))
     return list(map(printable, names))
+
+
+def _unit_last(parts: Sequence[str]) -> list[str]:
+    """The parts of a name from the upper line on; a unit in brackets stands behind all of them."""
+    found = list(filter(None, parts))
+    upper = BRACKETS.match(found[0]) if len(found) > 1 else None
+    return found if upper is None or find_unit(upper[2]) is None else [upper[1], *found[1:], f"[{upper[2]}]"]
 
 
 def _kept(left: str, own: str) -> str:

@@ -401,6 +401,7 @@ CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
     "density": "{0:.4g} kg in the file are {1:.0f} kg/m^3 inside of the shapes: check the masses",
+    "far limits": "limits beyond {deg[0]:.0f} deg, whose numbers may be degrees, not radians: {names}",
     "follow": "joints that follow others, as [joints] of elastic.toml says: {names}",
     "frozen": "off the arm, so held at zero: {names}",
     "geoms weigh": "no <inertial> in the file, so MuJoCo weighs the geoms: {names}",
@@ -410,6 +411,7 @@ WORDS = {
     "markers": "markers {mm:.0f} mm from the tool",
     "merged": "merged into {first}: {rest}",
     "meshes": "meshes not read; other shapes of their links are used, if any: {names}",
+    "narrow limits": "ranges below {deg[0]:.0f} deg, whose numbers may be radians, not degrees: {names}",
     "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg is assumed",
     "no limits of a slide": "no limits of {first} in the file: {0:g} to {1:g} m is assumed",
     "no masses": "no mass in the file: {0:g} kg/m^3 inside of the shapes is assumed, {1:.4g} kg in all: "

@@ -304,6 +304,13 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
         read_series(tmp_path / "export.csv", ARM, tmp_path / "export.toml")
 
 
+def test_a_row_of_the_log_belongs_to_the_readings_whose_names_share_a_part(tmp_path):
+    lines = [line.split(";") for line in long(names=False).splitlines()]
+    lines = [[*lines[0]], *([f"Pt{k // 3 + 1}_{row[0]}", *row[1:]] for k, row in enumerate(lines[1:]))]
+    found, _ = read("", tmp_path, "\n".join(map(";".join, lines)), log("J{}"))
+    np.testing.assert_allclose(found.series[0].q, np.radians(Q), rtol=0, atol=1e-9)
+
+
 def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path):
     fanuc = "/PROG CAL\n/POS\nP[1]{\n GP1:\n J1= -87.750 deg, J2= 1.0 deg\n};\n/END\n"
     kawasaki = ".PROGRAM cal()\nJAPPRO #p1, 100\n.END\n"
@@ -312,10 +319,11 @@ def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path)
     rapid = f"MODULE m\nCONST robtarget p1:={poses};\nENDMODULE\n"
     krl = "DEFDAT CAL\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
     for content, said in (
+        (pulses, "got pulses, of which nobody knows"),
         (kawasaki, "or one of FANUC LS program, .*URScript program, got a program in another language"),
         *(
             (own, "got no joint target; save a table with a row for every pose")
-            for own in (fanuc, rapid, krl, pulses)
+            for own in (fanuc, rapid, krl)
         ),
     ):
         with pytest.raises(InputError, match=said):
@@ -492,6 +500,221 @@ def test_lines_that_name_the_rows_below_tell_unloaded_from_loaded(tmp_path):
     said = "expected 16 fields, got 1; if such lines name the rows below say sections = true"
     with pytest.raises(InputError, match=said):
         pairs(file)
+
+
+def cell(text):
+    """A cell of a workbook: numbers are none of words."""
+    return float(text) if text and text[-1].isdigit() and text[0] in "-0123456789" else text or None
+
+
+def book(**sheets):
+    """A workbook of tables, each of lines with commas."""
+    own = {
+        name.replace("_", " "): [[*map(cell, row.split(","))] for row in text.splitlines()]
+        for name, text in sheets.items()
+    }
+    return packed(parts(own))
+
+
+def by_target(down, targets=(0, 1, 2), joints=numbers):
+    """Rows of a pose's targets, its joints in the first of them or in all."""
+    header = ["Pose", "Target", *(f"A{k} [deg]" for k in range(1, 7)), "X [mm]", "Y [mm]", "Z [mm]"]
+    rows = [
+        [f"Pos {k + 1}", f"P{m + 1}", *joints(Q[k]), *numbers(X[k, m] + down)]
+        for k in range(N)
+        for m in targets
+    ]
+    return table(header, rows)
+
+
+def both(form="{when} {x} [mm]", unit="", load="100", joint="A{} [deg]", turn=1.0, more=()):
+    """Both readings of a target in one row, with its load."""
+    axes = [form.format(when=when, x=x) for when in ("Unloaded", "Loaded") for x in "XYZ"]
+    rows = [
+        [f"Pos {k + 1}", f"P{m + 1}", *numbers(turn * Q[k], 9), load]
+        + [f"{x}{unit}" for x in numbers([X[k, m], X[k, m] + DOWN])]
+        for k in range(N)
+        for m in range(3)
+    ]
+    return table(
+        ["Pose", "Target", *(joint.format(k) for k in range(1, 7)), "Load [kg]", *axes], [*rows, *more]
+    )
+
+
+def merged(text):
+    """Cells that are blank below the first of three rows."""
+    rows = [line.split(",") for line in text.splitlines()]
+    return "\n".join(
+        ",".join("" if k and (k - 1) % 3 and n != 1 and n < 9 else x for n, x in enumerate(row))
+        for k, row in enumerate(rows)
+    )
+
+
+MEANS = [[word, "", *["0.5"] * 13] for word in ("Mean", "Std. Dev.")]
+HEADS = (
+    "Pose,Target,Joints [deg],,,,,,Load [kg],Unloaded [mm],,,Loaded [mm],,\n"
+    ",,A1,A2,A3,A4,A5,A6,,X,Y,Z,X,Y,Z\n"
+)
+BY_AXIS = [
+    [f"Pos {k + 1}", f"P{m + 1}", x, *numbers(Q[k]), "100", *numbers([X[k, m, n], X[k, m, n] + DOWN[n]])]
+    for k in range(N)
+    for m in range(3)
+    for n, x in enumerate("XYZ")
+]
+TOGETHER = {
+    "sheets by state, a cover first": book(
+        Cover="Report\nRobot,KR 500", Unloaded=f"Cell 4\n\n{by_target(0)}", Loaded=by_target(DOWN)
+    ),
+    "German sheets, means below": book(
+        ohne_Last=f"{side_by_side(0)}Mittelwert,{','.join(['1.5'] * 15)}", mit_Last=side_by_side(DOWN)
+    ),
+    "sheets by load": book(**{"0_kg": by_target(0), "100_kg": by_target(DOWN)}),
+    "sheets by target": book(
+        **{
+            f"P{m + 1}": "\n".join(
+                row for k, row in enumerate(both().splitlines()) if not k or (k - 1) % 3 == m
+            )
+            for m in range(3)
+        }
+    ),
+    "text with decimal commas beside numbers": packed(
+        parts(
+            {
+                "A": [
+                    [x.replace(".", ",") if n % 2 and k else cell(x) for n, x in enumerate(row.split(","))]
+                    for k, row in enumerate(both().splitlines())
+                ]
+            }
+        )
+    ),
+    "sections by load": f"No load\n{side_by_side(0)}\nLoaded, 100 kg\n{side_by_side(DOWN)}".encode(),
+    "merged joints": book(A=merged(both())),
+    "merged heads": book(A=HEADS + both().partition("\n")[2]),
+    "means and a remark below": f"{both(more=MEANS)}\nSignature: M. Mueller\n".encode(),
+    "units behind numbers": both(form="{when} {x}", unit=" mm").encode(),
+    "a row an axis": table(
+        [
+            "Pose",
+            "Target",
+            "Axis",
+            *(f"J{k}" for k in range(1, 7)),
+            "Load [kg]",
+            "Unloaded [mm]",
+            "Loaded [mm]",
+        ],
+        BY_AXIS,
+    ).encode(),
+    "grad of an axis called Achse": both(joint="Achse {} [Grad]").encode(),
+}
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_a_table_as_people_make_it_is_read_to_the_last_digit(name, tmp_path):
+    content = TOGETHER[name]
+    (file := tmp_path / ("own.xlsx" if content.startswith(b"PK") else "own.csv")).write_bytes(content)
+    fits(pairs(file))
+
+
+@pytest.mark.parametrize(
+    "words", ["0|1", "FALSE|TRUE", "no load|with 100 kg", "w/o load|w/ load", "Before load|After load"]
+)
+def test_a_state_in_other_words_is_read_to_the_last_digit(words, tmp_path):
+    name = "Loaded" if "TRUE" in words else "State"
+    (file := tmp_path / "pairs.csv").write_bytes(
+        states(f"Pose|Target|{name}|X [mm]|Y [mm]|Z [mm]|J{{}} [deg]", words)
+    )
+    fits(pairs(file))
+
+
+def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
+    """Another unit, another sheet, a state that nobody knows, a number that a cell hides."""
+    for content, said in (
+        (
+            both(joint="J{} [grad]"),
+            "grad means degrees in German, Spanish and Russian, gon in English; say which in",
+        ),
+        (
+            both(form="{when} {x}", unit=" mm").replace(" mm", " mm?", 1),
+            r"expected a finite number, got '-?[0-9.]+ mm",
+        ),
+        (
+            states("Pose|Target|State|X [mm]|Y [mm]|Z [mm]|J{} [deg]", "unloaded|not loaded").decode(),
+            "all are unloaded",
+        ),
+        (
+            states("Pose|Target|State|X [mm]|Y [mm]|Z [mm]|J{} [deg]", "L0|L1").decode(),
+            "no state 'L0' is known",
+        ),
+        (
+            by_target(DOWN)
+            .replace("Z [mm]", "Z [mm],dX [mm],dY [mm],dZ [mm],Load [kg]")
+            .replace("\n", ",1,2,3,100\n")
+            .replace("[kg],1,2,3,100", "[kg]"),
+            "dx, dy, dz are loaded minus unloaded",
+        ),
+    ):
+        (file := tmp_path / "pairs.csv").write_text(content)
+        with pytest.raises(InputError, match=said):
+            pairs(file)
+    for words in ("Loaded 1|Loaded 2", "unloaded|with 100 kg and 20 kg", "0 kg|without 100 kg"):
+        (file := tmp_path / "steps.csv").write_bytes(
+            states("Pose|Target|State|X [mm]|Y [mm]|Z [mm]|J{} [deg]", words)
+        )
+        with pytest.raises(InputError, match="no state '"):
+            pairs(file)
+    rows = table(["Pose", "Point", *"XYZ"], [[p, m, "1", "2", "3"] for p in "01" for m in "01"])
+    (file := tmp_path / "points.csv").write_text(rows)
+    (other := tmp_path / "log.csv").write_text(
+        table(["Pose", *(f"J{k}" for k in range(1, 7))], [["0", *"123456"], ["1", *"234567"]])
+    )
+    assert not {"state", "before", "after"} & {own.key for own in propose(file, ARM, other, tmp_path).entries}
+    (file := tmp_path / "book.xlsx").write_bytes(book(May=both(), June=both()))
+    assert "warning: other sheets with tables are not read: June" in notes_of(file)
+    names = [f"J{k} [grad]" for k in range(1, 7)]
+    (file := tmp_path / "far.csv").write_text(
+        table([*names, *"XYZ"], [["10", "-90", "90", "380", "0", "0", "1", "2", "3"]] * 2)
+    )
+    q = read("far", tmp_path, file.read_text())[0].series[0].q
+    np.testing.assert_allclose(q[0], np.radians([9, -81, 81, 342, 0, 0]), atol=1e-12)
+    (file := tmp_path / "cog.csv").write_text(
+        both(joint="joint_{}_deg")
+        .replace("Load [kg]", "mass_kg,CoG x [mm],CoG y [mm],CoG z [mm]")
+        .replace(",100,", ",100,1,2,3,")
+    )
+    warning = "warning: these columns look like centres of mass and are not read: "
+    assert f"{warning}CoG x [mm], CoG y [mm], CoG z [mm]" in notes_of(file)
+
+
+def notes_of(file):
+    (map_ := file.with_suffix(".toml")).write_text(map_text(propose(file, ARM, None, file.parent).entries))
+    return read_export(file, ARM, map_).notes
+
+
+LINES = {
+    "gauges": (
+        "Reading unloaded (mm),Reading loaded (mm),Direction x,Direction y,Direction z",
+        "10.0,9.5,0,0,1",
+        -0.5e-3,
+    ),
+    "a draw-wire": (
+        "Wire length unloaded [mm],Wire length loaded [mm],Anchor x [mm],Anchor y [mm],Anchor z [mm]",
+        "2345.0,2345.5,2200,0,100",
+        0.5e-3,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_gauges_and_wires_are_known_by_their_names(name, tmp_path):
+    header, row, moved = LINES[name]
+    rows = [[str(k + 1), "P1", *numbers(Q[k]), "100", row] for k in range(N)]
+    (file := tmp_path / "lines.csv").write_text(
+        table(["Run", "Target", *(f"J{k} (deg)" for k in range(1, 7)), "Load (kg)", header], rows)
+    )
+    found = pairs(file)
+    assert found.lines[:, found.markers.index("P1")].all()
+    along = np.einsum("ri,ri->r", found.deflection[:, 0], found.direction[:, 0])
+    np.testing.assert_allclose(along, moved, rtol=0, atol=1e-12)
 
 
 def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):

@@ -303,12 +303,32 @@ WRONG = {
         "<joint name='j' type='fixed'><parent link='base'/><child link='link_3'/></joint></robot>",
     ): ("link 'link_3' is the child of two joints: leave out what closes the loop"),
     ("<robot ", "<!DOCTYPE robot><robot "): "document types and entities are not allowed",
+    ("<robot ", "<!doctype HTML><html><robot "): "got a web page: save the raw file",
+    ('xyz="0.35 0 0.4"', 'xyz="0.35 0 ${height}"'): "this is xacro; expand it first",
+    (
+        'xyz="0.35 0 0.4"',
+        'xyz="0.35 0 0.4" rpy="0 0 90"',
+    ): "<joint name='joint_a2'>: rpy: expected radians, up to 4 pi",
     ("<geometry><box", "<geometry><torus"): "<torus>: expected box, sphere",
     ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",
     ('name="joint_a4" type="revolute"', 'name="joint_a4" type="fixed"'): "",
     ("</robot>", "<!-- <xacro:arm/> --></robot>"): "",
     ("base_link", "world"): "",  # which is no link for MuJoCo
 }
+
+
+def test_two_arms_ask_for_a_tip_and_limits_in_another_unit_are_said(tmp_path):
+    text = heavy_urdf(tmp_path).read_text()
+    inner = re.search("<robot[^>]*>(.*)</robot>", text, re.DOTALL)[1]
+    inner = re.sub(r'(name|link)="(\w+)"', r'\1="other_\2"', inner)
+    both = '<joint name="both" type="fixed"><parent link="base_link"/><child link="other_base_link"/></joint>'
+    (tmp_path / "two.urdf").write_text(text.replace("</robot>", f"{inner}{both}</robot>"))
+    said = "expected one arm, got two of 6 joints"
+    assert said in is_refused(do("new", tmp_path / "mine", "--from", tmp_path / "two.urdf"))
+    fine("new", tmp_path / "mine", "--from", tmp_path / "two.urdf", "--tip", "other_tool0")
+    (tmp_path / "far.urdf").write_text(text.replace('lower="-2" upper="1.5"', 'lower="-120" upper="90"', 1))
+    words = fine("new", tmp_path / "far", "--from", tmp_path / "far.urdf")
+    assert "limits beyond 1440 deg, whose numbers may be degrees, not radians: joint_a1" in words
 
 
 @pytest.mark.parametrize(

@@ -439,7 +439,7 @@ WRONG = [
     ("rows_of_axes", 4, 1, "Z", "line 3, column Axis: expected the rows x, y, z of a point together"),
     ("rows_of_axes", 8, 1, "R", "line 8, column Axis: no axis 'R'; axes are x, y, z"),
     ("rows_of_axes", 5, 0, "P2", "line 5, column Feature: expected 'P1' as in the other rows"),
-    ("plain", 28, 10, "0\n36 points", "for a line behind the table say footer = 1"),
+    ("plain", 28, 10, "0\n36,points", "for a line behind the table say footer = 1"),
     ("plain", 1, 9, f"x{' ' * 9000}in", "line 1: expected every column once"),
 ]
 """An export, the line, counted from 1, and the column, from 0, of another cell, and what is said."""

@@ -37,6 +37,8 @@ from testbench.files.robot.write import weigh
 
 MIN_JOINTS, MAX_JOINTS = 3, 9
 """Fewest and most moving joints of an arm."""
+FAR, NARROW = 8 * np.pi, np.radians(15.0)
+"""Limits beyond the first [rad] may be degrees in the file; ranges below the other [rad] may be radians."""
 MAX_BODY_DISTANCE = 50.0
 """Largest distance between two neighbouring bodies [m]."""
 HEAVIEST = 1e5
@@ -86,6 +88,8 @@ def read_chain(file: Path, tip: str | None = None) -> ImportedChain:
     robot = read_robot(file)
     end = usual_tip(robot) if tip is None else _named(file, robot, tip)
     path = path_to(robot, end.body)
+    if tip is None:
+        _refuse_twins(file, robot, path)
     _check_joints(file, robot, path)
     _check_sizes(file, robot)
     rows, spare = map_of(file, robot.bodies, path, robot.couplings, robot.driven)
@@ -126,6 +130,22 @@ def _named(file: Path, robot: Robot, name: str) -> Tip:
         names = ", ".join(sorted({tip.site.name for tip in tips}))
         raise InputError(file, "", f"no link, body or site {name!r} for the tip; there are {names}")
     return found[0]
+
+
+def _refuse_twins(file: Path, robot: Robot, path: list[int]) -> None:
+    """Refuse a robot of two arms of equally many joints: only a tip says which one is meant."""
+
+    def moving(some: Sequence[int]) -> list[int]:
+        return [k for k in some if robot.bodies[k].joint and not robot.bodies[k].follows]
+
+    for k in moving(range(len(robot.bodies))):
+        other = path_to(robot, k)
+        shared = [body for body in path if body in other]
+        own, twin = (moving([body for body in way if body not in shared]) for way in (path, other))
+        if len(moving(shared)) < MIN_JOINTS <= len(own) == len(twin):
+            ends = " and ".join(repr(robot.bodies[way[-1]].name) for way in (own, twin))
+            problem = f"expected one arm, got two of {len(own)} joints, up to {ends}: state one by --tip"
+            raise InputError(file, "", problem)
 
 
 def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
@@ -257,6 +277,11 @@ def _became(
     for joint in (part.joint for part in parts if part.joint and not part.joint.limited):
         kind = "no limits of a slide" if joint.prismatic else "no limits"
         notes.append(Note(kind, (joint.name,), (joint.lower, joint.upper)))
+    hinges = [part.joint for part in parts if part.joint and part.joint.limited and not part.joint.prismatic]
+    if far := [joint.name for joint in hinges if max(-joint.lower, joint.upper) > FAR]:
+        notes.append(Note("far limits", tuple(far), (FAR,)))
+    if hinges and all(joint.upper - joint.lower < NARROW for joint in hinges):
+        notes.append(Note("narrow limits", tuple(joint.name for joint in hinges), (NARROW,)))
     if specks := [part.name for part in parts if part.mass == SPECK and not part.weighed]:
         notes.append(Note("specks", tuple(specks), (SPECK,)))
     return notes

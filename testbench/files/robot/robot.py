@@ -36,6 +36,7 @@ MAX_PACKAGE = 1_000_000
 """Largest package.xml [byte]."""
 UP = 8
 """Folders above the URDF in which a package is searched."""
+HTML = re.compile("<!doctype html|<html", re.IGNORECASE)
 FIND = re.compile(r"\$\(find ([\w-]+)\)")
 """Reference to a package in xacro."""
 
@@ -56,7 +57,10 @@ def read_xml(file: Path) -> ET.Element:
     if (start := text.strip("\ufeff \t\r\n")) and not start.startswith("<"):
         problem = "expected a URDF or MJCF, which begin with <; how to write a DH table as URDF is in"
         raise InputError(file, "", f"{problem} docs/robot_files.md")
-    if "<xacro:" in re.sub("<!--.*?-->", "", text, flags=re.DOTALL) or file.suffix == ".xacro":
+    said = re.sub("<!--.*?-->", "", text, flags=re.DOTALL)
+    if HTML.match(start):
+        raise InputError(file, "", "expected a URDF or MJCF, got a web page: save the raw file")
+    if "<xacro:" in said or "${" in said or file.suffix == ".xacro":
         raise InputError(file, "", f"this is xacro; expand it first: {_expand(file, text)}")
     root = parse_xml(file, text)
     level, count = [root], 0

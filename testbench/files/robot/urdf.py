@@ -65,6 +65,7 @@ ENDLESS = 1000.0
 """Limit beyond which a joint counts as unlimited [rad, m]."""
 MAX_NUMBER = 1e9
 """Largest number that is read; limits of an arm are checked on the whole tree."""
+MAX_TURN = 4 * np.pi  #: Largest angle of an origin [rad].
 PARSER_ERROR = re.compile(rb"Error:\s+(.*)")
 """Beginning of an error message of Pinocchio's parser."""
 
@@ -153,6 +154,10 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
         kind = joint.get("type", "")
         if kind not in (*MOVING, *ODD, "fixed"):
             problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
+            raise InputError(file, place_of(joint), problem)
+        turn = np.abs(_numbers(file, joint.find("origin"), "rpy", [0.0] * 3)).max()
+        if turn > MAX_TURN:
+            problem = f"rpy: expected radians, up to 4 pi, got {turn:g}: is it in degrees?"
             raise InputError(file, place_of(joint), problem)
         kind = "prismatic" if kind == "prismatic" else "revolute"
         e = ET.SubElement(bare, "joint", name=joint.get("name", ""), type=kind)
