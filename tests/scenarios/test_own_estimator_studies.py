@@ -1,18 +1,20 @@
-"""An estimator of one's own in every study that takes one: in all views, and counted where it fails."""
+"""An estimator of one's own in every study that takes one: in table and picture, and counted where it fails.
+
+Tables and pictures are those of page and recording: tests/scenarios/test_own_estimator.py looks at both.
+"""
 
 import json
 import re
 from contextlib import nullcontext
-from unittest import mock
 
 import pytest
 from matplotlib.text import Text
 from pyarrow import parquet
-from read_back import chunks_of, columns
-from run_here import ROOT, app_of_study, here
+from run_here import ROOT, app_of_study, here, numbers_alone
 from test_compensation import less_work
 
-from testbench.studies import run
+from testbench.report.report import read_report
+from testbench.studies import find_study
 
 MINE = """
 import testbench as tb
@@ -59,18 +61,12 @@ def test_every_study_takes_estimators_or_has_no_place_for_them(monkeypatch):
 
 @pytest.mark.study
 @pytest.mark.parametrize("name", sorted({*WITH} - ALIKE))
-def test_it_is_in_table_picture_page_and_recording_and_a_failure_costs_nobody_else(tmp_path, name):
+def test_it_is_in_table_and_picture_and_a_failure_costs_nobody_else(tmp_path, name):
     (tmp_path / "mine.py").write_text(MINE)
     own = [part for one in ("plain", "never") for part in ("--estimator", f"{tmp_path}/mine.py:{one}")]
     own += ["--seeds", 1, "--workers", 1]
-    out, words, save = tmp_path / "out", set(), run.save
-
-    def look(figure, path):
-        save(figure, path)
-        words.update(text.get_text() for text in figure.findobj(Text))
-
-    less = less_work() if name == "compensation" else nullcontext()
-    with less, mock.patch.object(run, "save", look):
+    out = tmp_path / "out"
+    with less_work() if name == "compensation" else nullcontext(), numbers_alone():
         done = here(app_of_study(name), "--quick", *ONE.get(name, ()), *own, "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     report = json.loads((out / "report.json").read_text())
@@ -78,12 +74,12 @@ def test_it_is_in_table_picture_page_and_recording_and_a_failure_costs_nobody_el
         {"name": "never", "seed": 1, "status": "failed: raised ValueError: not today"}
     ]
     assert "never" in done.stdout
-    assert "plain" in (out / "report.md").read_text()
-    assert "plain" in "".join(file.read_text() for file in [*out.glob("*.html"), *out.glob("tables/*.csv")])
-    told = json.dumps(columns(chunks_of(out / "recording.rrd"), "/tables"), default=str)
-    assert "plain" in told
+    found, study = read_report(out / "report.json"), find_study(name)
+    assert "plain" in found.whole()
+    assert "plain" in done.stdout
     if name != "pose_selection":  # with one number of poses its picture is of one fit
-        assert any("plain" in text for text in words)
+        figures = study.figures(found).values()
+        assert any("plain" in text.get_text() for own in figures for text in own.findobj(Text))
     assert {*json.loads((out / "manifest.json").read_text())["estimators"]} == {"plain", "never"}
     if column := WITH[name]:
         rows = parquet.read_table(out / "trials.parquet").to_pylist()
