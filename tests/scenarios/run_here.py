@@ -89,13 +89,15 @@ def table(path):
 
 @contextlib.contextmanager
 def numbers_alone():
-    """Studies leave their numbers alone, commands all but pictures, recording and page.
+    """Studies leave numbers and data alone, commands all but pictures, recording and page.
 
     These take longer than most trials and fits: whole runs of studies and tests of each command have them.
     """
 
-    def write(_, found):
+    def write(study, found):
         files.write_json(found.report.json(), found.folder / "report.json")
+        if "data_file" in (first := found.first):
+            (found.folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
         return []
 
     with mock.patch.object(run, "_write", write), mock.patch.object(leave, "_views", return_value=[]):
@@ -173,9 +175,3 @@ def check_folder(out, *more):
     whole = {path.as_posix() for path in held(out)}
     assert {*json.loads((out / "manifest.json").read_text())["files"]} == whole
     check_winner(out)
-
-
-def check_refused(app, out, flags, said):
-    """Flags that are wrong end with words and exit code 2, without a folder."""
-    is_refused(here(app, "--quick", "--out", out, *flags), said)
-    assert not out.exists()

@@ -6,15 +6,22 @@ Tables and pictures are those of page and recording: tests/scenarios/test_own_es
 import json
 import re
 from contextlib import nullcontext
+from unittest import mock
 
+import numpy as np
 import pytest
+from made_up import of_one_trial
 from matplotlib.text import Text
 from pyarrow import parquet
 from run_here import ROOT, app_of_study, here, numbers_alone
 from test_compensation import less_work
 
+from testbench.identify import paper_gco
 from testbench.report.report import read_report
 from testbench.studies import find_study
+from testbench.studies.paper import six_dof_arm
+from testbench.studies.planning import study as planning
+from testbench.studies.planning.trial import PlannedRow
 
 MINE = """
 import testbench as tb
@@ -45,6 +52,27 @@ ALIKE = {"noise_sensitivity", "model_error", "which_model", "instruments", "grav
 """Presets of one study: the others of them stand for these, and test_own_estimator.py runs the last one."""
 ONE = {"regimes": ("--truth", "tubes")}
 """Flags of less to do."""
+
+
+def first_poses(cell, job):
+    """A plan that is ready at once: planning is tested elsewhere."""
+    there, fit, criterion, poses = job
+    q = tuple(np.ravel(there.scene.candidates[:poses]).tolist())
+    own = {"ground": there.scope.ground.name, "fit": fit, "criterion": criterion, "poses": poses}
+    return of_one_trial(PlannedRow, np.random.default_rng(1), q_rad=q, **own)
+
+
+def one_order(cell, structure, data, *_):
+    """All orders m alike: how they are found is tested elsewhere."""
+    return 6 * [paper_gco(cell.vjm, structure, data)]
+
+
+LESS = {
+    "compensation": less_work,
+    "pose_selection": lambda: mock.patch.object(planning, "_plan_row", first_poses),
+    "six_dof_arm": lambda: mock.patch.object(six_dof_arm, "every_order", one_order),
+}
+"""Contexts in which what other tests ask is not done."""
 WITHOUT = set("absolute_calibration bench loaded_stiffness real_ur10 single_link solver_comparison".split())
 SCREEN = 45  #: Lines of a terminal of 100 columns.
 
@@ -66,7 +94,7 @@ def test_it_is_in_table_and_picture_and_a_failure_costs_nobody_else(tmp_path, na
     own = [part for one in ("plain", "never") for part in ("--estimator", f"{tmp_path}/mine.py:{one}")]
     own += ["--seeds", 1, "--workers", 1]
     out = tmp_path / "out"
-    with less_work() if name == "compensation" else nullcontext(), numbers_alone():
+    with LESS.get(name, nullcontext)(), numbers_alone():
         done = here(app_of_study(name), "--quick", *ONE.get(name, ()), *own, "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     report = json.loads((out / "report.json").read_text())
