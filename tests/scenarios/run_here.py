@@ -89,15 +89,13 @@ def table(path):
 
 @contextlib.contextmanager
 def numbers_alone():
-    """Studies leave numbers and data alone, commands all but pictures, recording and page.
+    """Studies leave their numbers alone, commands all but pictures, recording and page.
 
     These take longer than most trials and fits: whole runs of studies and tests of each command have them.
     """
 
-    def write(study, found):
+    def write(_, found):
         files.write_json(found.report.json(), found.folder / "report.json")
-        if "data_file" in (first := found.first):
-            (found.folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
         return []
 
     with mock.patch.object(run, "_write", write), mock.patch.object(leave, "_views", return_value=[]):
