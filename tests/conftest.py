@@ -15,7 +15,7 @@ STUDIES = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
 """Each has a file of tests, which run it and then look at it."""
 LONGEST = (
     "test_fuzz test_own_estimator_studies test_pictures test_wheel test_gravity_calibration test_which_model "
-    "test_bench test_model_error test_docs_site test_identifiability_study test_real_ur10 test_regimes "
+    "test_bench test_model_error test_identifiability_study test_real_ur10 test_regimes "
     "test_compensation test_pose_selection test_noise_sensitivity test_trial_engine test_any_files "
     "test_doubts test_absolute_faults test_plan_command test_campaign_reports test_proposed_maps "
     "test_identify_command test_calibrate_command test_intervals test_prior"

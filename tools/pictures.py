@@ -11,7 +11,7 @@ mesa-vulkan-drivers).
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -109,18 +109,30 @@ def needed(runs: set[str]) -> set[str]:
     return runs if more <= runs else needed(runs | more)
 
 
-def make(folder: Path, runs: Sequence[str]) -> None:
+Done = subprocess.CompletedProcess[str]
+
+
+def as_process(program: str, *words: str) -> Done:
+    """Run python or testbench as a process of this Python."""
+    words = words if program == "python" else ("-c", TESTBENCH, *words)
+    return subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def make(folder: Path, runs: Sequence[str], do: Callable[..., Done] = as_process) -> None:
     """Make runs of commands in a folder in place of runs.
+
+    Args:
+        folder: The folder.
+        runs: Names of the runs.
+        do: Runs a program, "python" or "testbench", with its arguments.
 
     Raises:
         BenchError: When a command fails.
     """
     for run in runs:
-        first, *words = COMMANDS[run].split()
-        words = [str(folder / word[5:]) if word.startswith("runs/") else word for word in words]
-        words = words if first == "python" else ["-c", TESTBENCH, *words]
+        words = [str(folder / w[5:]) if w.startswith("runs/") else w for w in COMMANDS[run].split()]
         print(COMMANDS[run], flush=True)
-        done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+        done = do(*words)
         if done.returncode:
             raise BenchError(f"{COMMANDS[run]}: {done.stderr.strip()}")
 

@@ -173,9 +173,3 @@ def check_folder(out, *more):
     whole = {path.as_posix() for path in held(out)}
     assert {*json.loads((out / "manifest.json").read_text())["files"]} == whole
     check_winner(out)
-
-
-def check_refused(app, out, flags, said):
-    """Flags that are wrong end with words and exit code 2, without a folder."""
-    is_refused(here(app, "--quick", "--out", out, *flags), said)
-    assert not out.exists()

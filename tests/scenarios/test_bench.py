@@ -99,13 +99,14 @@ def test_bad_entries_leave_a_complete_table_with_named_failures(run):
 
 def test_workers_and_a_resumed_run_find_the_same(folder):
     asked, found = (folder / "draws.py", "--task", "frame", "--task", "section-5-2"), []
-    for name, workers, seeds in (("one", 1, 3), ("two", 2, 3), ("again", 2, 1), ("again", 1, 3)):
+    for name, workers, seeds in (("one", 1, 3), ("again", 2, 2), ("again", 1, 3)):
         resumed = ("--resume",) if (name, seeds) == ("again", 3) else ()
         with numbers_alone():
             fine("bench", *asked, "--seeds", seeds, "--workers", workers, "--out", folder / name, *resumed)
         table = parquet.read_table(folder / name / "trials.parquet").to_pylist()
         found.append([{k: v for k, v in row.items() if k != "cpu_seconds"} for row in table])
-    assert found[0] == found[1] == found[3]
+    assert [row for row in found[0] if row["seed"] < 3] == found[1]
+    assert found[0] == found[2]
     own = [row for row in found[0] if row["name"] == "draws" and row["prior"]]
     assert {row["status"] for row in own} == {"done", "failed: raised RuntimeError: odd"}
     assert all(row["cover.half_mm"] > 0 for row in own if row["status"] == "done")

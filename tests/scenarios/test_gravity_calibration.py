@@ -1,22 +1,20 @@
 """The main job as a stranger runs it: its files, its contract, its manners."""
 
 import json
-import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
+from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 from chromium import DESKTOP, IDLE, PHONE
 from pyarrow import parquet
-from run_here import ROOT, app_of_study, check_files, heed_ctrl_c, here, numbers_alone, quick_study
+from run_here import app_of_study, check_files, held, here, numbers_alone, quick_study
 
 from testbench.files.read_pairs import read_csv
 from testbench.files.write import write_csv
 from testbench.model.vjm import tool_pose
+from testbench.studies import run
 from testbench.studies.campaign.coverage import WITH_PRIOR, CalibrationSettings, calibrate, results
 from testbench.workflows.cell import Scenario, build_cell
 
@@ -158,25 +156,11 @@ def test_another_seed_beside_it_in_other_processes_changes_no_model_and_gives_a_
         assert single["f_m"] in (own["f_m"]["least"], own["f_m"]["most"])
 
 
-def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
+def test_ctrl_c_at_the_last_moment_leaves_earlier_results_whole(quick, tmp_path):
+    """Numbers and figures are written by then. The signal itself is sent in test_trial_engine.py."""
     out = shutil.copytree(quick[0], tmp_path / "out")
-    before = {p.name: p.read_bytes() for p in out.iterdir()}
-    script = ROOT / "scenarios" / "gravity_calibration.py"
-    process = subprocess.Popen(
-        [sys.executable, script, *"--seeds 200 --workers 1 --out".split(), out],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=heed_ctrl_c,
-    )
-    for _ in range(1200):
-        if (tmp_path / ".out.new").exists():
-            break
-        time.sleep(0.05)
-    assert (tmp_path / ".out.new").exists()
-    time.sleep(1)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert re.fullmatch(r"interrupted: earlier results stand as they were(; at least .*)?\n", err)
-    assert {p.name: p.read_bytes() for p in out.iterdir() if p.name in before} == before
+    asked = ("--seed", 3, "--out", out, "--quick", "--workers", 1, "--resume")
+    with mock.patch.object(run, "write_page", side_effect=KeyboardInterrupt):
+        done = here(APP, *asked)
+    assert (done.returncode, done.stderr) == (130, "interrupted: earlier results stand as they were\n")
+    assert held(tmp_path) == {Path(out.name, path): data for path, data in held(quick[0]).items()}

@@ -20,10 +20,6 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "pose_selection.png")
 
 
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
-    assert blank_panes(quick[0] / "recording.rrd") == []
-
-
 def test_every_plan_is_printed_with_its_certificate(report):
     assert {(p["criterion"], p["poses"]) for p in report["plans"]} == {("test", 9), ("D", 9)}
     for plan in report["plans"]:

@@ -2,7 +2,7 @@
 
 import sys
 
-from run_here import app_of_study, check_files, check_refused, quick_study
+from run_here import app_of_study, check_files, here, is_refused, quick_study
 
 APP = app_of_study("solver_comparison")
 SMALL = ["--generations", "3", "--trial-points", "30", "--starts", "2", "--model", "MGCO56", "--seed", 3]
@@ -31,4 +31,6 @@ def test_conic_program_is_never_above_any_other_solver(report):
 
 def test_scs_without_cvxpy_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cvxpy", None)  # as where it is not installed
-    check_refused(APP, tmp_path / "out", ["--scs"], "SCS is called through cvxpy, which is not installed")
+    done = here(APP, "--quick", "--out", tmp_path / "out", "--scs")
+    is_refused(done, "SCS is called through cvxpy, which is not installed")
+    assert not [*tmp_path.iterdir()]

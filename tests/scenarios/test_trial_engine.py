@@ -13,10 +13,11 @@ from pathlib import Path
 
 import dask
 import pytest
+import trial_study
 import trial_work
 from listening import listening
 from pyarrow import parquet
-from run_here import heed_ctrl_c, here
+from run_here import heed_ctrl_c, here, is_refused
 from test_bench import DRAWS
 
 from testbench.cli.program import program
@@ -45,12 +46,9 @@ def study(out, backend, *, work=QUICK, trials=TRIALS, size=2, resume=False):
         return counts, write_parquet(store, out).read_bytes()
 
 
-def script(*args):
-    return [sys.executable, str(SCRIPT), *map(str, args), "--trials", str(TRIALS)]
-
-
-def run(*args, **options):
-    return subprocess.run(script(*args), capture_output=True, text=True, check=False, timeout=60, **options)
+def run(*args):
+    """The command of the trials, in this process."""
+    return here(trial_study.app, *args, "--trials", TRIALS)
 
 
 def until(happened):
@@ -65,13 +63,6 @@ def until(happened):
 def stored(out):
     """Trials in the store of a run, perhaps one under way."""
     return sum(len(part_seeds(part)) for part in out.glob(f"{PARTS}/*.parquet"))
-
-
-def one_line(done, text):
-    assert done.returncode == 2, done.stderr
-    assert done.stderr.startswith("error: ")
-    assert done.stderr.count("\n") == 1
-    assert text in done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +121,8 @@ def test_workers_that_are_lost_again_and_again_are_lost_in_a_row_only_without_a_
 def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, alone):
     out = tmp_path / "out"
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
-    with subprocess.Popen(script(out, "--workers", 2, "--endless"), **pipes, preexec_fn=heed_ctrl_c) as run_:
+    words = [sys.executable, SCRIPT, out, *f"--trials {TRIALS} --workers 2 --endless".split()]
+    with subprocess.Popen(words, **pipes, preexec_fn=heed_ctrl_c) as run_:
         try:
             until(lambda: stored(out) > 2)  # so a first chunk is counted as well as stored
             os.killpg(run_.pid, signal.SIGINT)  # as a terminal does: the workers get it too
@@ -144,7 +136,7 @@ def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, a
     assert found, error
     assert int(found[1]) <= kept <= int(found[1]) + 2  # the chunk that was being stored
     assert [p.name for p in out.iterdir()] == [PARTS]
-    one_line(run(out), "--resume goes on")
+    is_refused(run(out), "--resume goes on")
     assert run(out, "--resume", "--workers", 2).returncode == 0
     assert [p.name for p in out.iterdir()] == ["trials.parquet"]
     assert (out / "trials.parquet").read_bytes() == alone
@@ -154,10 +146,10 @@ def test_bad_input_is_one_line_and_touches_nothing(tmp_path):
     out = tmp_path / "out"
     study(out, ONE, trials=4)
     before = {p.name: p.read_bytes() for p in out.iterdir()}
-    one_line(run(out, "--resume", "--name", "other"), "scenario: the trials in this folder have 'toy'")
+    is_refused(run(out, "--resume", "--name", "other"), "scenario: the trials in this folder have 'toy'")
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
     (out / "trials.parquet").write_bytes(before["trials.parquet"][:-1])
-    one_line(run(out, "--resume"), "trials.parquet: expected trials in Parquet")
+    is_refused(run(out, "--resume"), "trials.parquet: expected trials in Parquet")
 
 
 @pytest.mark.parametrize("backend", [ONE, TWO])
@@ -224,7 +216,7 @@ def secure(tmp_path_factory):
     """A scheduler and two workers on this machine, as somebody else would have started them by the page.
 
     Yields:
-        The scheduler's address, a function that starts another worker, all processes, the file of settings.
+        The scheduler's address, a function that starts another worker, all processes.
     """
     if shutil.which("openssl") is None:
         pytest.skip("needs openssl")
@@ -249,7 +241,7 @@ def secure(tmp_path_factory):
         worker()
         worker()
         with dask.config.set(read(file)):
-            yield address, worker, own, file
+            yield address, worker, own
     finally:
         for process in own:
             process.kill()
@@ -257,7 +249,7 @@ def secure(tmp_path_factory):
 
 
 def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone, secure):
-    address, _, _, file = secure
+    address, *_ = secure
     pids = tmp_path / "pids"
     pids.mkdir()
     until(lambda: workers_of(address) == 2)
@@ -265,8 +257,7 @@ def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone
     _, data = study(tmp_path, partial(on_cluster, address=address), work=work)
     assert data == alone
     assert len(list(pids.iterdir())) == 2
-    environment = {**os.environ, "DASK_CONFIG": str(file)}
-    assert run(tmp_path / "script", "--cluster", address, env=environment).returncode == 0
+    assert run(tmp_path / "script", "--cluster", address).returncode == 0
     assert (tmp_path / "script" / "trials.parquet").read_bytes() == alone
 
 
@@ -310,7 +301,7 @@ def test_strangers_are_not_let_into_a_cluster(tmp_path, secure):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_cluster_that_is_started_as_the_page_says_listens_on_its_address_alone(secure):
-    address, _, own, _ = secure
+    address, _, own = secure
     until(lambda: workers_of(address) == 2)
     ports = [place for process in own[:3] for place in listening(process.pid)]
     assert len(ports) == 6  # each for its own, and for the page that is not shown
@@ -319,7 +310,7 @@ def test_a_cluster_that_is_started_as_the_page_says_listens_on_its_address_alone
 
 @pytest.mark.attack
 def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, secure):
-    address, worker, _, _ = secure
+    address, worker, _ = secure
     pids = tmp_path / "pids"
     pids.mkdir()
     third = worker()

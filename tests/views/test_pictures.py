@@ -4,6 +4,7 @@ import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import opener
@@ -11,6 +12,7 @@ import pages
 import pictures
 import pytest
 from PIL import Image
+from run_here import app_of, do, here
 from scipy.linalg import block_diag
 from stamps import Stamp, digest, read_stamp, stamp
 
@@ -21,7 +23,9 @@ from testbench.model.laws import with_laws
 from testbench.model.load import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain
+from testbench.report import leave
 from testbench.report.report import read_report
+from testbench.studies import run as studies
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -67,10 +71,21 @@ def test_the_numbers_of_a_picture_are_those_of_its_page(name):
     assert set(own) <= set(numbers((ROOT / pictures.PICTURES[name].page).read_text()))
 
 
+def in_process(program, *words):
+    """A program of a picture."""
+    return here(app_of(ROOT / words[0]), *words[1:]) if program == "python" else do(*words)
+
+
 @pytest.mark.study
-def test_commands_say_today_what_their_pictures_say(tmp_path):
-    """Of every picture of a command, that of the same run alike."""
-    pictures.make(tmp_path, list(pictures.COMMANDS))
+def test_commands_say_today_what_their_pictures_say(tmp_path, monkeypatch):
+    """Of every picture of a command, that of the same run alike; figure, page and recording are not read."""
+    monkeypatch.chdir(ROOT)
+    with (
+        mock.patch.object(leave, "_views", return_value=[]),
+        mock.patch.multiple(studies, headed_figures=mock.Mock(return_value={}), write_run=mock.DEFAULT),
+        mock.patch.object(studies, "write_page"),
+    ):
+        pictures.make(tmp_path, list(pictures.COMMANDS), in_process)
     for name, picture in pictures.PICTURES.items():
         then, now = read_stamp(file_of(name)), read_report(tmp_path / picture.run / "report.json").headline
         assert then.command == pictures.COMMANDS[picture.run]
