@@ -44,6 +44,7 @@ DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, LONG_TITLE, CAPTION = 88, 106, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
+TITLE_BAND, WORDS_LINE = 0.3, 0.125  #: Heights of the title, and of a line of the words below [in].
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
 BREAKS = (". ", "; ", " (", ": ", ", ")  #: Where a title that is too long ends, the best first.
 
@@ -80,8 +81,8 @@ rcParams.update(
 def save(figure: Figure, path: Path | IO[bytes]) -> None:
     """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice.
 
-    Letters of scripts without a font here are drawn as boxes. Beside a file go SVGs where the command was
-    asked for them by `--print`.
+    Letters of scripts without a font here are drawn as boxes. Beside a file go SVGs of both widths where the
+    command was asked for them by `--print`.
 
     Args:
         figure: The figure; it keeps its layout.
@@ -113,15 +114,20 @@ def _write_png(figure: Figure, path: Path | IO[bytes]) -> None:
     few.save(path, "PNG", compress_level=LEVEL, dpi=(figure.dpi, figure.dpi))
 
 
+ONE_COLUMN = "_89"  #: Ends the name of an SVG that is 89 mm wide.
 NEUTRAL = re.compile(r"#([0-9a-f]{2})\1\1\b")  #: White, black and greys of an SVG.
 DARK_GROUND, DARK_INK = 18, 235  #: Greys in place of white and of black on a dark ground.
 
 
 def _print(figure: Figure, png: Path) -> None:
-    """Write a figure that was saved as SVG beside its PNG, on a light and on a dark ground."""
-    light = as_svg(figure)
-    png.with_suffix(".svg").write_text(light, encoding="utf-8")
-    png.with_name(f"{png.stem}_dark.svg").write_text(NEUTRAL.sub(_inverted, light), encoding="utf-8")
+    """Write a figure that was saved as SVG beside its PNG, two columns and one wide, on light and on dark."""
+    from testbench.report.one_column import one_column  # here: only for print, and it imports this module
+
+    for wide, own in (("", figure), (ONE_COLUMN, one_column(figure))):
+        light = as_svg(own)
+        png.with_name(f"{png.stem}{wide}.svg").write_text(light, encoding="utf-8")
+        dark = NEUTRAL.sub(_inverted, light)
+        png.with_name(f"{png.stem}{wide}_dark.svg").write_text(dark, encoding="utf-8")
 
 
 def as_svg(figure: Figure) -> str:
