@@ -8,8 +8,7 @@ import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
 
-from testbench.report.figure import forest, page, ranges, say, sweeps
-from testbench.report.one_column import one_column
+from testbench.report.figure import forest, one_column, page, ranges, say, sweeps
 from testbench.report.run_figure import error_map, overview
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
