@@ -1,9 +1,9 @@
 """Shared parts of figures: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
+import copy
 import io
 import itertools
 import math
-import pickle
 import re
 import textwrap
 import warnings
@@ -551,7 +551,7 @@ def one_column(figure: Figure) -> Figure:
     Returns:
         Its copy, laid out.
     """
-    narrow: Figure = pickle.loads(pickle.dumps(figure))
+    narrow = copy.deepcopy(figure)
     parts = [part for part in _leaves(narrow) if _panes(part)]
     stacks = [_stack(part) for part in parts]
     for part, heights in zip(parts, stacks, strict=True):
