@@ -113,7 +113,7 @@ def _place_in_line(line: str, start: int, keys: Sequence[str | int]) -> int:
 class Strict(BaseModel):
     """Give data models that admit their keys alone and finite numbers, and convert nothing."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 MAX_SHOWN = 80  #: Most characters of a name or value that a message repeats.

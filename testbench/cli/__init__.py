@@ -5,7 +5,7 @@ import sys
 
 from testbench.runs import interrupt
 
-GARBAGE = 200_000  #: Objects between two searches for garbage: every 700 they take a tenth of a command.
+GARBAGE = 1_000_000  #: Objects between two searches for garbage: every 700 they take a tenth of a command.
 
 
 def main() -> None:

@@ -27,7 +27,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from testbench.design.criteria import (
     Criterion,
@@ -169,6 +168,8 @@ def _curvature(rows: Array, grams: Array, I: Array, Z: Array) -> Array:  # noqa:
 
 def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
     """Minimise -slope x + (x - w)^T H (x - w) / 2 over x >= 0 of the same sum as w, (candidates,)."""
+    from scipy.optimize import nnls  # here: it takes long to import
+
     # |L^T x - L^-1 (H w + slope)|^2 is the model but for a constant; one stiff row keeps the sum of x
     size = float(np.trace(H)) / len(H)
     L = np.linalg.cholesky(H + RIDGE * size * np.eye(len(H)))

@@ -30,7 +30,6 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
@@ -167,6 +166,8 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool
 
     Unless they are integer, legs may be used in part: the linear relaxation.
     """
+    from scipy.optimize import Bounds, LinearConstraint, milp  # here: it takes long to import
+
     ends = np.zeros((n, len(legs)))
     ends[legs.T, np.arange(len(legs))] = 1
     inside = np.array([part[legs].all(axis=1) for part in parts], dtype=float).reshape(-1, len(legs))

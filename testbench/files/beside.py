@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
@@ -499,6 +498,8 @@ def notations(angles: Array, by_axis: bool) -> dict[str, Array]:
         Rotation matrices, (poses, 3, 3), by the notation as a map states it. Of notations that give the same
         for these angles, there is only the first.
     """
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
     found = {"vector": Rotation.from_rotvec(angles).as_matrix()}
     for kind, order in product(("intrinsic", "extrinsic"), ORDERS):
         if by_axis and order[0] == order[2]:
@@ -535,6 +536,8 @@ def fits_of(arm: Arm, q: Array, position: Array, tried: Mapping[str, Array]) -> 
 
 def _misfit(x: Array, R: Array, position: Array, C: Array) -> tuple[float, float]:
     """RMS angle [rad] and distance [m] of read poses from those of the drawn tool, frame and mount fitted."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
     # X and Y^T: the pair of matrices with the largest mean of R^T (x) C^T, each made a rotation
     K = np.einsum("nrp,nsq->pqrs", R, C).reshape(9, 9) / len(R)
     left, _, right = np.linalg.svd(K)

@@ -19,7 +19,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import ArmJoint
@@ -467,6 +466,8 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
     Raises:
         BenchError: When the language has no place for such joints or moves, or the file cannot be written.
     """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # here: few commands write programs
+
     points = _point_fields(language, motion)
     axes = axes_of(language, motion.joints)
     environment = Environment(

@@ -28,7 +28,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from testbench.data.dataset import Dataset, Series, along_lines, rotation_between
 from testbench.errors import Array, BenchError, Ids
@@ -373,6 +372,8 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     y = data.as_read(data.deflection)[seen].ravel()
     rough = MODEL_ERROR * float(np.sqrt((y**2).mean())) or 1.0
     rows = np.vstack([read.T / rough, np.eye(len(D)) / SCALE_DEVIATION])
+    from scipy.optimize import nnls  # here: it takes long to import, and few readings are along lines
+
     s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / SCALE_DEVIATION)]))
     return np.tensordot(s, D, axes=1), np.tensordot(s, W, axes=1)
 

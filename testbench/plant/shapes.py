@@ -6,7 +6,6 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
@@ -210,6 +209,8 @@ def rotation_of(quaternion: Array) -> Array:
 
 def quaternions(R: Array) -> Array:
     """Convert rotation matrices, (..., 3, 3), to quaternions (x, y, z, w), (..., 4) [1]."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few commands draw
+
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 

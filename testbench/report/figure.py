@@ -1,12 +1,13 @@
 """Shared parts of figures: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
+import copy
 import io
 import itertools
 import math
 import re
 import textwrap
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Literal
@@ -18,7 +19,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
 from testbench.model.structure import JOINTS
@@ -44,6 +48,7 @@ DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, LONG_TITLE, CAPTION = 88, 108, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
+TITLE_BAND, WORDS_LINE = 0.3, 0.125  #: Heights of the title, and of a line of the words below [in].
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
 BREAKS = (". ", "; ", " (", ": ", ", ")  #: Where a title that is too long ends, the best first.
 
@@ -80,8 +85,8 @@ rcParams.update(
 def save(figure: Figure, path: Path | IO[bytes]) -> None:
     """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice.
 
-    Letters of scripts without a font here are drawn as boxes. Beside a file go SVGs where the command was
-    asked for them by `--print`.
+    Letters of scripts without a font here are drawn as boxes. Beside a file go SVGs of both widths where the
+    command was asked for them by `--print`.
 
     Args:
         figure: The figure; it keeps its layout.
@@ -113,15 +118,18 @@ def _write_png(figure: Figure, path: Path | IO[bytes]) -> None:
     few.save(path, "PNG", compress_level=LEVEL, dpi=(figure.dpi, figure.dpi))
 
 
+ONE_COLUMN = "_89"  #: Ends the name of an SVG that is 89 mm wide.
 NEUTRAL = re.compile(r"#([0-9a-f]{2})\1\1\b")  #: White, black and greys of an SVG.
 DARK_GROUND, DARK_INK = 18, 235  #: Greys in place of white and of black on a dark ground.
 
 
 def _print(figure: Figure, png: Path) -> None:
-    """Write a figure that was saved as SVG beside its PNG, on a light and on a dark ground."""
-    light = as_svg(figure)
-    png.with_suffix(".svg").write_text(light, encoding="utf-8")
-    png.with_name(f"{png.stem}_dark.svg").write_text(NEUTRAL.sub(_inverted, light), encoding="utf-8")
+    """Write a figure that was saved as SVG beside its PNG, two columns and one wide, on light and on dark."""
+    for wide, own in (("", figure), (ONE_COLUMN, one_column(figure))):
+        light = as_svg(own)
+        png.with_name(f"{png.stem}{wide}.svg").write_text(light, encoding="utf-8")
+        dark = NEUTRAL.sub(_inverted, light)
+        png.with_name(f"{png.stem}{wide}_dark.svg").write_text(dark, encoding="utf-8")
 
 
 def as_svg(figure: Figure) -> str:
@@ -521,3 +529,174 @@ def ranges(
     _key(part, columns=5)
     say(figure, answer, reading)
     return figure
+
+
+# --- One column of a journal: the panes of a figure one below the other -------------------------------------
+
+COLUMN = 89 / INCH  #: Width of a figure, as journals print one column [in].
+PANE_LETTERS = 46  #: Letters of a line above or below a pane, and of the entries of its key side by side.
+KEY_BELOW = 3.0  #: Distance of a key from what is above it [pt].
+KEY_INSIDE = 0.99  #: Where a key begins at most that is inside of a pane, over its width [1].
+LABELS_APART = 2.0  #: Least distance of two labels along an axis [pt].
+
+
+def one_column(figure: Figure) -> Figure:
+    """Stack the panes of a figure, row by row, 89 mm wide; each keeps its height.
+
+    Rows that only the first pane of a row names get their names in every pane; labels along an axis are left
+    out where they would touch; keys beside a pane go below it.
+
+    Args:
+        figure: A figure that was laid out; it stays as it is.
+
+    Returns:
+        Its copy, laid out.
+    """
+    narrow = copy.deepcopy(figure)
+    parts = [part for part in _leaves(narrow) if _panes(part)]
+    stacks = [_stack(part) for part in parts]
+    for part, heights in zip(parts, stacks, strict=True):
+        if isinstance(part, SubFigure):
+            place = part._subplotspec  # type: ignore[attr-defined] # it has no public name
+            bands = place.get_gridspec()
+            ratios = list(bands.get_height_ratios())
+            ratios[place.rowspan.start] = sum(heights)
+            bands.set_height_ratios(ratios)
+    narrow.set_size_inches(COLUMN, sum(map(sum, stacks)))
+    say(narrow, " ".join(narrow.get_suptitle().split()), " ".join(narrow.get_supxlabel().split()))
+    lines = narrow.get_supxlabel().count("\n") + 1
+    narrow.set_size_inches(COLUMN, sum(map(sum, stacks)) + TITLE_BAND + WORDS_LINE * lines)
+    _lay_out(narrow)
+    for axes in narrow.axes:
+        _thin(axes)
+        if legend := axes.get_legend():
+            _place_below(axes, legend)
+    _lay_out(narrow)
+    return narrow
+
+
+def _lay_out(figure: Figure) -> None:
+    """Lay a figure out once, and keep it so."""
+    figure.set_layout_engine("constrained")
+    engine = figure.get_layout_engine()
+    assert engine is not None  # just set
+    engine.execute(figure)
+    figure.set_layout_engine("none")
+
+
+def _leaves(part: Figure | SubFigure) -> Iterator[Figure | SubFigure]:
+    """Parts of a figure that have no parts."""
+    for own in part.subfigs:
+        yield from _leaves(own)
+    if not part.subfigs:
+        yield part
+
+
+def _panes(part: Figure | SubFigure) -> list[Axes]:
+    """Panes of a part, row by row."""
+    placed = [axes for axes in part.axes if axes.get_subplotspec() is not None and axes.figure is part]
+    return sorted(placed, key=_place)
+
+
+def _place(axes: Axes) -> tuple[int, int]:
+    """Row and column of a pane."""
+    spec = axes.get_subplotspec()
+    assert spec is not None  # see `_panes`
+    return spec.rowspan.start, spec.colspan.start
+
+
+def _stack(part: Figure | SubFigure) -> list[float]:
+    """Stack the panes of a part; their heights with what is around them [in]."""
+    for axes in _panes(part):
+        if not axes.get_visible():
+            axes.remove()
+    panes = _panes(part)
+    spec = panes[0].get_subplotspec()
+    assert spec is not None  # see `_panes`
+    grid = spec.get_gridspec()
+    ratios = np.asarray(grid.get_height_ratios(), dtype=float)
+    words = 0.0 if isinstance(part, SubFigure) else TITLE_BAND + WORDS_LINE * _lines(part)
+    room = part.bbox.height / part.figure.dpi - words
+    heights = [room * float(ratios[_place(axes)[0]] / ratios.sum()) for axes in panes]
+    firsts = {_place(axes)[0]: axes for axes in reversed(panes)}
+    lasts = {_place(axes)[1]: axes for axes in panes}
+    for axes in panes:
+        row, column = _place(axes)
+        _name(axes, firsts[row], lasts[column])
+        _wrap(axes)
+    stacked = part.add_gridspec(len(panes), 1, height_ratios=heights)
+    for k, axes in enumerate(panes):
+        axes.set_subplotspec(stacked[k, 0])
+    for legend in [*part.legends, *filter(None, (axes.get_legend() for axes in panes))]:
+        legend.set_ncols(_columns(legend))
+    return heights
+
+
+def _lines(figure: Figure) -> int:
+    """Lines of the words below a figure."""
+    return figure.get_supxlabel().count("\n") + 1
+
+
+def _columns(legend: Legend) -> int:
+    """How many entries of a key fit side by side."""
+    longest = max((len(text.get_text()) for text in legend.get_texts()), default=1)
+    return max(1, PANE_LETTERS // (longest + 8))
+
+
+def _name(axes: Axes, first: Axes, last: Axes) -> None:
+    """Give a pane what it shares with the first one of its row and the last one of its column."""
+    if not axes.axison:
+        return
+    if axes in axes.get_shared_y_axes().get_siblings(first) and axes is not first:
+        axes.tick_params(labelleft=True)
+        axes.set_ylabel(axes.get_ylabel() or first.get_ylabel())
+    if axes in axes.get_shared_x_axes().get_siblings(last) and axes is not last:
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel(axes.get_xlabel() or last.get_xlabel())
+    if axes is first or axes.get_ylim() != first.get_ylim():
+        return
+    names, own = ([text.get_text() for text in pane.get_yticklabels()] for pane in (first, axes))
+    if not own:
+        axes.set_yticks(first.get_yticks(), names)
+    elif len(own) == len(names) and all("  " in name for name in names):  # a name and a number
+        heads = [name.rpartition("  ")[0] for name in names]
+        axes.set_yticks(axes.get_yticks(), [f"{a}  {b}" for a, b in zip(heads, own, strict=True)])
+
+
+def _wrap(axes: Axes) -> None:
+    """Break long words above and below a pane."""
+    for place in ("left", "center", "right"):
+        if title := axes.get_title(loc=place):
+            axes.set_title(textwrap.fill(" ".join(title.split()), PANE_LETTERS), loc=place)
+    axes.set_xlabel(textwrap.fill(axes.get_xlabel(), PANE_LETTERS))
+
+
+def _thin(axes: Axes) -> None:
+    """Leave out labels along a pane that touch: show every second one, or as many as are apart."""
+    low, high = sorted(axes.get_xlim())
+    every_label = [label for label in axes.get_xticklabels() if label.get_text()]
+    labels = [label for label in every_label if low <= label.get_position()[0] <= high]
+    if not labels:
+        return
+    ticks, words = [label.get_position()[0] for label in labels], [label.get_text() for label in labels]
+    room = LABELS_APART * axes.get_figure(root=True).dpi / 72  # type: ignore[union-attr]
+    ends = [(box.x0, box.x1) for box in map(Text.get_window_extent, labels)]
+    every = 1
+    while any(b < a + room for (_, a), (b, _) in itertools.pairwise(sorted(ends[::every]))):
+        every += 1
+    if every > 1:
+        shown = ["" if k % every else word for k, word in enumerate(words)]
+        axes.set_xticks(ticks, shown, rotation=labels[0].get_rotation())
+
+
+def _place_below(axes: Axes, legend: Legend) -> None:
+    """Put a key that stands outside of a pane below its axis."""
+    anchor = legend.get_bbox_to_anchor().transformed(axes.transAxes.inverted())
+    if KEY_INSIDE > anchor.x0 >= 0 <= anchor.y0:
+        return
+    figure = axes.get_figure(root=True)
+    assert figure is not None  # it has one
+    low = min(box.y0 for box in (axes.bbox, axes.xaxis.get_tightbbox()) if box is not None)
+    down = ScaledTranslation(0, (low - axes.bbox.y0) / figure.dpi - KEY_BELOW / 72, figure.dpi_scale_trans)
+    legend.set_loc("upper center")
+    legend.set_bbox_to_anchor((0.5, 0.0), axes.transAxes + down)

@@ -14,7 +14,6 @@ from typing import Annotated, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
-from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, Dataset, Series, select_rows
@@ -517,6 +516,8 @@ class Truth:
         truly is; a joint's is its offset. Deflections add to them to first order. Stations, mounts and gears
         are apart.
         """
+        from scipy.spatial.transform import Rotation  # here: it takes long to import
+
         plant = self.arm
         names = [*(link.name for link in plant.arm.links[1:]), plant.arm.tool]
         parts = []
@@ -745,6 +746,8 @@ def _station(
     cell: Cell, absolute_campaign: AbsoluteCampaign, k: int, rng: np.random.Generator
 ) -> PlacedFrame:
     """The world in the tracker's frame: facing anywhere, and never quite upright."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
     azimuth, heading = rng.uniform(-np.pi, np.pi, 2)
     distance, height = cell.vjm.reach * rng.uniform(NEAREST, FARTHEST), rng.uniform(LOWEST, HIGHEST)
     tilt = Rotation.from_rotvec([*(TILT * rng.standard_normal(2)), 0.0])
@@ -758,6 +761,8 @@ def _station(
 
 def _mount(rng: np.random.Generator) -> PlacedFrame:
     """The mount of the targets in the tool's frame."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
     shift, turn = (deviation * rng.standard_normal(3) for deviation in MOUNT)
     return PlacedFrame(Rotation.from_rotvec(turn).as_matrix(), shift)
 
@@ -823,6 +828,8 @@ def _series(
 
 def _noisy(series: Series, rng: np.random.Generator) -> Series:
     """The series as the tracker reads it."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
     tracker = Tracker(series.sigma, series.sigma_rotation)
     read = replace(series, position=read_positions(tracker, series.position, rng))
     if series.rotation is None:
@@ -846,6 +853,8 @@ def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: flo
     Returns:
         Readings in the frames of the trackers.
     """
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
     pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
     station = pose % len(trackers)
     rng, noise = trial_rng(seed, 2), trial_rng(seed, 1)

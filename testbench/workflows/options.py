@@ -312,7 +312,9 @@ D = TypeVar("D")
 Force = Annotated[bool, typer.Option("--force", help="Replace what another command wrote.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 QUIET = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
-Print = Annotated[bool, typer.Option("--print", help="Write figures as SVG too, light and dark.")]
+Print = Annotated[
+    bool, typer.Option("--print", help="Write figures as SVG too: 183 and 89 mm, light and dark.")
+]
 PRINT = inspect.Parameter("print", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Print)
 CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
 

@@ -231,7 +231,10 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
     assert tick.get_markersize() == before
 
 
-def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(pixels, tmp_path):
+ENDS = ".svg", "_dark.svg", "_89.svg", "_89_dark.svg"
+
+
+def test_for_print_there_are_svgs_beside_the_png_of_two_widths_on_light_and_on_dark_ground(pixels, tmp_path):
     with pixels(), session(EMPTY_SESSION._replace(prints=True)):
         for name in ("one.png", "two.png"):
             figure = page(1.0)
@@ -239,12 +242,13 @@ def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(pi
             say(figure, "Title", "Words.")
             figures.save(figure, tmp_path / name)
     assert {path.name for path in tmp_path.iterdir()} == {
-        f"{name}{end}" for name in ("one", "two") for end in (".png", ".svg", "_dark.svg")
+        f"{name}{end}" for name in ("one", "two") for end in (".png", *ENDS)
     }
+    for end in ENDS:  # the same figure, the same file
+        assert (tmp_path / f"one{end}").read_text() == (tmp_path / f"two{end}").read_text()
+        [width] = re.findall(r'<svg [^>]*width="([\d.]+)pt"', (tmp_path / f"one{end}").read_text())
+        assert float(width) * 25.4 / 72 == pytest.approx(89 if "89" in end else 183)
     light, dark = ((tmp_path / f"one{end}.svg").read_text() for end in ("", "_dark"))
-    assert light == (tmp_path / "two.svg").read_text()  # the same figure, the same file
-    [width] = re.findall(r'<svg [^>]*width="([\d.]+)pt"', light)
-    assert float(width) * 25.4 / 72 == pytest.approx(183)
     assert {"#ffffff", "#000000", "#c88304"} <= set(re.findall("#[0-9a-f]{6}", light))
     assert set(re.findall("#[0-9a-f]{6}", dark)) & {"#ffffff", "#000000"} == set()
     assert "#c88304" in dark

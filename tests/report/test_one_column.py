@@ -1,0 +1,101 @@
+"""For one column of a journal: panes below each other, all rows named, nothing cut, nothing over another."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from legible import check_legible
+from made_up_run import REPORT, made_up_run
+
+from testbench.report.figure import forest, one_column, page, ranges, say, sweeps
+from testbench.report.run_figure import error_map, overview
+from testbench.report.schema import Table, TableColumn
+from testbench.report.table import Row
+from testbench.runs.spread import spread
+
+ERROR, RATIO = TableColumn("error", "error", "mm"), TableColumn("ratio", "ratio over that of the first")
+NAME, SIZE = TableColumn("name", "model"), TableColumn("size", "noise", "µm", form=".0f")
+NAMES = ("all links and joints, prior", "Joints", "MLS56")
+
+
+def rows(**more):
+    """A row of each model."""
+    return [
+        Row(
+            name=name,
+            structure=name,
+            constraint="psd",
+            prior=False,
+            error=spread([k, 1.2 * k, 1.1 * k]),
+            **more,
+        )
+        for k, name in enumerate(NAMES, 1)
+    ]
+
+
+def stacked(figure):
+    """The figure in one column, looked at; its panes without keys, from top to bottom."""
+    figure.draw_without_rendering()
+    wide = figure.get_size_inches().tolist(), [axes.get_position().bounds for axes in figure.axes]
+    narrow = one_column(figure)
+    narrow.draw_without_rendering()
+    check_legible(narrow)
+    assert 25.4 * narrow.get_figwidth() == pytest.approx(89)
+    assert wide == (figure.get_size_inches().tolist(), [axes.get_position().bounds for axes in figure.axes])
+    panes = [axes for axes in narrow.axes if axes.axison and axes.get_subplotspec() is not None]
+    boxes = [axes.get_window_extent() for axes in panes]
+    below = sorted(range(len(panes)), key=lambda k: -boxes[k].y0)
+    assert all(boxes[a].y0 > boxes[b].y1 for a, b in pairwise(below))
+    return [panes[k] for k in below]
+
+
+def labels(axes):
+    return [text.get_text() for text in axes.get_yticklabels()]
+
+
+def test_every_pane_of_a_forest_names_its_rows_with_its_own_numbers():
+    table = Table((NAME, ERROR, RATIO), [Row(row, ratio=2.0 * k) for k, row in enumerate(rows(), 1)])
+    first, second = stacked(forest(table, {"error": "Errors", "ratio": "Ratios"}, "One wins", "Words."))
+    for axes, numbers in ((first, ("1.1", "2.2", "3.3")), (second, ("2", "4", "6"))):
+        heads, found = zip(*[label.split("  ") for label in labels(axes)], strict=True)
+        assert heads == NAMES
+        assert [float(own) for own in found] == pytest.approx([float(own) for own in numbers])
+
+
+def test_lines_keep_their_key_and_panes_that_share_an_axis_get_their_own_names():
+    swept = Table((NAME, SIZE, ERROR), [row for k in (1.0, 10.0, 100.0) for row in rows(size=k)])
+    panes = stacked(sweeps({"Left": swept, "Right": swept}, "One wins", "Words."))
+    assert [axes.get_title() for axes in panes] == ["Left", "Right"]
+    down = TableColumn("kind", "arm")
+    kinds = Table((down, NAME, ERROR), [row for kind in ("tubes", "cast links") for row in rows(kind=kind)])
+    panes = stacked(ranges({"Left": kinds, "Right": kinds}, "One wins", "Words.", 1.0))
+    assert [labels(axes) for axes in panes] == [["tubes", "cast links"]] * 2
+
+
+@pytest.mark.parametrize("names", [[f"{k}" for k in range(1, 25)], ["cut 12"] * 16])
+def test_labels_of_runs_are_left_out_until_none_touch_and_the_key_is_below(arm_6r, names):
+    seen = made_up_run(arm_6r)
+    lines = [replace(line, values=0.1 * np.arange(len(names)), ends=None) for line in seen.runs[0].lines]
+    chart = replace(seen.runs[0], labels=names, lines=lines)
+    arm, other, runs = stacked(overview(REPORT, replace(seen, tables=[], runs=(chart,))))
+    assert [axes.get_ylabel() for axes in (arm, other)] == ["z [m]", "y [m]"]
+    shown = [text.get_text() for text in runs.get_xticklabels()]
+    assert 5 <= sum(map(bool, shown)) < len(shown)
+    assert runs.get_legend().get_window_extent().y1 < runs.get_window_extent().y0
+
+
+def test_maps_stand_below_each_other_with_their_bar(arm_6r):
+    seen = made_up_run(arm_6r)
+    panes = stacked(error_map(seen.map, "Under load"))
+    assert [axes.get_xlabel() for axes in panes] == ["x [m]"] * len(panes)
+
+
+def test_a_long_title_of_a_pane_is_broken_and_a_pane_that_is_not_drawn_takes_no_room():
+    figure = page(2.0)
+    left, right = figure.subplots(1, 2)
+    left.set_title("word " * 20)
+    right.set_visible(False)
+    say(figure, "Title", "Words.")
+    [axes] = stacked(figure)
+    assert "\n" in axes.get_title()
