@@ -8,8 +8,8 @@ from testbench.correct.newton import Aim, Points, equilibrium, target_of
 from testbench.correct.newton import solve_inverse_statics as corrected
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
-from testbench.identify.arm_model import elastic_state, model_of_estimate
 from testbench.identify.metric import cad_prior
+from testbench.identify.posterior import elastic_state, model_of_estimate
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153
 from testbench.workflows.cell import build_cell, simulate

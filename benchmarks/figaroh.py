@@ -24,7 +24,7 @@ from testbench.data.dataset import Series, select_rows
 from testbench.files.export import draft_new
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.arm_model import elastic_state
+from testbench.identify.posterior import elastic_state
 from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
 from testbench.runs import command

@@ -20,17 +20,16 @@ from scipy.spatial.transform import Rotation
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
-from testbench.identify.closed_form import kabsch
 from testbench.identify.estimate import deflections, score
 from testbench.identify.metric import Strength, cad_prior, perturbed
 from testbench.identify.registered import register_dataset, transform_to_base, unloaded_series
-from testbench.identify.registration import Frame, register
+from testbench.identify.registration import Frame, kabsch, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import disturb
-from testbench.workflows.absolute_truth import by_trackers
+from testbench.workflows.absolute import by_trackers
 from testbench.workflows.cell import (
     Cell,
     Scenario,

@@ -12,7 +12,7 @@ from sphinx.errors import ExtensionError
 from typer.testing import CliRunner
 
 import testbench
-from testbench.cli.program import program
+from testbench.cli.predict import program
 
 HERE = Path(__file__).parent
 PROGRAM = Path(sys.executable).with_name("testbench")

@@ -1,7 +1,7 @@
 """Least squares of straight beams, negative eigenvalues of every block set to zero afterwards."""
 
 from testbench.model.structure import template56
-from testbench.studies.shrinkage import clipped
+from testbench.studies.intervals import clipped
 
 
 def estimate(kinematics, structure, data, prior):

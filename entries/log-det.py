@@ -2,7 +2,7 @@
 
 import testbench as tb
 from testbench.identify.metric import Strength, rescale_to_data, scale_by_prior
-from testbench.studies.shrinkage import gco_stein
+from testbench.studies.intervals import gco_stein
 
 
 def estimate(kinematics, structure, data, prior):

@@ -1,7 +1,7 @@
 """Ridge regression of straight beams: shrunk to zero, how much by generalised cross-validation."""
 
 from testbench.model.structure import template56
-from testbench.studies.shrinkage import ridge
+from testbench.studies.intervals import ridge
 
 
 def estimate(kinematics, structure, data, prior):

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from testbench.identify import with_prior as with_prior
     from testbench.identify.absolute.fit import Calibration as Calibration
     from testbench.identify.absolute.fit import calibrate as calibrate
-    from testbench.identify.arm_model import ArmModel as ArmModel
     from testbench.identify.estimate import Certificate as Certificate
     from testbench.identify.estimate import DeflectionErrors as DeflectionErrors
     from testbench.identify.estimate import deflections as deflections
@@ -52,17 +51,18 @@ if TYPE_CHECKING:
     from testbench.identify.metric import Prior as Prior
     from testbench.identify.metric import Strength as Strength
     from testbench.identify.metric import cad_prior as cad_prior
+    from testbench.identify.posterior import ArmModel as ArmModel
     from testbench.identify.posterior import Intervals as Intervals
     from testbench.identify.registered import register_dataset as register_dataset
     from testbench.identify.regression import Regression as Regression
-    from testbench.model.joint_laws import JointLaw as JointLaw
-    from testbench.model.joint_laws import JointTurns as JointTurns
-    from testbench.model.joint_laws import joint_laws as joint_laws
+    from testbench.model.laws import JointLaw as JointLaw
+    from testbench.model.laws import JointTurns as JointTurns
+    from testbench.model.laws import joint_laws as joint_laws
     from testbench.model.load import Load as Load
     from testbench.model.load import weight as weight
     from testbench.model.structure import Structure as Structure
     from testbench.model.vjm import Vjm as Vjm
-    from testbench.plant.joint_law import Beyond as Beyond
+    from testbench.plant.disturbance import Beyond as Beyond
     from testbench.plant.true_arms import TrueArm as TrueArm
     from testbench.plant.true_arms import member_of_family as member_of_family
     from testbench.plant.true_arms import true_arms as true_arms
@@ -111,7 +111,7 @@ HOMES = {
     "deflections": "identify.estimate",
     "score": "identify.estimate",
     "calibrate": "identify.absolute.fit",
-    "ArmModel": "identify.arm_model",
+    "ArmModel": "identify.posterior",
     "Load": "model.load",
     "weight": "model.load",
     "predict": "correct.predicted",
@@ -124,7 +124,7 @@ HOMES = {
     "save_model": "workflows.arm_models",
     "PlanSettings": "workflows.plan_settings",
     "plan": "workflows.plan",
-    "joint_laws": "model.joint_laws",
+    "joint_laws": "model.laws",
     "true_arms": "plant.true_arms",
     "true_cell": "workflows.cell",
     "member_of_family": "plant.true_arms",
@@ -149,10 +149,10 @@ HOMES = {
     "Stiffness": "correct.predicted",
     "Strength": "identify.metric",
     "Vjm": "model.vjm",
-    "JointLaw": "model.joint_laws",
-    "JointTurns": "model.joint_laws",
+    "JointLaw": "model.laws",
+    "JointTurns": "model.laws",
     "TrueArm": "plant.true_arms",
-    "Beyond": "plant.joint_law",
+    "Beyond": "plant.disturbance",
 }
 """The module of every public name."""
 

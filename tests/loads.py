@@ -4,7 +4,7 @@ import numpy as np
 
 from testbench.correct.newton import Aim, Points, equilibrium, solve_inverse_statics
 from testbench.data.dataset import Dataset
-from testbench.identify.arm_model import elastic_state
+from testbench.identify.posterior import elastic_state
 from testbench.model.load import Load, no_weights
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, observation, parameter_rows

@@ -11,8 +11,7 @@ import pytest
 
 from testbench.identify.regression import generic_rows, rank
 from testbench.model import structure as structures
-from testbench.model.load import weight
-from testbench.model.loaded import displacement, secant
+from testbench.model.load import displacement, secant, weight
 from testbench.model.vjm import chain, observation
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import typer
 
-from testbench.cli.program import COMMANDS, program
+from testbench.cli.predict import COMMANDS, program
 from testbench.runs import command
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from rerun.experimental import Recording, ViewerClient
 
 from testbench.errors import BenchError, InputError
-from testbench.report.recording.viewer import HERE, program
+from testbench.report.recording.stream import HERE, program
 
 T = TypeVar("T")
 

@@ -35,7 +35,7 @@ from testbench.report import markdown
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import covers, reread, worst_tenth
-from testbench.studies.shrinkage import ridge
+from testbench.studies.intervals import ridge
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models, with_priors, wrong_prior

@@ -37,6 +37,7 @@ from testbench.plant.tracker import Gauge, Tracker, trial_rng
 from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.campaign.trial import cover, worst_tenth
+from testbench.workflows.campaign_flags import Mounted, read_instruments
 from testbench.workflows.cell import (
     Scenario,
     build_cell,
@@ -45,7 +46,6 @@ from testbench.workflows.cell import (
     poses_with_weight,
     true_cell,
 )
-from testbench.workflows.instruments import Mounted, read_instruments
 from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50

@@ -21,7 +21,7 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 from testbench.errors import BenchError
-from testbench.report.recording.viewer import newest
+from testbench.report.recording.stream import newest
 from testbench.runs import command
 
 STILL, MOVING = "1600x1000", "800x566"  #: Usual sizes; a film of the latter is 800 x 500.

@@ -15,6 +15,6 @@ def main() -> None:
     from testbench.runs import command  # here: imports can be interrupted from now on
 
     command.undisturbed()
-    from testbench.cli.program import program
+    from testbench.cli.predict import program
 
     interrupt.leave(command.run(program(sys.argv[1:])))

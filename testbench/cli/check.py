@@ -9,8 +9,7 @@ import numpy as np
 import typer
 
 from testbench.arm.elastic import JointEntry, LinkEntry
-from testbench.arm.folder import find_arm
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, shell_word
 from testbench.files.robot.write import write_elastic

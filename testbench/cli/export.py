@@ -28,7 +28,7 @@ from testbench.files.export import (
 )
 from testbench.files.export_own import BEGINS as STAMPED
 from testbench.files.export_own import BEGINS_NEW, RANDOM_POSES
-from testbench.identify.arm_model import ArmModel
+from testbench.identify.posterior import ArmModel
 from testbench.report.terminal import plain_console
 from testbench.runs.manifest import read_plain
 from testbench.runs.rows import Row

@@ -13,7 +13,7 @@ from testbench.errors import BenchError
 from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.metric import Strength, cad_prior
-from testbench.model.joint_laws import joint_laws
+from testbench.model.laws import joint_laws
 from testbench.report import terminal
 from testbench.report.fitted_runs import badge, ratios_to_chosen, seen, warnings
 from testbench.report.leave import MAP, RunRequest, write_run

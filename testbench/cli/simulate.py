@@ -19,9 +19,16 @@ from testbench.plant.tracker import Gauge, trial_rng
 from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
 from testbench.runs.whole import Kind, check_file, whole_files
-from testbench.workflows.campaign_flags import ArmName, MapFile, mass
+from testbench.workflows.campaign_flags import (
+    ArmName,
+    MapFile,
+    Mounted,
+    mass,
+    mounted,
+    planned_gauges,
+    read_instruments,
+)
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
-from testbench.workflows.instruments import Mounted, mounted, planned_gauges, read_instruments
 from testbench.workflows.options import (
     Force,
     Orientations,
@@ -43,7 +50,7 @@ from testbench.workflows.plan_input import (
 )
 
 if TYPE_CHECKING:
-    from testbench.workflows.absolute_truth import AbsoluteCampaign
+    from testbench.workflows.absolute import AbsoluteCampaign
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
@@ -122,7 +129,7 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
 
 def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     # here: few runs are absolute
-    from testbench.workflows.absolute_truth import simulate_distances, simulate_series
+    from testbench.workflows.absolute import simulate_distances, simulate_series
 
     console = plain_console()
     masses = _one_after_the_other(cell, asked)
@@ -161,7 +168,7 @@ def _campaign(
     cell: Cell, asked: SimulateOptions, flags: AbsoluteReadingOptions, masses: Sequence[float]
 ) -> "AbsoluteCampaign":
     """What is measured where these masses hang, one after the other [kg]."""
-    from testbench.workflows.absolute_truth import AbsoluteCampaign  # here: few runs are absolute
+    from testbench.workflows.absolute import AbsoluteCampaign  # here: few runs are absolute
 
     geometry = GeometryErrors(*[asked.geometry_mm / 1e3] * 2) if asked.geometry_mm else None
     gear = GearErrors(sigma=flags.gear_urad / 1e6) if flags.gear_urad else None
@@ -217,7 +224,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     else:
         data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
     if trackers:
-        from testbench.workflows.absolute_truth import by_trackers  # here: few runs have several trackers
+        from testbench.workflows.absolute import by_trackers  # here: few runs have several trackers
 
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from testbench.errors import BenchError, shell_word
-from testbench.report.recording import viewer
+from testbench.report.recording import stream as viewer
 from testbench.workflows.options import RunFolder, takes
 
 PAGE = "report.html"

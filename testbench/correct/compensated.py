@@ -38,7 +38,7 @@ from testbench.correct.uncertainty import LoadedPoses, half_widths
 from testbench.data.dataset import join_rows, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
-from testbench.identify.arm_model import ArmModel
+from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, tool_motion, turn_between
 from testbench.plant.site import Site, collisions

@@ -25,11 +25,16 @@ from testbench.data.dataset import join_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Mask, check_array, check_items, check_type
 from testbench.identify.absolute.state import ArmState
-from testbench.identify.arm_model import ArmModel
-from testbench.identify.posterior import CURVATURE_COUNT
+from testbench.identify.posterior import CURVATURE_COUNT, ArmModel
 from testbench.model.laws import tangent
-from testbench.model.load import Load, on_joints, resultant
-from testbench.model.loaded import displacement, geometric_stiffness, loaded_compliance
+from testbench.model.load import (
+    Load,
+    displacement,
+    geometric_stiffness,
+    loaded_compliance,
+    on_joints,
+    resultant,
+)
 from testbench.model.vjm import chain, rotation_matrices, tool_pose, turn_between
 
 # --- Prediction: where the tool goes under its loads, with 95 % intervals -----------------------------------

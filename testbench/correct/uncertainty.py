@@ -15,12 +15,10 @@ from testbench.correct.newton import RestPoses, batches, equilibrium
 from testbench.data.dataset import evenly, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState
-from testbench.identify.arm_model import ArmModel
-from testbench.identify.posterior import CONFIDENCE, conditional_covariance, quantile
+from testbench.identify.posterior import CONFIDENCE, ArmModel, conditional_covariance, quantile
 from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.kinematics import joint_error_basis
-from testbench.model.load import Load, on_joints, own_weight
-from testbench.model.loaded import displacement
+from testbench.model.load import Load, displacement, on_joints, own_weight
 from testbench.model.vjm import chain, tool_pose
 
 MAX_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.

@@ -44,9 +44,8 @@ from testbench.files.export_own import (
     words,
 )
 from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
-from testbench.model.joint_laws import joint_laws
 from testbench.model.kinematics import body_pose, urdf_poses
-from testbench.model.laws import UNIT_COMPENSATOR, sizes_of
+from testbench.model.laws import UNIT_COMPENSATOR, joint_laws, sizes_of
 from testbench.model.load import Load, weight
 from testbench.runs import manifest as files
 from testbench.runs.rows import Row

@@ -22,7 +22,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from testbench.arm.document import is_decimal
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, read_bytes
 from testbench.files.languages import FLAGS, FOLDER, Language, TargetSyntax, known_languages, language_of
 from testbench.runs.whole import write_whole

@@ -17,9 +17,12 @@ from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, Mask, check_type
 from testbench.files.beside import read_rotations
 from testbench.files.columns import (
+    ROUNDED,
+    SAME_POSE,
     Columns,
     ReadColumn,
     find_columns,
+    joint_coordinates,
     numbered_joints,
     read_columns,
     vector,
@@ -38,7 +41,6 @@ from testbench.files.motion import (
 )
 from testbench.files.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
 from testbench.files.rearranged import OTHERS, has_line
-from testbench.files.rows import ROUNDED, SAME_POSE, joint_coordinates
 from testbench.files.table import read_table
 from testbench.files.text import read_letters
 

@@ -1,6 +1,12 @@
 """Reader of measured runs from a text file of an instrument, a spreadsheet or a robot.
 
 Runs from single readings: each loaded reading is paired with its unloaded one.
+
+Positions of targets: readings of one target in one state each; a row of a file may hold several.
+
+Several shots of a point are averaged, and their standard deviation gives the noise.
+
+Noise of readings: one standard deviation for a file, one per row, or a covariance of each.
 """
 
 from dataclasses import dataclass, replace
@@ -12,20 +18,432 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, along_lines, select_rows
 from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.beside import FileLines, place_lines, read_lines
-from testbench.files.columns import Columns, find_columns, read_columns
-from testbench.files.mapping import Map, read_map
-from testbench.files.names import ENTRIES, Slot, columns_of
-from testbench.files.readings import (
-    FileReadings,
-    average_shots,
-    markers_only,
-    read_covariances,
-    read_readings,
-    read_scatter,
-    readings_by_group,
+from testbench.files.columns import (
+    SAME_POSE,
+    Columns,
+    ReadColumn,
+    RowConditions,
+    find_columns,
+    first_rows,
+    number_rows,
+    read_columns,
+    read_conditions,
+    repeats,
 )
-from testbench.files.rows import SAME_POSE, RowConditions, first_rows, number_rows, read_conditions, repeats
+from testbench.files.mapping import Map, read_map
+from testbench.files.names import (
+    DEFLECTION,
+    ENTRIES,
+    ROTATIONS,
+    STATES,
+    UNITS_BY_NAME,
+    WHEN,
+    XYZ,
+    Slot,
+    What,
+    columns_of,
+    squeeze,
+)
 from testbench.files.table import TableCells, table_of
+
+# --- Positions of targets: readings of one target in one state each; a row of a file may hold several -------
+
+SIGMA = (50e-6, 2e-4)
+"""Standard deviations of positions and of orientations if the file states none [m, rad]."""
+SIGMA_RANGE = (1e-9, 1e-2)
+"""Range of standard deviations of instruments [m, rad]: beyond it a unit is wrong."""
+MAX_DEVIATION = 1.0
+"""Largest standard deviation of a row [m, rad]: beyond it nothing was measured."""
+MIN_DEVIATIONS = (1e-6, 1e-7)
+"""Least standard deviations of a row that are accepted [m, rad]: no target is steadier."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Hold the noise of every row of a table."""
+
+    sigma: Array  #: Standard deviation of a position along an axis, (rows,) [m].
+    sigma_rotation: Array  #: Standard deviation of an orientation about an axis, (rows,) [rad].
+    #: Covariance of a position, (rows, 3, 3) [m^2]; None if sigma holds along every axis.
+    covariance: Array | None
+    notes: tuple[str, ...]  #: Assumptions that were made.
+
+
+def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
+    """Read the noise of positions and orientations, from the file, the map or a flag.
+
+    Args:
+        columns: The columns of the file.
+        sigma: Standard deviation per axis of one position [m]; None where no flag gives it.
+
+    Returns:
+        The noise [m, rad].
+
+    Raises:
+        InputError: At a number that no instrument has.
+    """
+    deviations, notes = _deviations(columns, "deviation", MIN_DEVIATIONS[0], "m")
+    turned, more = _deviations(columns, "turn_deviation", MIN_DEVIATIONS[1], "rad")
+    own, said = _read_sigma(columns, 0, sigma, deviations)
+    own_turn, said_turn = _read_sigma(columns, 1, None, turned)
+    covariance = read_covariances(columns, "spread")
+    if covariance is None and deviations is not None:
+        filled = np.where(np.isnan(deviations), own[:, None], deviations)
+        covariance = filled[:, :, None] ** 2 * np.eye(3)
+    elif (C := covariance) is not None:
+        whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
+        sound = np.asarray(~(np.abs(C) > MAX_DEVIATION**2).any(axis=(1, 2)) | ~whole)
+        sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
+        problem = "expected a positive definite covariance below 1 m^2, got {} m^2"
+        columns.table.refuse(~sound, "", lambda row: problem.format(C[row].tolist()))
+        covariance = np.where(np.isnan(C), own[:, None, None] ** 2 * np.eye(3), C)
+    return Scatter(own, own_turn, covariance, (*notes, *more, *said, *said_turn))
+
+
+def _read_sigma(
+    columns: Columns, index: int, flag: float | None, deviations: Array | None = None
+) -> tuple[Array, list[str]]:
+    """Read the standard deviation of positions (0) or orientations (1) of every row.
+
+    Args:
+        columns: The columns of the file.
+        index: 0 or 1.
+        flag: Value for a file and map that state none [m, rad]; None for `SIGMA`.
+        deviations: Standard deviations by axis in the file, (rows, 3) [m, rad].
+
+    Returns:
+        Standard deviations, (rows,) [m, rad], and notes on assumptions.
+
+    Raises:
+        InputError: At a number that no instrument has.
+    """
+    slot, name, table = Slot("sigma", index), ("sigma_m", "sigma_rad")[index], columns.table
+    column, stated, (low, high) = columns.get(slot), columns.constant(slot), SIGMA_RANGE
+    if column is not None:
+        values = columns.full(column)
+        bad = ~((values >= low) & (values <= high))
+        table.refuse(bad, column.name, lambda row: f"expected {low:g} to {high:g}, got {values[row]:g}")
+        return values, _unlike(flag, values)
+    if deviations is not None and np.isfinite(deviations).any():
+        values = np.full(table.rows, np.nanmedian(deviations))
+        return values, _unlike(flag, values)
+    value = flag if stated is None else stated
+    if value is not None and not low <= value <= high:
+        raise columns.map_error(name, f"expected {low:g} to {high:g}, got {value:g}")
+    words = f"orientations: sigma {1e3 * SIGMA[1]:g} mrad" if index else f"sigma {1e6 * SIGMA[0]:g} um"
+    asked = value is None and (not index or bool(columns.all_of(*ROTATIONS)))
+    notes = [] if stated is None else _unlike(flag, np.array(stated))
+    notes += [f"no column gives the noise: {words} is assumed"] * asked
+    return np.full(table.rows, SIGMA[index] if value is None else value), notes
+
+
+def _unlike(flag: float | None, used: Array) -> list[str]:
+    """Note that the caller's sigma [m] is not used, if the file's or map's differs."""
+    if flag is None or np.allclose(used, flag, rtol=1e-6, atol=0):
+        return []
+    return [f"sigma is that of the file or its map, not {1e6 * flag:g} um as was said"]
+
+
+def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[Array | None, list[str]]:
+    """Read standard deviations by axis, (rows, 3) [m, rad], NaN if blank; None without such columns."""
+    found = columns.complete_set(columns_of(what))
+    if not found:
+        return None, []
+    values = np.column_stack([columns.values(column) for column in found])
+    columns.table.refuse(
+        (values < 0) | (values > MAX_DEVIATION),
+        [column.name for column in found],
+        lambda row, k: f"expected 0 to {MAX_DEVIATION:g} {unit}, got {values[row, k]:g} {unit}",
+    )
+    middle = float(np.nanmedian(values)) if np.isfinite(values).any() else least
+    if middle > SIGMA_RANGE[1]:
+        problem = f"expected at most {SIGMA_RANGE[1]:g} {unit}, got {middle:g} in most rows; another unit?"
+        raise columns.table.error(0, found[0].name, problem)
+    low = int((values < least).sum())
+    words = f"{low} standard deviations below {1e6 * least:g} u{unit} are taken as that"
+    return np.fmax(values, least) if low else values, [words] * bool(low)
+
+
+def read_covariances(columns: Columns, what: What) -> Array | None:
+    """Read the covariance of every row.
+
+    Args:
+        columns: The columns of the file.
+        what: The quantity.
+
+    Returns:
+        Covariances, (rows, 3, 3) [m^2], NaN where blank; None without such columns.
+
+    Raises:
+        InputError: Where one of the columns is missing.
+    """
+    found = columns.complete_set(columns_of(what))
+    if not found:
+        return None
+    C = np.empty((columns.table.rows, 3, 3))
+    for column, (a, b) in zip(found, ENTRIES.values(), strict=True):
+        C[:, a, b] = C[:, b, a] = columns.values(column)
+    return C
+
+
+SHOT_QUANTITIES = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
+"""Quantities that may differ between shots."""
+APART = 2e-3
+"""Distance of a shot from the mean of its point beyond which it is of another point [m]."""
+
+
+@dataclass(frozen=True)
+class FileReadings:
+    """Hold all readings of a file, one marker in one state each."""
+
+    markers: tuple[str, ...]  #: Names in order of appearance.
+    row: Ids  #: Row of the table, (s,).
+    marker: Ids  #: Index of the marker, (s,).
+    after: Mask  #: Whether the arm was loaded, (s,).
+    position: Array  #: Positions, (s, 3) [m]; NaN for lost targets.
+    long: bool  #: Whether a column of markers states the target of a row.
+    paired: bool  #: Whether both states are in one row.
+
+
+def readings_by_group(read: FileReadings, code: Ids, some: Mask | slice = slice(None)) -> Array:
+    """Arrange readings by group and marker.
+
+    Args:
+        read: The readings.
+        code: The group of every row, (rows,).
+        some: The readings that count.
+
+    Returns:
+        Positions, (groups, m, 3) [m]; NaN where there is none.
+    """
+    found: Array = np.full((int(code.max()) + 1, len(read.markers), 3), np.nan)
+    found[code[read.row[some]], read.marker[some]] = read.position[some]
+    return found
+
+
+def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
+    """Drop the rows of points that the map does not count as markers.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        The table with the other rows; and a note if rows were dropped.
+
+    Raises:
+        InputError: When the table has no row.
+    """
+    table, column = columns.table, columns.get(Slot("marker"))
+    if not table.rows:
+        raise table.error(0, "", "expected at least one row")
+    if column is None or not columns.names.ignored:
+        return columns, []
+    other = np.array([squeeze(text) in columns.names.ignored for text in table.texts(column.index)])
+    words = f"{other.sum()} rows are left out: the map does not list their points as markers"
+    return replace(columns, table=table.take(~other)), [words] * bool(other.any())
+
+
+def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | None = None) -> FileReadings:
+    """Read all readings of a table.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+        loaded: Whether the row has a load, (rows,); it gives the state if no column does.
+        lines: Readings along lines, which count as positions of their number along the direction.
+
+    Returns:
+        The readings.
+
+    Raises:
+        InputError: Names line and column.
+    """
+    # Three columns per marker and state; rows may also name the marker ("long") or the state.
+    blocks = (
+        _blocks(columns) if lines is None or columns.all_of("reading") else {("", when): [] for when in WHEN}
+    )
+    if lines is not None and set(blocks) != {("", when) for when in WHEN}:
+        problem = "travel and distance: expected one row per run and marker, positions as before and after"
+        raise columns.table.header_error(problem)
+    everyone = np.arange(columns.table.rows)
+    long = "" in {marker for marker, _ in blocks}
+    names = _markers(columns, arm) if long else None
+    kept = tuple(dict.fromkeys(names if names is not None else [marker for marker, _ in blocks]))
+    place = {name: k for k, name in enumerate(kept)}
+    paired = all(when for _, when in blocks)
+    state = None if paired else _states(columns, loaded)
+    parts = []
+    # One part per block: marker, state and position of every row; deflections are added to unloaded
+    # positions.
+    for (name, when), triple in blocks.items():
+        own = np.array([place[n] for n in names or [name] * len(everyone)])
+        after = np.full(len(everyone), when != "before") if state is None else state
+        position = _positions(columns, triple) if triple else np.full((len(everyone), 3), np.nan)
+        if lines is not None:
+            number = lines.number[WHEN.index(when)][:, None] * lines.direction
+            problem = "expected a position or a reading along a line, got both"
+            columns.table.refuse(lines.rows & ~np.isnan(position).any(axis=1), "", problem)
+            position = np.where(lines.rows[:, None], number, position)
+        if when == DEFLECTION:
+            position = position + _positions(columns, blocks[name, "before"])
+        parts.append((everyone, own, after, position))
+    row, marker, loaded, position = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return FileReadings(kept, row, marker, loaded, position, long, paired)
+
+
+def read_distances(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
+    """Read distances to fixed points, one per row.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+        loaded: Whether the row has a load, (rows,); it gives the state if no column does.
+
+    Returns:
+        The readings; the first number of a position is the distance, the others are zero.
+
+    Raises:
+        InputError: Names line and column.
+    """
+    column = columns.get(Slot("distance"))
+    if column is None:
+        raise columns.lack(["distance_m"], "; absolute readings have one distance per row, loaded or not")
+    distance, names = columns.values(column), _markers(columns, arm)
+    columns.table.refuse(
+        distance <= 0, column.name, lambda row: f"expected more than 0, got {distance[row]:g} m"
+    )
+    kept = tuple(dict.fromkeys(names))
+    marker = np.array([kept.index(name) for name in names])
+    position = np.column_stack([distance, np.zeros((len(names), 2))])
+    every = np.arange(columns.table.rows)
+    return FileReadings(kept, every, marker, _states(columns, loaded), position, long=True, paired=False)
+
+
+def _blocks(columns: Columns) -> dict[tuple[str, str], list[ReadColumn]]:
+    """List the three columns of every marker and state."""
+    found: dict[tuple[str, str], dict[int, ReadColumn]] = {}
+    for column in columns.all_of("reading"):
+        found.setdefault((column.slot.marker, column.slot.when), {})[column.slot.index] = column
+    missing = [
+        "_".join(filter(None, (marker, when, XYZ[k], "m")))
+        for (marker, when), triple in found.items()
+        for k in range(3)
+        if k not in triple
+    ]
+    if not found:
+        missing = [name for when in WHEN for name in columns_of("reading", when)]
+    for marker, when in found:
+        others = ("after", DEFLECTION) if when == "before" else ("before",)
+        if when and not any((marker, other) in found for other in others):
+            missing += ["_".join(filter(None, (marker, others[0], axis, "m"))) for axis in XYZ]
+    if missing:
+        raise columns.lack(missing)
+    return {key: [triple[k] for k in range(3)] for key, triple in found.items()}
+
+
+def _markers(columns: Columns, arm: Arm) -> list[str]:
+    """Read the marker of every row."""
+    column, table = columns.get(Slot("marker")), columns.table
+    if column is None:
+        if len(arm.markers) == 1:
+            return [arm.markers[0]] * table.rows
+        raise columns.lack(["marker"])
+    return _said(columns, column, arm.markers, f"in {arm.name}; markers are {', '.join(arm.markers)}")
+
+
+def _states(columns: Columns, loaded: Mask) -> Mask:
+    """Find the loaded rows, (rows,)."""
+    column = columns.get(Slot("state"))
+    if column is None:
+        return loaded
+    have = ", ".join(word for words in STATES.values() for word in words)
+    blank = columns.table.blank(column.index)
+    said = _said(columns, column, WHEN, f"is known; states are {have}", blank)
+    return np.where(blank, loaded, np.array([word == "after" for word in said], dtype=bool))
+
+
+def _said(
+    columns: Columns, column: ReadColumn, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
+) -> list[str]:
+    """Translate the cells of a column of words; under the mask `unsaid` they may be blank."""
+    texts = columns.table.texts(column.index)
+    ours = {text: columns.names.word(text, known) for text in dict.fromkeys(texts)}
+    found = [ours[text] for text in texts]
+    bad = np.array([not text for text in found], dtype=bool)
+    if unsaid is not None:
+        bad &= ~unsaid
+    columns.table.refuse(bad, column.name, lambda row: f"no {column.slot.what} {texts[row][:80]!r} {hint}")
+    return found
+
+
+def _positions(columns: Columns, triple: list[ReadColumn]) -> Array:
+    """Read the positions of a target, (rows, 3) [m]; NaN if all three cells are blank.
+
+    Three equal coordinates, such as 9999 or 0, are refused: instruments write them for a lost target.
+    """
+    found, _ = columns.together(triple)
+    if triple[0].slot.when != DEFLECTION:
+        table, first = columns.table, triple[0]
+
+        def problem(row: int) -> str:
+            text = table.texts(first.index)[row]
+            hint = f'for a lost target say so in the map: [words] lost = "{text}"'
+            return f"expected a place, got {text!r} three times; {hint}"
+
+        table.refuse((found == found[:, :1]).all(axis=1), first.name, problem)
+    return found
+
+
+def average_shots(columns: Columns) -> tuple[Columns, list[str]]:
+    """Average the shots of each point to one row, if the map requests it.
+
+    Shots of a point are rows with equal names and loads; without a name, with equal joints. The noise of a
+    mean is the pooled standard deviation over the root of the number of shots, if nothing else states it.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        The table with one row per point; and a note about the shots and their scatter.
+
+    Raises:
+        InputError: When shots of one point are farther than APART from their mean.
+    """
+    names, table = columns.names, columns.table
+    if not names.map.file.average:
+        return columns, []
+    keys = [c for c in columns.found.values() if c.slot.what not in (*SHOT_QUANTITIES, "joint")]
+    if not any(c.slot.what in ("pose", "run") for c in keys):
+        keys += columns.all_of("joint")
+    code = number_rows(*(np.array(table.texts(c.index)) for c in keys))
+    first, count, squares, free = first_rows(code), np.bincount(code), 0.0, 0
+    table = table.take(np.isin(np.arange(table.rows), first))
+    for column in columns.all_of("reading"):
+        values = columns.table.numbers(column.index, columns.mark)
+        there = np.isfinite(values)
+        n = np.bincount(code[there], minlength=len(first))
+        mean = np.full(len(first), np.nan)
+        np.divide(np.bincount(code[there], values[there], len(first)), n, out=mean, where=n > 0)
+        off = (values - mean[code]) * column.sign * (column.unit.scale if column.unit else 1.0)
+        columns.table.refuse(
+            np.abs(off) > APART, column.name, f"expected shots of one point within {APART} m"
+        )
+        squares += float((off[there] ** 2).sum())
+        free += int((n[n > 0] - 1).sum())
+        table = table.with_numbers(column.index, mean)
+    shots, scatter = float(np.median(count)), float(np.sqrt(squares / max(free, 1)))
+    words = (
+        f"{len(code)} shots are {len(first)} readings, their means; they scatter by {1e6 * scatter:.3g} um"
+    )
+    silent = columns.source_of(Slot("sigma")) is None and not columns.all_of("deviation", "spread")
+    if free and scatter > 0 and silent:
+        sigma = scatter / np.sqrt(shots)
+        names = replace(names, values={**names.values, Slot("sigma"): (sigma, UNITS_BY_NAME["m"])})
+        words += f", so sigma is {1e6 * sigma:.3g} um: what all shots of a point share is not in it"
+    return replace(columns, names=names, table=table), [words]
+
+
+# --- Reader of measured runs from a text file of an instrument, a spreadsheet or a robot --------------------
 
 HELD = 2e-4
 """Largest difference of joint coordinates between the readings of a run that is accepted, with a note [rad,

@@ -24,21 +24,30 @@ from testbench.files.beside import (
     read_torques,
     unsaid_angles,
 )
-from testbench.files.columns import Columns, read_columns
+from testbench.files.columns import (
+    Columns,
+    RowConditions,
+    first_rows,
+    number_rows,
+    read_columns,
+    read_conditions,
+    repeats,
+)
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ROTATIONS, WHEN, Slot, What, series_names
-from testbench.files.read_pairs import HELD, not_held, runs_of
-from testbench.files.readings import (
+from testbench.files.read_pairs import (
+    HELD,
     FileReadings,
     Scatter,
     average_shots,
     markers_only,
+    not_held,
     read_distances,
     read_readings,
     read_scatter,
     readings_by_group,
+    runs_of,
 )
-from testbench.files.rows import RowConditions, first_rows, number_rows, read_conditions, repeats
 
 if TYPE_CHECKING:
     from testbench.files.beside import OrientationFit

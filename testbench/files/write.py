@@ -15,12 +15,11 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, Series
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type
-from testbench.files.columns import Columns
+from testbench.files.columns import Columns, load_point, same_poses
 from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.files.program import Program
+from testbench.files.read_pairs import MIN_DEVIATIONS
 from testbench.files.read_series import ALONE
-from testbench.files.readings import MIN_DEVIATIONS
-from testbench.files.rows import load_point, same_poses
 from testbench.files.table import as_cell
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import marker_points, tool_points

@@ -34,7 +34,7 @@ from testbench.identify.absolute.align import (
     robust_whitening,
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
-from testbench.identify.robust_loss import READINGS, Loss
+from testbench.identify.registration import READINGS, Loss
 from testbench.identify.rows import check_runs, jacobian, nominal_chain, pair_rows, resolve_lines, series_rows
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load

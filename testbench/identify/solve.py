@@ -51,6 +51,7 @@ from testbench.identify.metric import (
     with_prior_rows,
 )
 from testbench.identify.observability import null_space
+from testbench.identify.registration import PAIRS
 from testbench.identify.regression import (
     RANK_TOLERANCE,
     Regression,
@@ -60,7 +61,6 @@ from testbench.identify.regression import (
     term_from_triangle,
     triangular_factor,
 )
-from testbench.identify.robust_loss import PAIRS
 from testbench.identify.rows import WeightedReadings, single_readings
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm

@@ -23,8 +23,7 @@ import numpy as np
 from testbench.arm.folder import Arm, Link
 from testbench.arm.mjcf import MAX_LENGTH, find_body, mesh_files, read_meshes, read_mjcf
 from testbench.errors import Array, Ids, InputError
-from testbench.plant.disturbance import NOMINAL, Disturbances, Gears
-from testbench.plant.joint_law import Beyond
+from testbench.plant.disturbance import NOMINAL, Beyond, Disturbances, Gears
 
 # --- Conversion of rigid MJCF to elastic MJCF: six sprung virtual joints after every link, one per joint ----
 

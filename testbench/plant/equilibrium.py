@@ -34,8 +34,7 @@ import numpy as np
 from testbench.arm.folder import Compensator
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
-from testbench.plant.disturbance import gear_error
-from testbench.plant.joint_law import Beyond, TrueJointLaws, joint_rotation, tangent_compliance
+from testbench.plant.disturbance import Beyond, TrueJointLaws, gear_error, joint_rotation, tangent_compliance
 from testbench.progress import stepwise
 
 # --- Poses evaluated by MuJoCo, many at once, and generalised forces of loads on bodies ---------------------

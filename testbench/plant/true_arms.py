@@ -33,7 +33,7 @@ from testbench.registry import Registry
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant.build import Plant
-    from testbench.plant.joint_law import Beyond
+    from testbench.plant.disturbance import Beyond
 
 # --- True arms outside the model's templates: one model, and families of truths to judge it by --------------
 
@@ -243,7 +243,7 @@ def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Vary every link as a whole with the sine of the next joint's angle; the last with the last joint's."""
-    from testbench.plant.joint_law import Beyond, Follows
+    from testbench.plant.disturbance import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
     turns = np.zeros((links, n))
@@ -254,7 +254,7 @@ def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyo
 
 def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Vary every axis of a link by itself, with a sum of the angles of all joints."""
-    from testbench.plant.joint_law import Beyond, Follows
+    from testbench.plant.disturbance import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
     share = AXIS_LOG_DEVIATION * rng.standard_normal((links, 6))
@@ -263,7 +263,7 @@ def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 def _coupled_joints(arm: Arm, correlation: Array) -> "Beyond":
     """Couple joints by a correlation matrix, (n, n) [1]."""
-    from testbench.plant.joint_law import Beyond
+    from testbench.plant.disturbance import Beyond
 
     root = np.sqrt([joint.compliance for joint in arm.joints])
     return Beyond(between=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
@@ -285,7 +285,7 @@ def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 
 def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
-    from testbench.plant.joint_law import Beyond
+    from testbench.plant.disturbance import Beyond
 
     least, most = np.log(SLIP_RANGE)
     return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))

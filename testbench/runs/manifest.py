@@ -224,7 +224,7 @@ def inside(folder: Path) -> list[str]:
 def versions() -> dict[str, str]:
     """Collect the versions of packages that numbers depend on, and digests of the parts that users add."""
     packages = {name: _version(name) for name in PACKAGES}
-    from testbench.model.joint_laws import joint_laws  # here: they bring MuJoCo, and help needs none
+    from testbench.model.laws import joint_laws  # here: they bring MuJoCo, and help needs none
     from testbench.plant.true_arms import true_arms
 
     return {"testbench": __version__, **packages, **_parts(joint_laws), **_parts(true_arms)}

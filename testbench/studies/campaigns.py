@@ -25,6 +25,14 @@ from testbench.workflows.fit_numbers import (
     sag_by_part,
 )
 from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
+from testbench.workflows.predicted_error import (
+    ErrorPlaces,
+    WorkspacePoses,
+    error_places,
+    kept_mm,
+    places_of,
+    rms,
+)
 from testbench.workflows.rows import (
     FAILED,
     NO_ERRORS,
@@ -34,14 +42,6 @@ from testbench.workflows.rows import (
     dataset_row,
     error_row,
     fit_row,
-)
-from testbench.workflows.workspace_errors import (
-    ErrorPlaces,
-    WorkspacePoses,
-    error_places,
-    kept_mm,
-    places_of,
-    rms,
 )
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.

@@ -8,18 +8,43 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from testbench.arm.folder import find_arm
+from testbench.data.dataset import Dataset, select_rows, split
+from testbench.errors import Array
+from testbench.files.read_pairs import from_text
+from testbench.files.write import write_csv
 from testbench.identify import gco, least_squares, paper_gco
 from testbench.model.structure import all153, template56
+from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
+from testbench.report.colours import MEASURED, Look, look_of
 from testbench.report.figure import Figure
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import Report
-from testbench.report.scene import PageContent
-from testbench.report.table import Trials
-from testbench.studies.shrinkage import clipped, ridge
-from testbench.workflows.cell import Cell
+from testbench.report.scene import (
+    Layer,
+    ModelLine,
+    PageContent,
+    PlaceMap,
+    PoseGroup,
+    RunChart,
+    Scene,
+    arrow_scale,
+    at_one_target,
+    largest_and_even,
+    loads,
+    of_all,
+    on_tool,
+)
+from testbench.report.table import Row, Trials
+from testbench.studies.intervals import clipped, ridge
+from testbench.workflows.cell import Cell, Setup, settle_both
 from testbench.workflows.models import FILLED, WITHOUT_CONE, Model, equal_fit, named_models
 from testbench.workflows.own_estimator import EstimatorSource
+from testbench.workflows.rows import MM
+
+# --- A study: trials return rows, a report is made of their table, views show the report --------------------
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
@@ -140,3 +165,185 @@ def as_in_paper(models: Sequence[Model]) -> list[Model]:
 def without_cone(cell: Cell) -> Model:
     """Make the model of the default's unknowns by least squares, to be given its prior."""
     return Model(WITHOUT_CONE, replace(all153(cell.arm), name=WITHOUT_CONE), least_squares)
+
+
+# --- Arms in poses with the errors of models, from the rows of the first seed, without a new simulation -----
+
+ARROWS = 0.25  #: Length of an arrow longer than 95 % of those of a model over the reach of the arm [1].
+LONGEST = 0.3  #: The same of errors alone.
+OVER = "Error in each pose, RMS over the markers (mm)"
+LEFT = "Residual of each run, RMS over the markers (mm)"
+
+
+def with_errors(
+    poses: PoseGroup, at: Array, errors: Mapping[str, Array], looks: Mapping[str, Look], scale: float
+) -> tuple[PoseGroup, list[ModelLine]]:
+    """Add the errors of models to poses as arrows at one point and in words; and make lines of them.
+
+    Args:
+        poses: All else that is drawn.
+        at: Where arrows may begin, (poses, m, 3) [m].
+        errors: Of models, where the last one errs most is shown first, (poses, m, 3) [m].
+        looks: Of the models.
+        scale: Magnification of the arrows.
+
+    Returns:
+        The poses, and the lines, RMS over the points.
+    """
+    lines = [
+        ModelLine(name, looks[name], MM * np.sqrt((off**2).sum(axis=-1).mean(axis=-1)))
+        for name, off in errors.items()
+    ]
+    errs = [
+        ", ".join(f"{model_line.name} {model_line.values[k]:.3f} mm" for model_line in lines)
+        for k in range(len(at))
+    ]
+    start, one = at_one_target(at, errors, [*errors][-1])
+    arrows = [
+        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start + scale * off)
+        for name, off in one.items()
+    ]
+    drawn = replace(
+        poses,
+        words=[f"{words}Error: {err}." for words, err in zip(poses.words, errs, strict=True)],
+        layers=[*poses.layers, *arrows],
+        first=int(lines[-1].values.argmax()),
+    )
+    return drawn, lines
+
+
+def amid_errors(
+    cell: Cell, q: Array, names: Sequence[str], errors: Mapping[str, Array], looks: Mapping[str, Look]
+) -> PageContent:
+    """Draw the arm with arrows from where models have its targets to where they truly are, or were read.
+
+    Args:
+        cell: The arm.
+        q: Poses, (poses, n) [rad, m]; those of the largest errors of the last model and others evenly.
+        names: Of the poses, a few letters each.
+        errors: Of models, on the first of the arm's markers, base axes, (poses, 3) [m].
+        looks: Of the models.
+
+    Returns:
+        The content.
+    """
+    some = largest_and_even(np.linalg.norm([*errors.values()][-1], axis=-1), np.arange(len(q)))
+    errors, names = {name: off[some, None] for name, off in errors.items()}, [names[k] for k in some]
+    scale = arrow_scale(next(iter(errors.values())), LONGEST * cell.vjm.reach)
+    rigid = rigid_frames(cell.room, q[some])
+    title, called = "Positions that were not fitted", [f"Position {name}" for name in names]
+    poses = PoseGroup(title, called, [""] * len(some), rigid, bent=None)
+    drawn, lines = with_errors(
+        poses, body_origins(cell.room, cell.arm.markers[:1], rigid), errors, looks, scale
+    )
+    note = of_all(len(some), len(q), "positions")
+    chart = RunChart("Error at each position (mm)", 0, "position", names, lines, note=note)
+    return PageContent(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
+
+
+def runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
+    """Read all measured runs of the first seed, and the true ones that models are judged by.
+
+    Args:
+        cell: The arm.
+        first: Rows of the seed, that of the first model first.
+
+    Returns:
+        Both datasets.
+    """
+    trials = first.inside("drawn")
+    return from_text(trials["measured"][0], cell.arm), from_text(trials["over"][0], cell.arm)
+
+
+def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
+    """Write dataset.csv of the first seed.
+
+    Args:
+        run: The finished study.
+        cell: The arm with its model and its truth.
+        poses: Number of poses; None for all.
+    """
+    measured, _ = runs_of(cell, run.first)
+    data = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
+    write_csv(data, cell.arm, run.folder / "dataset.csv")
+
+
+def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> PageContent:
+    """Draw the arm in the poses that judge and in all runs, with the errors of compared models.
+
+    Args:
+        run: Its report has models and a map, whose order of places is that of the page.
+        cell: The true arm.
+        setup: What was measured.
+        fitted: How many poses, from 1, were fitted.
+
+    Returns:
+        The content.
+    """
+    f, first, size = Row(run.report.numbers), run.first, run.settings.magnification
+    names = first["name"].tolist()
+    looks = {m.name: look_of(m) for m in f.models}
+    shown = f.map.compared
+    wrong, left = (
+        {name: -np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}
+        for key in ("drawn.wrong_m", "drawn.residuals_m")
+    )
+    measured, over = runs_of(cell, first)
+    order = np.array([over.run.tolist().index(run) for run in f.map.run])
+    over, wrong = select_rows(over, order), {name: own[order] for name, own in wrong.items()}
+    places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
+    kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose.tolist()]
+    said = [
+        f"Run {run}, {kind} pose {pose}"
+        for run, kind, pose in zip(measured.run.tolist(), kinds, measured.pose.tolist(), strict=True)
+    ]
+    reach = float(np.linalg.norm(over.before[:, 0], axis=-1).max())
+    each = sorted(arrow_scale(off, ARROWS * reach) for off in wrong.values())
+    scale = each[(len(each) - 1) // 2]  # that of a model in the middle: the worst one has longer arrows
+    (poses, by_place), (runs, by_run) = (
+        with_errors(*_poses(cell, setup, data, of, size), errors, looks, scale)
+        for data, of, errors in (
+            (over, ("Poses, against the truth", places), wrong),
+            (measured, ("Runs, against their readings", said), left),
+        )
+    )
+    title = (
+        f"Deflections x {size:g}; arrows: errors at the marker where the last model errs most, x {scale:g}."
+    )
+    return PageContent(
+        scene=Scene(cell, title, [poses, runs]),
+        map=PlaceMap(OVER, 0, np.array(f.map.position_m), by_place),
+        runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], by_run)],
+    )
+
+
+def _poses(
+    cell: Cell, setup: Setup, data: Dataset, of: tuple[str, Sequence[str]], M: float
+) -> tuple[PoseGroup, Array]:
+    """The arm in every pose of a dataset under its load, deflections magnified; where its markers then are.
+
+    Args:
+        cell: The arm.
+        setup: Its kind of truth.
+        data: The runs.
+        of: Name of the group and names of the poses.
+        M: Magnification.
+    """
+    before, after = settle_both(cell.plant, setup.truth, data.q, data.wrench, data.point)
+    at = before.markers + M * data.deflection
+    bent = elastic_frames(cell.plant, data.q, M * (after.theta - before.theta))
+    moved = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
+    poses = PoseGroup(
+        *of,
+        words=[
+            f"Markers move up to {mm:.2f} mm. Joints at {cell.arm.pose_text(q)}. "
+            for mm, q in zip(moved.tolist(), data.q, strict=True)
+        ],
+        rigid=rigid_frames(cell.room, data.q),
+        bent=bent,
+        layers=[
+            Layer("markers under load", MEASURED, "dots", at),
+            *loads(on_tool(cell, bent, data.point), data.wrench[:, :3], cell.vjm.reach),
+        ],
+    )
+    return poses, at

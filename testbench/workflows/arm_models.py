@@ -23,13 +23,11 @@ from testbench.identify.absolute.align import EQUATION_KINDS, Noise
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import ArmState, Mount, Unknowns
-from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.metric import WeightedPrior
-from testbench.identify.posterior import Posterior
+from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.registration import Frame
-from testbench.model.joint_laws import STRUT, joint_laws
 from testbench.model.kinematics import JointErrors, build_vjm
-from testbench.model.laws import model_for, with_laws
+from testbench.model.laws import STRUT, joint_laws, model_for, with_laws
 from testbench.model.load import Load, Weights, resultant, weights_with_note
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint
 from testbench.data.dataset import Series, numbers_per_target, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import align_all, residuals

@@ -1,18 +1,41 @@
 """Flags of campaigns, measured and simulated, for every study and command that reads or makes one."""
 
-from dataclasses import dataclass
+import csv
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import find_arm, load_arm
-from testbench.errors import BenchError, shell_word
+from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows
+from testbench.errors import Array, BenchError, InputError, shell_word
+from testbench.model.vjm import marker_points, tool_points, tool_pose
+from testbench.plant.tracker import (
+    BALLBAR,
+    DRAW_WIRE,
+    LONG_BAR,
+    DistanceMeter,
+    Gauge,
+    Tracker,
+    read_orientations,
+    read_positions,
+)
 from testbench.plant.true_arms import FAMILY, true_arms
 from testbench.runs.interrupt import SESSION
-from testbench.workflows.cell import Scenario, Truth, of_arm
+from testbench.workflows.cell import Cell, LoadedPoses, Scenario, Truth, of_arm, settle_both
 from testbench.workflows.options import read_mass
+
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+    from testbench.workflows.cell import Pair
+
+
+# --- Flags of campaigns, measured and simulated, for every study and command that reads or makes one --------
 
 
 def mass(text: str) -> float:
@@ -118,3 +141,263 @@ class ReadingOptions:
         taken = SESSION.get().taken
         kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
         return "".join(f" --{key.replace('_', '-')} {shell_word(Path(str(value)))}" for key, value in kept)
+
+
+# --- Instruments around a cell: which of them read which marker, along which line, and what they read -------
+
+CAMERA = Tracker(100e-6)
+"""Photogrammetry of the whole cell; a tenth of a millimetre over some metres is usual [assumed]."""
+PROBE = Tracker(50e-6, 5e-5)
+"""A probe of six degrees of freedom: position as a tracker, orientation to about 0.003 degrees [assumed]."""
+
+
+Instrument = Tracker | Gauge | DistanceMeter  #: What reads a marker.
+SIZE = re.compile(r"([0-9.]{1,10})(um|deg)")  #: Of an instrument: its noise, or a gauge's tilt.
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """Describe an instrument and what it reads."""
+
+    instrument: Instrument
+    marker: str = ""  #: Marker that it reads; "" for all, as trackers do.
+    #: Direction that a gauge is said to have, world axes: one for all runs, (3,), or one each, (runs, 3) [1];
+    #: zero in runs without the gauge.
+    direction: Array | None = None
+    on_tool: bool = False  #: Whether the direction is in the tool's axes, so that it turns with the pose.
+    fixed: Array | None = None  #: Where the fixed point of a distance meter is said to be, (3,) [m].
+
+
+KINDS: dict[str, Instrument] = {
+    "tracker": Tracker(50e-6),
+    "camera": CAMERA,
+    "probe": PROBE,
+    "gauge": Gauge(),
+    "ballbar": BALLBAR,
+    "bar": LONG_BAR,
+    "wire": DRAW_WIRE,
+}
+"""Instruments by name."""
+AXES = {
+    **dict(zip("xyz", np.eye(3), strict=True)),
+    **{f"-{name}": -axis for name, axis in zip("xyz", np.eye(3), strict=True)},
+}
+"""Directions by name."""
+ON_TOOL = "tool_"  #: Before the name of a direction in the tool's axes.
+FORMS = (
+    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, tracker, camera or probe, then :5um or "
+    ":0.5deg"
+)
+"""Forms of an instrument's text."""
+
+
+def mounted(text: str) -> Mounted:
+    """Read an instrument from a text, such as "gauge:P1:z:5um:0.5deg" or "wire:P2:1.5,0,0.2".
+
+    Args:
+        text: Kind, marker, direction or fixed point in metres, then sigma in um and a gauge's tilt in deg.
+
+    Returns:
+        The instrument.
+
+    Raises:
+        BenchError: When the text is none of an instrument.
+    """
+    kind, *parts = (part.strip() for part in text.split(":"))
+    try:
+        instrument = KINDS[kind]
+        places = [part for part in parts if not SIZE.fullmatch(part)]
+        for size in filter(None, map(SIZE.fullmatch, parts)):
+            instrument = _with_size(instrument, float(size[1]), size[2])
+        if isinstance(instrument, Tracker):
+            [marker] = places or [""]
+            return Mounted(instrument, marker)
+        marker, where = places
+        on_tool = where.startswith(ON_TOOL) and isinstance(instrument, Gauge)
+        name = where.removeprefix(ON_TOOL) if on_tool else where
+        named = name in AXES and isinstance(instrument, Gauge)
+        vector = AXES[name] if named else np.array([*map(float, name.split(","))])
+    except (KeyError, ValueError):
+        vector = np.zeros(0)
+    gauge = vector.shape == (3,) and isinstance(instrument, Gauge)
+    if vector.shape != (3,) or not np.isfinite(vector).all() or (gauge and not vector.any()):
+        raise BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}")
+    if gauge:
+        return Mounted(instrument, marker, vector, on_tool)
+    return Mounted(instrument, marker, fixed=vector)
+
+
+def _with_size(instrument: Instrument, value: float, unit: str) -> Instrument:
+    """Change the noise in um or a gauge's tilt in deg; ValueError for anything else."""
+    if unit == "um" and value > 0:
+        return replace(instrument, sigma=value / 1e6)
+    if unit == "deg" and isinstance(instrument, Gauge):
+        return replace(instrument, tilt=math.radians(value))
+    raise ValueError
+
+
+def planned_gauges(path: Path, instrument: Gauge, markers: Sequence[str]) -> list[Mounted]:
+    """Read the gauges of every pose of a plan, the column `gauges` of plan.csv.
+
+    Args:
+        path: The plan.
+        instrument: Every gauge.
+        markers: Those of the arm.
+
+    Returns:
+        One gauge per marker, with a direction in each pose where it is used.
+
+    Raises:
+        InputError: When there is no such column, or a cell names no marker and axis.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        cells = [row.get("gauges") for row in csv.DictReader(file)]
+    direction = np.zeros((len(cells), len(markers), 3))
+    for k, cell in enumerate(cells):
+        for word in (cell or "").split():
+            marker, _, axis = word.partition(":")
+            if marker not in markers or axis not in AXES:
+                problem = f"expected a marker and an axis such as {markers[0]}:z, got {word[:40]!r}"
+                raise InputError(path, f"line {k + 2}, column gauges", problem)
+            direction[k, markers.index(marker)] = AXES[axis]
+    if not direction.any():
+        raise InputError(path, "column gauges", "expected gauges, as `plan --gauges` writes them")
+    used = [k for k in range(len(markers)) if direction[:, k].any()]
+    return [Mounted(instrument, markers[k], direction[:, k]) for k in used]
+
+
+def read_instruments(
+    cell: Cell, truth: Truth, loaded: LoadedPoses, mounted: Sequence[Mounted], rng: np.random.Generator
+) -> Dataset:
+    """Read the arm at rest, unloaded and loaded, with several instruments at once.
+
+    Instruments that share a marker are read one after the other: then there are several runs per load.
+
+    Args:
+        cell: The arm.
+        truth: Kind of truth.
+        loaded: Poses and loads.
+        mounted: The instruments.
+        rng: Source of the instruments' errors.
+
+    Returns:
+        The runs: along lines, positions, or both; markers without an instrument are neither read nor lost.
+
+    Raises:
+        BenchError: When a marker is none of the arm's, or a probe of orientations is not the only instrument.
+    """
+    check_markers(cell, mounted)
+    probes = [own for own in mounted if isinstance(own.instrument, Tracker) and own.instrument.sigma_rotation]
+    if not mounted or (probes and len(mounted) > 1):
+        raise BenchError("instruments: expected at least one, a probe of orientations alone")
+    settled = settle_both(cell.plant, truth, loaded.q, loaded.wrench, loaded.point)
+    parts = [_read(cell, loaded, settled, layer, rng) for layer in _layers(cell, mounted)]
+    if probes or all(part.direction is None for part in parts):
+        data = join_rows(parts)
+    else:
+        data = join_rows([_with_lines(part) for part in parts])
+    order = np.argsort(np.tile(np.arange(len(loaded.q)), len(parts)), kind="stable")
+    return replace(select_rows(data, order), run=np.arange(data.runs) + 1)
+
+
+def check_markers(cell: Cell, mounted: Sequence[Mounted]) -> None:
+    """Refuse an instrument of a marker that the arm does not have, by BenchError.
+
+    Args:
+        cell: The arm.
+        mounted: The instruments.
+    """
+    for own in mounted:
+        if own.marker and own.marker not in cell.arm.markers:
+            have = ", ".join(cell.arm.markers)
+            raise BenchError(f"instrument: no marker {own.marker!r} in {cell.arm.name}; markers are {have}")
+
+
+def _layers(cell: Cell, mounted: Sequence[Mounted]) -> list[list[Mounted]]:
+    """Split instruments into layers in each of which every marker is read once."""
+    layers: list[tuple[set[str], list[Mounted]]] = []
+    for own in mounted:
+        markers = {own.marker} if own.marker else set(cell.arm.markers)
+        layer = next((layer for layer in layers if not layer[0] & markers), None)
+        if layer is None:
+            layer = (set(), [])
+            layers.append(layer)
+        layer[0].update(markers)
+        layer[1].append(own)
+    return [own for _, own in layers]
+
+
+def _read(
+    cell: Cell, loaded: LoadedPoses, settled: "Pair", layer: Sequence[Mounted], rng: np.random.Generator
+) -> Dataset:
+    """Read instruments of different markers."""
+    markers, runs = cell.arm.markers, len(loaded.q)
+    read, P = np.zeros((2, runs, len(markers), 3)), np.zeros((runs, len(markers), 3, 3))
+    direction, tilt, reach = np.zeros(read.shape[1:]), np.zeros(P.shape[:2]), np.zeros(P.shape[:2])
+    turned: dict[str, object] = {}
+    for own in layer:
+        if isinstance(own.instrument, Tracker):
+            some = [markers.index(own.marker)] if own.marker else list(range(len(markers)))
+            read[:, :, some] = [
+                read_positions(own.instrument, equilibrium.markers[:, some], rng) for equilibrium in settled
+            ]
+            P[:, some] = np.eye(3) / (2 * own.instrument.sigma**2)
+            if own.instrument.sigma_rotation:
+                both = [
+                    read_orientations(own.instrument, equilibrium.rotation, rng) for equilibrium in settled
+                ]
+                turned = dict(zip(("rotation_before", "rotation_after"), both, strict=True))
+                turned["sigma_rotation"] = own.instrument.sigma_rotation
+            continue
+        k = markers.index(own.marker)
+        u, tilt[:, k], reach[:, k] = _line(cell, loaded.q, own)
+        places = tuple(equilibrium.markers[:, k] for equilibrium in settled)
+        if isinstance(own.instrument, Gauge):
+            rotations = tuple(equilibrium.rotation for equilibrium in settled)
+            numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
+        else:
+            numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
+        lost = np.asarray(np.isnan(numbers).any(axis=0))
+        direction[:, k] = u
+        read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
+        P[:, k] = along_lines(u, own.instrument.sigma) * ~lost[:, None, None]
+    lines = bool(direction.any() or tilt.any() or reach.any())
+    whole = not lines and bool(P.any(axis=(2, 3)).all())
+    return Dataset(
+        markers=markers,
+        run=np.arange(runs) + 1,
+        **vars(loaded),
+        before=read[0],
+        after=read[1],
+        sigma=layer[0].instrument.sigma,
+        precision=None if whole else P,
+        direction=direction if lines else None,
+        tilt=tilt if lines else None,
+        reach=reach if lines else None,
+        **turned,  # type: ignore[arg-type]
+    )
+
+
+def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
+    """Compute direction, its standard deviation and reach in every pose, as they are said to be."""
+    if isinstance(own.instrument, Gauge):
+        u = np.broadcast_to(np.asarray(own.direction, dtype=float), (len(q), 3))
+        u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), np.finfo(float).tiny)
+        if own.on_tool:
+            u = np.matvec(tool_pose(cell.vjm, q)[1], u)
+        return u, np.full(len(q), own.instrument.tilt), np.zeros(len(q))
+    assert isinstance(own.instrument, DistanceMeter)
+    assert own.fixed is not None
+    beam = tool_points(cell.vjm, q, marker_points(cell.vjm, (own.marker,)))[:, 0] - own.fixed
+    reach = np.linalg.norm(beam, axis=1)
+    return beam / reach[:, None], own.instrument.fixed_point_sigma / reach, reach
+
+
+def _with_lines(data: Dataset) -> Dataset:
+    """Give data of positions alone the fields of readings along lines."""
+    if data.direction is not None:
+        return data
+    none = np.zeros(data.before.shape[:2])
+    P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (*data.before.shape, 3)).copy()
+    P = P if data.precision is None else data.precision
+    return replace(data, direction=np.zeros_like(data.before), tilt=none, reach=none, precision=P)

@@ -29,8 +29,8 @@ from testbench.plant.true_arms import true_plant
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.identify.absolute.fit import Calibration
-    from testbench.identify.arm_model import ArmModel
     from testbench.identify.estimate import Estimate
+    from testbench.identify.posterior import ArmModel
     from testbench.plant.build import Plant
     from testbench.plant.equilibrium import ArmEquilibrium
     from testbench.plant.site import Site
@@ -174,8 +174,8 @@ class Cell(Displayed):
         """
         from testbench.identify.absolute.fit import Calibration  # here: simulating needs no fits
         from testbench.identify.absolute.posterior import model_of
-        from testbench.identify.arm_model import model_of_estimate
         from testbench.identify.estimate import Estimate
+        from testbench.identify.posterior import model_of_estimate
         from testbench.model.load import weights_with_note
 
         if isinstance(found, Calibration):

@@ -14,8 +14,7 @@ from testbench.identify.estimate import MIN_RESIDUALS, Estimate, all_deflections
 from testbench.identify.metric import Prior, Strength, aggregate, cad_prior, weighted_rows
 from testbench.identify.posterior import CONFIDENCE, linearise
 from testbench.identify.regression import Regression
-from testbench.model.joint_laws import STRUT, joint_laws
-from testbench.model.laws import for_load_history, model_for
+from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, cross, generalised_load, tool_pose
@@ -32,8 +31,8 @@ from testbench.workflows.identifiability import (
     unseen_poses,
 )
 from testbench.workflows.models import JOINTS
+from testbench.workflows.predicted_error import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.rows import MM, UM
-from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 
 # --- Details of fits that figures show ----------------------------------------------------------------------
 

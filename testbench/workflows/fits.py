@@ -12,7 +12,7 @@ from scipy.special import gammainc
 
 from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
-from testbench.files.readings import SIGMA
+from testbench.files.read_pairs import SIGMA
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.estimate import DeflectionErrors, deflections, score
 from testbench.identify.hierarchy import (

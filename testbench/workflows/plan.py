@@ -13,7 +13,6 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import JointUnknowns
-from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import Feasibility, Search, greedy
 from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
@@ -23,8 +22,10 @@ from testbench.design.planning import (
     Plan,
     candidate_set,
     choose_greedily,
+    error_after,
     forecast_errors,
     make_plan,
+    observability,
     place_gauges,
 )
 from testbench.design.planning import choose_poses as search_best
@@ -33,8 +34,8 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
-from testbench.identify.arm_model import ArmModel
 from testbench.identify.metric import cad_prior, scale_by_prior
+from testbench.identify.posterior import ArmModel
 from testbench.identify.registration import Frame
 from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load, read_weights, weight

@@ -16,9 +16,8 @@ from testbench.arm.document import read_decimals
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, InputError, Mask, PoseError, check_array
-from testbench.files.columns import Columns, find_columns, vector, wrench
+from testbench.files.columns import Columns, find_columns, joint_coordinates, vector, wrench
 from testbench.files.mapping import read_map
-from testbench.files.rows import joint_coordinates
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, WorkArea, chain, in_area

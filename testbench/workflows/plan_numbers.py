@@ -10,22 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Arm
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import Arm, ArmJoint
 from testbench.data.dataset import Series
 from testbench.design import absolute
-from testbench.design.baselines import (
-    RANDOM_PLANS,
-    PriorInfluence,
-    baselines,
-    error_after,
-    observability,
-    prior_influence,
-)
 from testbench.design.criteria import LinearCriterion, mean_square
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, error_on, forecast_on, inflate_intervals
-from testbench.design.planning import Plan, forecast_errors
+from testbench.design.planning import (
+    RANDOM_PLANS,
+    Plan,
+    PriorInfluence,
+    baselines,
+    error_after,
+    forecast_errors,
+    observability,
+    prior_influence,
+)
 from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.errors import Array, Ids
 from testbench.identify.metric import Prior, cad_prior
@@ -38,18 +38,22 @@ from testbench.workflows.plan import AbsolutePlanned, Planned, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
     Expected,
+    Meaning,
+    bounded_mm,
     error_map,
+    error_places,
     forecast_summary,
     half_widths,
     joints_alone,
     linear_fit_after,
     open_laws,
+    places_at,
     prior_uncertainty,
+    rms,
     unloaded_joints,
     unobservable_joints,
 )
 from testbench.workflows.rows import MM
-from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.

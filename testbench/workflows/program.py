@@ -54,7 +54,7 @@ from testbench.files.program import (
 )
 from testbench.files.table import read_table
 from testbench.files.write import write_program
-from testbench.identify.arm_model import ArmModel
+from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.vjm import WorkArea, tool_pose
 from testbench.plant.site import Site

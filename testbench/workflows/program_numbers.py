@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr
 
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint
 from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
 from testbench.correct.predicted import extent, stiffness
@@ -17,6 +17,7 @@ from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.model.vjm import joint_law_rotations, tool_pose
 from testbench.runs.rows import Row, finite
+from testbench.workflows.predicted_error import Meaning, bounded_mm, error_places, places_at
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     CorrectedProgram,
@@ -25,7 +26,6 @@ from testbench.workflows.program import (
     extrapolation_warnings,
 )
 from testbench.workflows.rows import MM
-from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at
 
 # --- Stiffness ellipsoids along a path: over which a force of any direction moves the loaded tool -----------
 

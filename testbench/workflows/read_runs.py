@@ -23,7 +23,7 @@ from testbench.files.read_pairs import Export, read_export
 from testbench.identify.diagnosis.deflections import deflection_scale
 from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.hypothesis import Submission
+from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.registered import STATION, Choice, RegisteredDataset, register_dataset, station_number
 from testbench.identify.registration import Frame, Registration, largest_deviation

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from testbench.cli.program import COMMANDS
+from testbench.cli.predict import COMMANDS
 from testbench.runs.whole import remove
 
 FULL = 600  #: Largest file that the disk takes [byte]: what the commands say fits, their results do not.

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from testbench.report.recording import viewer
+from testbench.report.recording import stream as viewer
 
 HEAD, NOISE = b"RRF2\0\x29\0\0\x02\0\0\0", bytes(range(256)) * 20
 NONE, HALF = "no recording", "no whole recording"

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import typer
 
-from testbench.cli.program import COMMANDS, program
+from testbench.cli.predict import COMMANDS, program
 from testbench.runs import command
 from testbench.studies import find_study
 from testbench.studies import run as studies

@@ -12,7 +12,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Doubt
 from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.hypothesis import Submission
+from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.metric import Prior
 from testbench.model.vjm import tool_pose
 

@@ -49,21 +49,18 @@ from testbench.identify.absolute.state import (
     unknowns_of,
     wave_columns,
 )
-from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE
 from testbench.identify.metric import Strength, cad_prior
-from testbench.identify.posterior import Posterior
-from testbench.identify.registration import Frame
+from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
+from testbench.identify.registration import READINGS, SQUARE, Frame
 from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
-from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import BACKLASH_SMOOTHING, BANDS, JointErrors
 from testbench.model.kinematics import joint_error_basis as errors_of
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
-from testbench.workflows.absolute import DRIFT, with_drift
-from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute import DRIFT, REAL_ARM, AbsoluteCampaign, simulate_series, with_drift
 from testbench.workflows.calibration_numbers import functionals
 
 PAIRS = AbsoluteCampaign(

@@ -20,8 +20,13 @@ from testbench.correct.uncertainty import (
 )
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.align import Noise
-from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
-from testbench.identify.posterior import CURVATURE_COUNT, Posterior
+from testbench.identify.posterior import (
+    CURVATURE_COUNT,
+    ModelOrigin,
+    Posterior,
+    elastic_state,
+    model_of_compliances,
+)
 from testbench.model.load import no_weights, read_weights, resultant
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose

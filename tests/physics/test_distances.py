@@ -25,10 +25,14 @@ from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.tracker import DistanceMeter
-from testbench.workflows.absolute import position_errors
-from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_distances, simulate_series
+from testbench.workflows.absolute import (
+    AbsoluteCampaign,
+    position_errors,
+    simulate_distances,
+    simulate_series,
+)
+from testbench.workflows.campaign_flags import Mounted
 from testbench.workflows.cell import Cell
-from testbench.workflows.instruments import Mounted
 
 POINTS = (2.2, 0.0, 0.1), (0.5, 2.0, 0.8)
 EXACT = DistanceMeter(sigma=1e-7, fixed_point_sigma=2e-3, travel=10.0)

@@ -27,12 +27,19 @@ from testbench.identify.diagnosis.deflections import (
 )
 from testbench.identify.diagnosis.diagnose import RUNS_AT_A_TIME, diagnose
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
-from testbench.identify.diagnosis.hypothesis import MAX_ROUNDS, Issue, Submission, score_test, undo_one_by_one
-from testbench.identify.diagnosis.kinematics import Observations, best_hypothesis
+from testbench.identify.diagnosis.kinematics import (
+    MAX_ROUNDS,
+    Issue,
+    Observations,
+    Submission,
+    best_hypothesis,
+    score_test,
+    undo_one_by_one,
+)
 from testbench.identify.diagnosis.moves import chance
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.registered import RegisteredDataset, register_dataset
-from testbench.model.loaded import displacement
+from testbench.model.load import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
 from testbench.plant.tracker import trial_rng

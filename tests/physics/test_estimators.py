@@ -26,9 +26,9 @@ from testbench.plant.tracker import trial_rng
 from testbench.studies.campaign import grids as fits
 from testbench.studies.campaign.grids import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
+from testbench.studies.intervals import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
 from testbench.studies.paper.factorised import BOX, Budget, explore, trial_points
-from testbench.studies.shrinkage import RIDGES, clipped, ridge
 from testbench.workflows.advice import advice
 from testbench.workflows.cell import FullPose, Scenario, draw_poses, simulate_at, simulate_full_pose
 from testbench.workflows.cell import simulate as calibrate

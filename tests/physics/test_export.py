@@ -18,7 +18,7 @@ from testbench.errors import BenchError, InputError
 from testbench.files.export import best_offsets, draft_new, draft_robot_urdf, export, export_offsets
 from testbench.files.export_own import STAMP, frame_distance, nominal_rigid, random_joints, tool_poses
 from testbench.identify.absolute.state import nominal_state
-from testbench.identify.arm_model import elastic_state
+from testbench.identify.posterior import elastic_state
 from testbench.model.kinematics import JointErrors, build_vjm
 from testbench.model.laws import with_joint_laws
 from testbench.model.load import read_weights

@@ -30,7 +30,7 @@ from testbench.studies.absolute.simulated import check, true_state
 from testbench.studies.campaign.coverage import draw_conservative
 from testbench.studies.intervals import bootstrap, bounds, fit_set, resampler
 from testbench.workflows import calibration_numbers
-from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import FullPose, Scenario, clear_poses, simulate, simulate_full_pose
 from testbench.workflows.fits import fit_models
 from testbench.workflows.models import named_models

@@ -12,7 +12,7 @@ from serial_arms import write_arm
 from unsure import normal
 
 import testbench as tb
-from testbench.arm.joint_map import ArmJoint, build_map
+from testbench.arm.folder import ArmJoint, build_map
 from testbench.correct.compensated import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.dataset import series_of
@@ -24,7 +24,7 @@ from testbench.files.motion import Motion, write_moves
 from testbench.files.program import read_poses
 from testbench.files.robot.chain import read_chain
 from testbench.files.write import write_program, write_series
-from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
+from testbench.identify.posterior import ModelOrigin, elastic_state, model_of_compliances
 from testbench.model.load import read_weights
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose, turn_between

@@ -10,18 +10,18 @@ from loads import GRAVITY, hung
 from run_here import here
 
 from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
-from testbench.cli.program import program
+from testbench.cli.predict import program
 from testbench.correct.newton import assign_rows
 from testbench.data.dataset import select_rows
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
-from testbench.identify.arm_model import model_of_estimate
 from testbench.identify.estimate import ModelAverage
 from testbench.identify.hierarchy import evidence_model
 from testbench.identify.metric import Prior, cad_prior, scale_by_prior
+from testbench.identify.posterior import model_of_estimate
 from testbench.identify.regression import reduce
-from testbench.model import joint_laws as shapes
 from testbench.model import laws
-from testbench.model.joint_laws import LAW_PRIOR, joint_laws
+from testbench.model import laws as shapes
+from testbench.model.laws import LAW_PRIOR, joint_laws
 from testbench.model.load import read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load

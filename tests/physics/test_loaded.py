@@ -11,9 +11,9 @@ from spoil import swap
 
 from testbench import Series, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
-from testbench.identify.absolute.torques import CENTRE_DEVIATION, MASS_DEVIATION, MAX_DEVIATIONS, fit_weights
+from testbench.identify.absolute.choose import CENTRE_DEVIATION, MASS_DEVIATION, MAX_DEVIATIONS, fit_weights
 from testbench.identify.regression import non_redundant, rank
-from testbench.model import loaded
+from testbench.model import load as loaded
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import template56
 from testbench.model.vjm import chain, observation

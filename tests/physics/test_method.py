@@ -30,7 +30,7 @@ from testbench.identify.metric import (
     rescale_to_data,
     scale_by_prior,
 )
-from testbench.identify.robust_loss import PAIRS
+from testbench.identify.registration import PAIRS
 from testbench.identify.rows import single_readings
 from testbench.identify.solve import (
     REJECTION_THRESHOLD,

@@ -12,8 +12,7 @@ from loads import GRAVITY, hung
 from run_here import do
 
 from testbench import BenchError, JointTurns, TrueArm, cad_prior, deflections, load_model, save_model, score
-from testbench.model.joint_laws import joint_laws
-from testbench.model.laws import law_kinds, model_for, sizes_of, with_joint_laws, with_laws
+from testbench.model.laws import joint_laws, law_kinds, model_for, sizes_of, with_joint_laws, with_laws
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, plain_load
 from testbench.plant.disturbance import Disturbances

@@ -13,7 +13,6 @@ from testbench import BenchError, Load, PlanSettings, deflections, least_squares
 from testbench.arm.mjcf import GRAVITY
 from testbench.design import absolute
 from testbench.design import rows as plans
-from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import Feasibility, Search, exchange, greedy
 from testbench.design.forecast import forecast, forecast_on, linear_fit
@@ -23,6 +22,7 @@ from testbench.design.planning import (
     _measuring_order,
     candidate_set,
     choose_greedily,
+    error_after,
     forecast_errors,
     make_plan,
     place_gauges,
@@ -38,10 +38,10 @@ from testbench.model.vjm import WorkArea, random_poses
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Gauge, trial_rng
 from testbench.workflows import predicted_error
-from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
+from testbench.workflows.campaign_flags import Mounted, read_instruments
 from testbench.workflows.cell import Scenario, measure_markers, poses_with_weight
 from testbench.workflows.identifiability import quantities, unobservable
-from testbench.workflows.instruments import Mounted, read_instruments
 from testbench.workflows.plan import undetermined_by, union_after, union_of
 from testbench.workflows.plan_input import PoseConditions, build_checks, find
 from testbench.workflows.plan_numbers import joint_coverage

@@ -18,9 +18,14 @@ from testbench.plant.disturbance import (
     FOUNDATION,
     KR500_COMPENSATOR,
     TYPICAL,
+    Beyond,
     Disturbances,
+    Follows,
     GearErrors,
     GeometryErrors,
+    TrueJointLaws,
+    joint_rotation,
+    tangent_compliance,
 )
 from testbench.plant.equilibrium import (
     correct_for_strut,
@@ -34,7 +39,6 @@ from testbench.plant.equilibrium import (
     strut,
     strut_force,
 )
-from testbench.plant.joint_law import Beyond, Follows, TrueJointLaws, joint_rotation, tangent_compliance
 from testbench.plant.true_arms import disturb, exactly_loaded
 
 

@@ -54,10 +54,10 @@ from testbench.identify.regression import f_m, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.identify.trace import FOLDS, Candidate, divide_poses, prefer_first
 from testbench.model.laws import with_laws, with_ties
-from testbench.model.loaded import displacement, loaded_deflection, secant
+from testbench.model.load import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
-from testbench.studies import shrinkage
+from testbench.studies import intervals as shrinkage
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import true_cell
 from testbench.workflows.fits import of_scale

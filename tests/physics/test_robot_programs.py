@@ -9,15 +9,14 @@ from run_here import ROOT
 from scipy.spatial.transform import Rotation
 from unsure import normal
 
-from testbench.arm.folder import find_arm, load_arm
-from testbench.arm.joint_map import build_map
+from testbench.arm.folder import build_map, find_arm, load_arm
 from testbench.correct.newton import Aim
 from testbench.errors import BenchError, InputError
 from testbench.files.languages import FLAGS, known_languages, language_of, read_language
 from testbench.files.mapping import Controller
 from testbench.files.motion import MARK, Motion, changed_texts, read_motions, with_mark, write_moves
 from testbench.files.program import changed_numbers, read_program, read_robot_program
-from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
+from testbench.identify.posterior import ModelOrigin, elastic_state, model_of_compliances
 from testbench.model.load import read_weights
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose

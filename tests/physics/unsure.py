@@ -6,8 +6,7 @@ import numpy as np
 
 from testbench import Aim, Load
 from testbench.identify.absolute.align import Noise
-from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
-from testbench.identify.posterior import Posterior
+from testbench.identify.posterior import ModelOrigin, Posterior, elastic_state, model_of_compliances
 from testbench.model.kinematics import JointErrors
 from testbench.model.load import read_weights
 from testbench.model.structure import all153

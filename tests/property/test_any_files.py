@@ -20,7 +20,7 @@ from testbench import load_arm, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.errors import InputError
 from testbench.files.names import MAX_NUMBERS, MIN_NUMBER
-from testbench.files.readings import SIGMA_RANGE
+from testbench.files.read_pairs import SIGMA_RANGE
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"

@@ -12,7 +12,7 @@ from PIL import Image
 from shot import Sight, film, shot
 
 from testbench.errors import BenchError
-from testbench.report.recording import viewer
+from testbench.report.recording import stream as viewer
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 

@@ -9,7 +9,7 @@ import pytest
 from reports import check
 from rich.console import Console
 
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint
 from testbench.cli.plan import WORST_TASKS, printed, report
 from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points

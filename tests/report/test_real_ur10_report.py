@@ -35,7 +35,7 @@ from testbench.studies.absolute.real import (
     figures,
     report,
 )
-from testbench.studies.calibration_scene import amid_errors
+from testbench.studies.study import amid_errors
 from testbench.workflows.absolute import PositionErrors
 from testbench.workflows.cell import build_cell
 

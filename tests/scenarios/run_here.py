@@ -17,7 +17,7 @@ from page_checks import check_winner
 from pyarrow import parquet
 from read_back import document, sound
 
-from testbench.cli.program import program
+from testbench.cli.predict import program
 from testbench.report import leave
 from testbench.report.markdown import as_plain
 from testbench.runs import command

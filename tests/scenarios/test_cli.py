@@ -19,7 +19,7 @@ from made_up_run import REPORT
 from run_here import do, fine, heed_ctrl_c, numbers_alone, refused
 
 from testbench import __version__
-from testbench.cli.program import COMMANDS
+from testbench.cli.predict import COMMANDS
 from testbench.files.write import write_csv
 from testbench.identify.metric import cad_prior
 from testbench.report.recording.run import write_run
@@ -236,7 +236,7 @@ HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "pyarrow"}
 
 
 def test_help_lists_every_command_and_imports_nothing_heavy():
-    code = "import sys; from testbench.runs import command; from testbench.cli.program import program; "
+    code = "import sys; from testbench.runs import command; from testbench.cli.predict import program; "
     code += "command.run(program([])); print(*sys.modules, file=sys.stderr)"
     for flag, said in (("--help", COMMANDS), ("--version", [f"testbench {__version__}\n"])):
         done = subprocess.run([sys.executable, "-c", code, flag], capture_output=True, text=True, check=True)

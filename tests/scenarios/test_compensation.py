@@ -11,7 +11,7 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.correct.predicted import tangents
 from testbench.files.read_pairs import read_csv
-from testbench.identify.arm_model import model_of_estimate
+from testbench.identify.posterior import model_of_estimate
 from testbench.model.load import on_joints, read_weights
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.disturbance import TYPICAL

@@ -15,8 +15,7 @@ from testbench.arm.folder import load_arm
 from testbench.files.export import STAMP
 from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.state import nominal_state
-from testbench.identify.arm_model import ArmModel, ModelOrigin
-from testbench.identify.posterior import Posterior
+from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Weights
 from testbench.model.structure import joints_only

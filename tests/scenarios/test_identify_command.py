@@ -14,8 +14,7 @@ from run_here import fine as run
 
 import testbench as tb
 from testbench.data.dataset import select
-from testbench.model.load import Load
-from testbench.model.loaded import displacement, secant
+from testbench.model.load import Load, displacement, secant
 from testbench.model.vjm import chain
 from testbench.report.recording.stream import snake
 

@@ -13,8 +13,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
 from testbench.identify import least_squares
-from testbench.model.load import weight
-from testbench.model.loaded import load_jacobian
+from testbench.model.load import load_jacobian, weight
 from testbench.model.vjm import chain, in_area
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Station

@@ -9,12 +9,12 @@ import testbench as tb
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.metric import Strength, cad_prior
-from testbench.model.joint_laws import STRUT
+from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.report.fitted_runs import seen
 from testbench.report.table import find
 from testbench.workflows import calibration_numbers, fit_numbers
-from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import named_models, with_priors
 

@@ -19,7 +19,7 @@ from pyarrow import parquet
 from run_here import heed_ctrl_c, here
 from test_bench import DRAWS
 
-from testbench.cli.program import program
+from testbench.cli.predict import program
 from testbench.errors import BenchError
 from testbench.runs import cluster
 from testbench.runs.cluster import on_cluster

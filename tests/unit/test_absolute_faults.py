@@ -23,8 +23,12 @@ from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.screens import check_order
 from testbench.identify.metric import cad_prior
 from testbench.model.load import read_weights
-from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
-from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute import (
+    AbsoluteCampaign,
+    calibrate_with_masses,
+    raise_explanation,
+    simulate_series,
+)
 from testbench.workflows.calibration_numbers import numbers, remaining_errors
 from testbench.workflows.cell import build_cell
 

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.design.baselines import observability, prior_influence
 from testbench.design.criteria import (
     DeterminantCriterion,
     LinearCriterion,
@@ -20,7 +19,15 @@ from testbench.design.criteria import (
 from testbench.design.exchange import Feasibility, Search, ascend_poses, exchange, greedy, refine_plan, relax
 from testbench.design.forecast import forecast
 from testbench.design.gauges import Gauges, choose_gauges, choose_places
-from testbench.design.planning import CandidateSet, choose_greedily, joint_travel, round_trip, shortest_path
+from testbench.design.planning import (
+    CandidateSet,
+    choose_greedily,
+    joint_travel,
+    observability,
+    prior_influence,
+    round_trip,
+    shortest_path,
+)
 from testbench.design.rows import DesignProblem, information
 from testbench.errors import BenchError
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
 from testbench.files.languages import known_languages
 from testbench.files.motion import Motion, format_of, write_moves

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from testbench.cli import program
+from testbench.cli import predict as program
 from testbench.report.terminal import COMMANDS, MISSING, next_lines
 
 PLAN = {"absolute": False, "loads_kg": [460.3], "model": "MGCO56", "uncertainty_percent": None}

@@ -15,8 +15,12 @@ from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import level_frame, nominal_state, undetermined_frames
 from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
-from testbench.workflows.absolute import calibrate_with_masses, position_errors
-from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute import (
+    AbsoluteCampaign,
+    calibrate_with_masses,
+    position_errors,
+    simulate_series,
+)
 
 HOME = {"kr500_l480": (0.3, -1.4, 1.6, 0.4, 0.5, 0.2), "ur10": (0.3, -1.2, 1.4, -1.2, -1.3, 0.3)}
 SPRINGS = CalibrationOptions(only=frozenset({"joint springs"}), orders=1)

@@ -7,7 +7,7 @@ import pytest
 from refused import refused
 from tables import write_table as write
 
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
 from testbench.files.program import read_poses
 from testbench.model.load import weight

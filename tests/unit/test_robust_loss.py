@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from testbench.identify.robust_loss import FRAMES, PAIRS, READINGS
+from testbench.identify.registration import FRAMES, PAIRS, READINGS
 
 LOSSES = pytest.mark.parametrize("loss", [PAIRS, FRAMES, READINGS])
 

@@ -18,7 +18,7 @@ from testbench import Scenario, deflections, reduce, simulate
 from testbench.errors import InputError
 from testbench.identify.estimate import make_estimate
 from testbench.model.laws import with_laws
-from testbench.model.loaded import displacement
+from testbench.model.load import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain
 from testbench.report.report import read_report

@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.document import parse_xml
-from testbench.arm.joint_map import ArmJoint, JointMap, build_map
+from testbench.arm.folder import ArmJoint, JointMap, build_map
 from testbench.errors import Array, BenchError, Ids, InputError, read_text, shell_word
 from testbench.plant.shapes import Kind
 

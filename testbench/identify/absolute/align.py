@@ -28,20 +28,23 @@ from testbench.identify.absolute.state import (
     series_equilibrium,
     undetermined_frames,
 )
-from testbench.identify.closed_form import FrameLayout, mean_readings, nearest_rotation
-from testbench.identify.closed_form import layout_residuals as left_by
-from testbench.identify.diagnosis.hypothesis import Issue
+from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.registered import MAX_NOMINAL_DISTANCE
 from testbench.identify.registration import (
     ASSUMED_NOISE,
     MIN_POSES,
     NOMINAL_DEVIATION,
+    READINGS,
     Frame,
+    FrameLayout,
+    Loss,
     arm_reach,
+    mean_readings,
     moving_joints,
+    nearest_rotation,
     register,
 )
-from testbench.identify.robust_loss import READINGS, Loss
+from testbench.identify.registration import layout_residuals as left_by
 from testbench.identify.rows import series_residuals
 from testbench.model.vjm import Vjm, tool_pose
 

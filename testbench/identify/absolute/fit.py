@@ -47,7 +47,7 @@ from testbench.identify.absolute.evidence import (
     solve_step,
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
-from testbench.identify.diagnosis.hypothesis import Issue
+from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.diagnosis.moves import divide_at_moves
 from testbench.identify.diagnosis.screens import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate

@@ -28,8 +28,7 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.evidence import default_scales, moved_frame, moved_mount
 from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, unknowns_of
-from testbench.identify.arm_model import ArmModel, ModelOrigin
-from testbench.identify.posterior import Posterior
+from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.rows import series_rows
 from testbench.model.structure import joints_only
 

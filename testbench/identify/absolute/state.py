@@ -39,8 +39,7 @@ from scipy.sparse import coo_array, csr_array
 from testbench.data.dataset import Series, evenly_spaced
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
-from testbench.identify.closed_form import kabsch
-from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame, largest_deviation
+from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame, kabsch, largest_deviation
 from testbench.model.kinematics import BANDS, JointErrors, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure

@@ -25,13 +25,7 @@ from testbench.identify.diagnosis.gravity import (
     suspected_gravity,
     weights_only,
 )
-from testbench.identify.diagnosis.hypothesis import (
-    Change,
-    Hypothesis,
-    Issue,
-    score_test,
-    undo_one_by_one,
-)
+from testbench.identify.diagnosis.kinematics import Change, Hypothesis, Issue, score_test, undo_one_by_one
 from testbench.identify.hierarchy import evidence_model, evidence_posterior, maximise_evidence
 from testbench.identify.metric import PriorScaling
 from testbench.identify.regression import reduce

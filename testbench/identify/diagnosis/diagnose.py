@@ -21,14 +21,16 @@ from testbench.identify.diagnosis.gravity import (
     tracker_level,
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
-from testbench.identify.diagnosis.hypothesis import Issue, Submission, listed_issues
 from testbench.identify.diagnosis.kinematics import (
     SOUND_DISTANCE,
     FreeParameters,
+    Issue,
     Observations,
     Placed,
+    Submission,
     best_hypothesis,
     fit,
+    listed_issues,
     of_series,
 )
 from testbench.identify.diagnosis.timeline import Timeline

@@ -25,20 +25,18 @@ from testbench.identify.diagnosis.deflections import (
     levels,
 )
 from testbench.identify.diagnosis.gravity import mounting, with_gravity_along
-from testbench.identify.diagnosis.hypothesis import (
+from testbench.identify.diagnosis.kinematics import (
+    HALF,
     Change,
     Hypothesis,
     Issue,
-    Submission,
-    any_above,
-    longer_than,
-)
-from testbench.identify.diagnosis.kinematics import (
-    HALF,
     Observations,
     Placed,
+    Submission,
+    any_above,
     cauchy,
     fit,
+    longer_than,
 )
 from testbench.identify.diagnosis.screens import find_slip, likely_orders
 from testbench.identify.diagnosis.timeline import Timeline

@@ -30,7 +30,7 @@ from testbench.identify.absolute.evidence import (
     default_scales,
 )
 from testbench.identify.absolute.state import ArmState, unknowns_of
-from testbench.identify.diagnosis.hypothesis import Issue, Score, score_test, undo_one_by_one
+from testbench.identify.diagnosis.kinematics import Issue, Score, score_test, undo_one_by_one
 from testbench.identify.metric import PriorScaling
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors

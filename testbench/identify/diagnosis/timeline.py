@@ -15,8 +15,7 @@ from testbench.errors import BenchError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
-from testbench.identify.diagnosis.hypothesis import Issue
-from testbench.identify.diagnosis.kinematics import ORIGIN
+from testbench.identify.diagnosis.kinematics import ORIGIN, Issue
 from testbench.identify.diagnosis.moves import (
     chance,
     most_significant_step,

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.folder import find_arm
-from testbench.arm.joint_map import ArmJoint
+from testbench.arm.folder import ArmJoint, find_arm
 from testbench.data.dataset import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Array, Ids
@@ -27,9 +26,9 @@ from testbench.identify.absolute.fit import (
 )
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, series_equilibrium
-from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.moves import in_order_of_time
 from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.posterior import ArmModel
 from testbench.model.vjm import translation_rows
 from testbench.plant.tracker import trial_rng
 from testbench.report import colours
@@ -41,9 +40,8 @@ from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged
-from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.run import READ, headline
-from testbench.studies.study import Run, Study
+from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import (
     FRAME_POSES,
     File,

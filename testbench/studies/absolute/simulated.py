@@ -34,8 +34,8 @@ from testbench.identify.absolute.posterior import (
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.metric import Prior, Strength, scale_by_prior
 from testbench.identify.posterior import Posterior
+from testbench.identify.registration import SQUARE
 from testbench.identify.regression import Linearisation, reduce_series
-from testbench.identify.robust_loss import SQUARE
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors
 from testbench.model.structure import all153
@@ -54,10 +54,9 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import Table, columns, pivot
 from testbench.report.table import Row, Trials, number
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, span, spread
-from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.run import FEW, READ, headline
-from testbench.studies.study import Run, Study
-from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
+from testbench.studies.study import Run, Study, amid_errors
+from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.workflows.calibration_numbers import Part, functionals
 from testbench.workflows.cell import Cell, build_cell, clear_poses, true_cell
 from testbench.workflows.models import wrong_prior

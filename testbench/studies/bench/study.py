@@ -53,8 +53,7 @@ from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers, rerea
 from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
-from testbench.workflows.absolute import FRAME_POSES, evenly_spaced_rows
-from testbench.workflows.absolute_truth import by_trackers
+from testbench.workflows.absolute import FRAME_POSES, by_trackers, evenly_spaced_rows
 from testbench.workflows.cell import (
     Cell,
     FullPose,

@@ -21,7 +21,7 @@ from testbench.runs.spread import Number
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import CampaignFitRow, TrialCase, each_seed, fitted, score_cases
-from testbench.studies.shrinkage import (
+from testbench.studies.intervals import (
     choose_strength,
     every_fold,
     gco_least_trace,

@@ -25,7 +25,7 @@ from testbench.studies.campaign.trial import (
     fitted,
     score_cases,
 )
-from testbench.workflows.campaign_flags import TrueArmFlag
+from testbench.workflows.campaign_flags import CAMERA, PROBE, Mounted, TrueArmFlag, read_instruments
 from testbench.workflows.cell import (
     Cell,
     Scenario,
@@ -35,7 +35,6 @@ from testbench.workflows.cell import (
     poses_with_weight,
     true_cell,
 )
-from testbench.workflows.instruments import CAMERA, PROBE, Mounted, read_instruments
 from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
 

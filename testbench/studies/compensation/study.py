@@ -18,7 +18,6 @@ from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scen
 from testbench.report.schema import Table, TableColumn, columns, pivot
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import span, spread
-from testbench.studies.calibration_scene import with_errors
 from testbench.studies.compensation.trial import (
     ADVISED,
     ARMS,
@@ -46,7 +45,7 @@ from testbench.studies.compensation.trial import (
     trials,
 )
 from testbench.studies.run import READ, headline, warnings
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study, with_errors
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.models import JOINTS, WITHOUT_CONE
 from testbench.workflows.rows import MM, UM

@@ -29,15 +29,15 @@ from testbench.design.rows import MeasurementSetup, Specification, Tasks
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.files.write import csv_text
 from testbench.identify.absolute.state import ArmState
-from testbench.identify.arm_model import (
+from testbench.identify.metric import Prior, scale_by_prior
+from testbench.identify.posterior import (
     ArmModel,
     ModelOrigin,
+    Posterior,
     elastic_state,
     model_of_compliances,
     model_of_estimate,
 )
-from testbench.identify.metric import Prior, scale_by_prior
-from testbench.identify.posterior import Posterior
 from testbench.model.load import Load, read_weights, weight
 from testbench.model.structure import all153
 from testbench.model.vjm import WorkArea

@@ -12,12 +12,13 @@ import typer
 from testbench.arm.folder import find_arm, load_arm
 from testbench.correct.newton import equilibrium
 from testbench.errors import Array
-from testbench.identify.arm_model import elastic_state
-from testbench.model.load import Load, no_weights
-from testbench.model.loaded import (
+from testbench.identify.posterior import elastic_state
+from testbench.model.load import (
+    Load,
     displacement,
     geometric_stiffness,
     loaded_deflection,
+    no_weights,
     secant,
 )
 from testbench.model.structure import joints_only

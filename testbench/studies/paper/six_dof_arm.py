@@ -20,7 +20,6 @@ from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
-from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows, identify, score_estimate
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.verdicts import (
@@ -32,7 +31,7 @@ from testbench.studies.paper.verdicts import (
     verdict_table,
 )
 from testbench.studies.run import READ, headline, warnings
-from testbench.studies.study import Run, Study, plain_models
+from testbench.studies.study import Run, Study, calibration_scene, plain_models, write_runs
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, FullPose, Truth, build_cell, simulate_full_pose
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models

@@ -9,9 +9,8 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.design.baselines import observability
 from testbench.design.exchange import Feasibility
-from testbench.design.planning import forecast_errors, make_plan
+from testbench.design.planning import forecast_errors, make_plan, observability
 from testbench.design.rows import task_rows
 from testbench.model.vjm import chain
 from testbench.plant.site import Payload

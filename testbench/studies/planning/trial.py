@@ -13,8 +13,8 @@ from pydantic import Field
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
-from testbench.design.baselines import Observability
 from testbench.design.forecast import forecast_on, inflate_intervals
+from testbench.design.planning import Observability
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, measured_rows
 from testbench.errors import Array
 from testbench.files.write import csv_text

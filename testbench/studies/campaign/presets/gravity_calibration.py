@@ -13,13 +13,12 @@ from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.table import Row, Trials, merged
 from testbench.studies import campaigns
-from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import CalibrationSettings, Options
 from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
 from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, distinct, told
 from testbench.studies.paper import SECTION_6
-from testbench.studies.study import IN_PAPER, Run
+from testbench.studies.study import IN_PAPER, Run, calibration_scene, write_runs
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.models import DEFAULT, JOINTS
 
