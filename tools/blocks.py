@@ -134,9 +134,10 @@ def expected() -> str:
         f"{same} mm, that of GCO {cone} mm. GCO is conservative on all arms, LS on {share(won, '100')}. "
         f"Without a prior the median errors are: GCO of beams with a learnt trace weight {gco} mm, {alone} "
         f"{joints} mm, GCO of beams as in the paper {papers} mm, ridge regression {ridge} mm, LS {least} mm. "
-        "The models that corrected the program are from 12 poses under a weight and a sideways pull; from a "
-        f"weight alone the default leaves {weighed['default']['after, mm']} mm, {alone} "
-        f"{weighed['Joints']['after, mm']} mm."
+        "The last row is the error that remains after a program of drilling and milling (1000 to 3000 N) was "
+        "corrected, with models from 12 poses under a weight and a sideways pull. With models from a weight "
+        f"alone, {weighed['default']['after, mm']} mm remain for the default and "
+        f"{weighed['Joints']['after, mm']} mm for {alone}."
     )
     return f"{lines(heads, rows)}\n\n{said}"
 
