@@ -135,9 +135,9 @@ def expected() -> str:
         f"Without a prior the median errors are: GCO of beams with a learnt trace weight {gco} mm, {alone} "
         f"{joints} mm, GCO of beams as in the paper {papers} mm, ridge regression {ridge} mm, LS {least} mm. "
         "The last row is the error that remains after a program of drilling and milling (1000 to 3000 N) was "
-        "corrected, with models from 12 poses under a weight and a sideways pull. With models from a weight "
-        f"alone, {weighed['default']['after, mm']} mm remain for the default and "
-        f"{weighed['Joints']['after, mm']} mm for {alone}."
+        "corrected. The models were identified from 12 poses under a weight and a sideways pull. If they are "
+        f"identified under a weight alone, {weighed['default']['after, mm']} mm remain with the default and "
+        f"{weighed['Joints']['after, mm']} mm with {alone}."
     )
     return f"{lines(heads, rows)}\n\n{said}"
 
