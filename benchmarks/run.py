@@ -20,10 +20,10 @@ from corrections import correcting_ten_thousand_points
 from equilibrium import newton_against_forward_passes, newton_against_stepping
 from families import families_of_fits
 from large_dataset import reducing_large_datasets
+from large_file import identifying_a_large_file
 from learnt_fits import learnt_fits
 from many_trials import parallel_efficiency
 from measure import Row, processor
-from million_runs import identifying_a_million_runs
 from planning import planning_of_many_poses
 from recordings import logging_two_hundred_poses
 from rich.console import Console
@@ -47,7 +47,7 @@ BENCHMARKS = {
     "k": planning_of_many_poses,
     "l": calibrating_by_absolute_poses,
     "m": correcting_ten_thousand_points,
-    "n": identifying_a_million_runs,
+    "n": identifying_a_large_file,
     "o": learnt_fits,
 }
 

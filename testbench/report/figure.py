@@ -42,7 +42,7 @@ STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
-TITLE, LONG_TITLE, CAPTION = 88, 106, 136
+TITLE, LONG_TITLE, CAPTION = 88, 108, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
 BREAKS = (". ", "; ", " (", ": ", ", ")  #: Where a title that is too long ends, the best first.
@@ -221,10 +221,11 @@ def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
     Returns:
         The line and the rest.
     """
+    text = text.replace("Eq. (", "Eq.\u00a0(")  # no sentence ends there
     if len(text) <= letters:
         return text, ""
-    for limit, end in itertools.product((letters, most), BREAKS):
-        at = text.rfind(end, 0, limit)
+    for end, limit in itertools.product(BREAKS, (letters, most)):
+        at = text.rfind(end, 0, limit + len(end))
         if at > letters // 4:
             rest = text[at + len(end) :]
             if end == " (":
@@ -247,7 +248,7 @@ def headed(figure: Figure, words: str, winner: str = "") -> Figure:
     """
     if words:
         own = figure.get_suptitle()
-        say(figure, words, " ".join([own, *figure.get_supxlabel().split()]))
+        say(figure, words, " ".join([ended(own), *figure.get_supxlabel().split()]))
     for line in figure.findobj(Line2D):
         if isinstance(line, Line2D) and (heavy := weight(str(line.get_label()), winner)):
             line.set(

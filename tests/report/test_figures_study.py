@@ -95,6 +95,8 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
         ("One sentence ends here. The other is long.", "One sentence ends here", "The other is long."),
         ("Holds: one is far better than two (n 8).", "Holds: one is far better than two", "N 8."),
         ("Error 0.1 mm; by chance: 0.3 mm (n 8)", "Error 0.1 mm", "By chance: 0.3 mm (n 8)"),
+        ("Eq. (7) is better than any (n 8).", "Eq.\u00a0(7) is better than any", "N 8."),
+        ("One, weightless, is better than two (n 8)", "One, weightless, is better than two", "N 8"),
         (LONG, f"{LONG[:26]}…", LONG),
     ],
 )
