@@ -104,8 +104,8 @@ def _card(words: Mapping[str, str], kinds: Kinds, seeds: range) -> str:
         seed=seeds[0],
         commit=files.git_commit(files.ROOT),
         rounds=len(seeds) // GRID,
-        kinds=", ".join(f"`{name}` {TRUE_ARM_LABELS[name]}" for name in TRUTHS),
-        errors=", ".join(f"`{name}` {called}" for name, called in KNOWN["prior_error"].called.items()),
+        kinds=", ".join(f"`{name}` ({TRUE_ARM_LABELS[name]})" for name in TRUTHS),
+        errors=", ".join(f"`{name}` ({called})" for name, called in KNOWN["prior_error"].called.items()),
         columns=_columns(words, kinds),
     )
 
@@ -114,8 +114,8 @@ def _columns(words: Mapping[str, str], kinds: Kinds) -> str:
     """What columns are, each where it comes first."""
     left, lines = dict(words), []
     for table, own in kinds.items():
-        new = [f"`{name}` {left.pop(name)}" for name in map(_first, own) if name in left]
-        lines.append(f"**{table}**: {'; '.join(new) or 'as the table before, without noise'}.")
+        new = [f"`{name}`: {left.pop(name)}" for name in map(_first, own) if name in left]
+        lines.append(f"**{table}** has {'; '.join(new) or 'the columns of the table before, without noise'}.")
     return "\n\n".join(lines)
 
 

@@ -127,6 +127,9 @@ def test_readme_expects_what_the_tables_of_the_studies_hold():
     assert cells == [
         rows[name] for name in ("ALL153 + prior", "LS153 + prior", "Joints", "MLS56 + prior", "MLS56")
     ]
+    default, _, joints = (cell.split()[0] for cell in expected().splitlines()[6].split("|")[2:5])
+    answer = f"Error after correction: default {default} mm; Joints {joints} mm."
+    assert answer in (ROOT / "docs/studies/compensation.md").read_text()
 
 
 def test_who_cites_the_software_cites_its_version():
