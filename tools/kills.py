@@ -66,6 +66,7 @@ TRACKER = r"^.*resource_tracker: There appear to be .*\n  warnings\.warn\(\n"
 UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"
 """Names of what a run makes, and of the lock that keeps others out of its place."""
 MOVING = r"(^|/)\.[^/]+\.new/(earlier|gone)/"  #: Names of earlier results that have left their place.
+STARTING = "Fatal Python error: init_import_site"  #: Said by Python itself: none of our lines has run.
 OURS = r"testbench/(?!(cli/|studies/|runs/)?__init__|runs/(interrupt|session))"
 """In a traceback: a module of ours that is imported when stops are heeded already."""
 WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")
@@ -292,6 +293,8 @@ def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random)
         code = process.wait()
     said, when = place.said(), f"{way} after {after:.2f} s"
     said = re.sub(TRACKER, "", said, flags=re.MULTILINE) if "KILL" in way or way == "INT INT" else said
+    if said.startswith(STARTING):
+        return not early
     begun = code not in (-2, -15) or re.search(OURS, said)
     if (begun and said.count("\n") > 1) or (early and said):
         raise Fault(f"{when}: said {said[-3000:]!r}")
