@@ -22,9 +22,12 @@ from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 
 ARM = "kr500_l480"
 FITS, ALONE, REPEATS = 100, 8, 5
-STRENGTHS = (0.3, 3.0)  #: Firm enough that the cone hardly binds, and so weak that it does everywhere.
-BAR = 0.25
 BARRED = "ALL153"
+BARS = {0.3: 0.25, 3.0: 1.0}
+"""By uncertainty of the prior: firm enough that the cone hardly binds, and so weak that it does everywhere.
+
+Where it does, every fit is a conic program of its own, which must not be slower than Clarabel.
+"""
 
 
 def families_of_fits() -> list[Row]:
@@ -43,23 +46,23 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
     """GCO with a prior, of every dataset."""
     rows: list[Row] = []
     prior = rescale_to_data(scale_by_prior(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
-    for u in STRENGTHS:
+    for u, bar in BARS.items():
         cases = [
             RegressionWithPrior(regression, WeightedPrior(prior, Strength(u))) for regression in regressions
         ]
         [together] = interleave(REPEATS, lambda c=cases: [solve_with_prior("psd", case) for case in c])  # type: ignore[misc]
         own = [solve_by_reference("psd", case).seconds for case in cases[:ALONE]]
-        rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own))
+        rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own, bar))
     return rows
 
 
-def _row(name: str, together: Array, own: list[float]) -> Row:
+def _row(name: str, together: Array, own: list[float], bar: float) -> Row:
     each = together / FITS
     behind = f"{spread(each, 1e3, 2)} ms a fit, Clarabel {spread(own, 1e3)} ms"
     title = f"(i) {FITS} fits at once over as many of Clarabel's own time: {name}"
     ratio = np.median(each) / np.median(own)
     return (
-        at_most(title, ratio, "x", BAR, behind)
+        at_most(title, ratio, "x", bar, behind)
         if name.startswith(BARRED)
         else note(title, ratio, "x", behind)
     )
