@@ -167,6 +167,12 @@ def test_commands_that_identify_nothing_import_no_method(command):
     assert sorted(name for name in seen if room(name) in ("identify", "design", "correct")) == []
 
 
+def test_signals_are_heeded_before_anything_else_is_imported():
+    """Ctrl-C while numpy is imported would end in a traceback."""
+    names = at_once(modules()["testbench.runs.interrupt"])
+    assert {name.partition(".")[0] for name in names} <= sys.stdlib_module_names
+
+
 @pytest.mark.parametrize("model", ["model", "identify"])
 def test_truth_and_model_share_no_code_not_even_through_others(model):
     assert model not in reaches("plant")

@@ -26,7 +26,8 @@ from testbench.errors import BenchError, InputError, read_text, sheet_of
 from testbench.errors import of_flag as of_flag
 from testbench.files.names import UNITS, find_unit
 from testbench.runs import manifest as files
-from testbench.runs.interrupt import EMPTY_SESSION, Session, followed
+from testbench.runs.follow import followed
+from testbench.runs.interrupt import EMPTY_SESSION, Session
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from _typeshed import DataclassInstance

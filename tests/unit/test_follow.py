@@ -8,7 +8,8 @@ from unittest import mock
 import pytest
 
 from testbench.progress import stepwise, tell
-from testbench.runs.interrupt import EMPTY_SESSION, SESSION, followed
+from testbench.runs.follow import followed
+from testbench.runs.interrupt import EMPTY_SESSION, SESSION
 
 HIDDEN, SHOWN = "\x1b[?25l", "\x1b[?25h"  #: The cursor, while bars are there and behind them.
 
@@ -61,7 +62,7 @@ def test_quiet_says_nothing_and_no_terminal_has_no_bars():
 
 def test_the_log_has_every_kind_of_steps_once_it_ended_even_early(monkeypatch):
     now = iter([0.5 * k for k in range(100)])
-    monkeypatch.setattr("testbench.runs.interrupt.time.monotonic", lambda: next(now))
+    monkeypatch.setattr("testbench.runs.follow.time.monotonic", lambda: next(now))
     monkeypatch.setattr(sys, "argv", ["/usr/bin/testbench", "plan", "a\x1b[2Jb"])
     with command(io.StringIO()):
         for k in stepwise(range(5), "refining"):

@@ -276,7 +276,7 @@ def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_pap
 def test_all_of_the_package_prints_by_it_but_for_bars():
     package = Path(testbench.__file__).parent
     makers = [p for p in package.rglob("*.py") if re.search(r"\b\w*Console\(", p.read_text(encoding="utf-8"))]
-    assert sorted(makers) == [package / "report/terminal.py", package / "runs/interrupt.py"]
+    assert sorted(makers) == [package / "report/terminal.py", package / "runs/follow.py"]
 
 
 def test_a_table_has_six_columns_at_most_and_among_them_that_of_the_answer():
