@@ -234,7 +234,7 @@ def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
         return text, ""
     for end, limit in itertools.product(BREAKS, (letters, most)):
         at = text.rfind(end, 0, limit + len(end))
-        if at > letters // 4:
+        if at > letters * (0.6 if end == ", " else 0.25):  # a comma may end half a thought
             rest = text[at + len(end) :]
             if end == " (":
                 rest = rest.replace(")", "", 1)
@@ -316,7 +316,7 @@ def forest(
         reading: The same.
         mark: Name of the row to beat, or a number to beat: a dotted line.
     """
-    figure, columns = page(1.3 + 0.2 * len(table.rows)), {column.key: column for column in table.columns}
+    figure, columns = page(1.3 + 0.2 * len(table.rows)), {column.name: column for column in table.columns}
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
     sides = figure.subplots(1, len(panes), squeeze=False)[0]
     for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
@@ -378,7 +378,7 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
         if known := value.known(row):
             axes.plot(float(known), y, "D", color=SOFT, markersize=3.6)
         if y in best:
-            axes.axhspan(y - 0.5, y + 0.5, color=look.hex, alpha=0.1, linewidth=0, zorder=0)
+            axes.axhspan(y - 0.5, y + 0.5, color=SOFT, alpha=0.16, linewidth=0, zorder=0)
     heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
     numbers = [value.text(middle(value.value(row))) for row in table.rows]
     axes.set_yticks(range(len(heads)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])

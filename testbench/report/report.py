@@ -207,7 +207,8 @@ def _badge(found: Any) -> Badge | None:
 
 FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.
 DEFAULTS = {f.name: f.default for f in fields(TableColumn) if f.name != "called"}
-LEFT = ("key", "paper", "scale")  #: Of a column, where its cells are data by place and in its unit.
+LEFT = ("key", "paper", "scale", "declared")
+"""Of a column whose cells are data by place and in its unit."""
 
 
 def _packed(table: Table) -> dict[str, Any]:
@@ -223,7 +224,7 @@ def _packed(table: Table) -> dict[str, Any]:
     shown = table.looks or looks(table.rows, table.columns[0])
     return {
         **{name: own for name in ("title", "bold", "headline", "across") if (own := getattr(table, name))},
-        "keys": [column.key for column in table.columns],
+        "keys": [column.name for column in table.columns],
         "columns": columns,
         "rows": [[_cell(column.value(row)) for column in table.columns] for row in table.rows],
         "paper": [[column.known_value(row) for column in table.columns] for row in table.rows],
@@ -241,7 +242,8 @@ def _cell(value: Any) -> Any:
 
 def _unpacked(found: Mapping[str, Any]) -> Table:
     """A table of such data."""
-    columns = [_column(k, own) for k, own in enumerate(found["columns"])]
+    named = zip(found["columns"], found["keys"], strict=True)
+    columns = [_column(k, str(key), own) for k, (own, key) in enumerate(named)]
     rows = [
         Row(cells=[number(cell) for cell in cells], paper={f"{k}": own for k, own in enumerate(paper)})
         for cells, paper in zip(found["rows"], found["paper"], strict=True)
@@ -261,12 +263,12 @@ def _unpacked(found: Mapping[str, Any]) -> Table:
     )
 
 
-def _column(k: int, found: Mapping[str, Any]) -> TableColumn:
-    """A column of cells by place; ValueError where its format is none of ours."""
+def _column(k: int, key: str, found: Mapping[str, Any]) -> TableColumn:
+    """A column of cells by place, once of that key; ValueError where its format is none of ours."""
     form = found.get("form", DEFAULTS["form"])
     if not FORM.fullmatch(form):
         raise ValueError(f"no format of a number: {form!r:.40}")
-    return TableColumn(**found, key=f"cells.{k}", paper=f"{k}")
+    return TableColumn(**found, key=f"cells.{k}", paper=f"{k}", declared=key)
 
 
 def number(cell: Any) -> Any:

@@ -52,6 +52,11 @@ def campaign_row(kind, rng, name, **own):
     return of_one_trial(kind, rng, **fixed | own)
 
 
+def read_back(report):
+    """The report as it is read from its report.json."""
+    return read(json.loads(json.dumps(report.json(), allow_nan=False)))
+
+
 def check(report, printed):
     """Words are short, tables fit a terminal, and report.json says all of it again.
 
@@ -63,7 +68,7 @@ def check(report, printed):
         report.md.
     """
     check_words(report)
-    again = read(json.loads(json.dumps(report.json(), allow_nan=False)))
+    again = read_back(report)
     assert again.whole() == report.whole()
     grids = {name: html.grid(table) for name, table in report.tables.items()}
     for name, grid in grids.items():

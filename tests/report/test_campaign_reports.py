@@ -1,6 +1,5 @@
 """The report of every campaign is what its trials hold, by brute force, of trials that are made up."""
 
-import json
 from importlib import import_module
 
 import numpy as np
@@ -9,13 +8,12 @@ from campaign_rows import COVERED, EXPECTED, GRIDS, MODELS, TRIALS
 from checks import check_spread, curves
 from legible import check_legible
 from read_back import sound, views
-from reports import check, table_of
+from reports import check, read_back, table_of
 
 from testbench.plant.true_arms import HELD_OUT, TRUE_ARM_LABELS
 from testbench.report.badge import LEAST_SQUARES
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
-from testbench.report.report import read
 from testbench.report.scene import PageContent
 from testbench.report.schema import KNOWN
 from testbench.report.table import SHARED
@@ -138,7 +136,7 @@ def test_models_of_the_headline_keep_the_contract(whole):
 
 
 def test_figures_are_drawn_alike_from_the_report_and_from_what_is_read_back(whole):
-    again = read(json.loads(json.dumps(whole.found.json())))
+    again = read_back(whole.found)
     both = [whole.study.figures(found) for found in (whole.found, again)]
     assert both[0].keys() == both[1].keys()
     for figure in headed_figures(whole.study, whole.found).values():

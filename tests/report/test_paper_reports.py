@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import at, check_spread, tables_of, unit_in
 from made_up import of_one_trial
-from reports import AT, campaign_row, check, check_forest, place_of, table_of
+from reports import AT, campaign_row, check, check_forest, place_of, read_back, table_of
 
 from testbench.report.colours import GCO, LEAST_SQUARES, NOMINAL, look
 from testbench.report.markdown import grid
@@ -80,7 +80,7 @@ def test_the_picture_of_the_single_link_has_the_errors_and_the_printed_matrices(
     found, _ = link()
     models = found.numbers["models"]
     for axes, key, unit in zip(
-        single_link.figures(found)["single_link.png"].axes,
+        single_link.figures(read_back(found))["single_link.png"].axes,
         (single_link.POSITION, single_link.ROTATION),
         ("um", "urad"),
         strict=False,

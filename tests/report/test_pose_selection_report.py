@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
-from reports import campaign_row, check, check_forest, place_of, table_of
+from reports import campaign_row, check, check_forest, place_of, read_back, table_of
 
 from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.report.markdown import grid
@@ -180,6 +180,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
             assert [row[1:] for row in shade] == [ends(level[key]) for level in levels[name]]
     quick, _ = made(scope=replace(SCOPE, poses=(12,), fewer=(12,)))
     rows = quick.numbers["criteria"]
+    assert figures(read_back(quick)).keys() == {"pose_selection.png"}
     for axes, key in zip(figures(quick)["pose_selection.png"].axes, keys[:2], strict=True):
         first = place_of(quick, [row.plan for row in rows])
         check_forest(axes, [row[key] for row in rows], [LOOKS[row.plan] for row in rows], first=first)

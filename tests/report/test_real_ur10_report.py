@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import at, check_spread, tables_of
 from made_up import of_one_trial
-from reports import check, check_forest, place_of, table_of
+from reports import check, check_forest, place_of, read_back, table_of
 
 from testbench.data.dataset import Series
 from testbench.identify.absolute.state import Mount, nominal_state
@@ -106,7 +106,7 @@ def test_the_table_of_errors_has_the_ladder_and_the_medians_of_all_draws(made):
 
 def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
     found, _ = made
-    for axes, key in zip(figures(found)["real_ur10.png"].axes, PANES, strict=True):
+    for axes, key in zip(figures(read_back(found))["real_ur10.png"].axes, PANES, strict=True):
         means = [at(find(found.numbers["models"], name=name), key) for name in LADDER]
         check_forest(axes, means, [LOOKS[name] for name in LADDER], first=place_of(found, LADDER))
     assert [LOOKS[name].colour for name in TWO] == [colours.JOINTS, colours.JOINTS_PRIOR]

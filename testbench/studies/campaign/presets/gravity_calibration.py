@@ -100,13 +100,12 @@ def figures(found: Report) -> Mapping[str, Figure]:
     f, whole = Row(found.numbers), found.tables["models"]
     there = {m.name for m in distinct(f.models)}
     table = replace(whole, rows=[row for row in whole.rows if whole.columns[0].cell(row) in there])
-    keys = dict(zip(MODELS.split(), (column.key for column in table.columns), strict=True))
-    panes = {keys.get(key, key): title for key, title in PANES.items()}
+    keys = {column.name: column.key for column in table.columns}
     reading = "RMS errors. Filled: prior; dotted: joint stiffness only; grey diamonds: the paper. "
     reading += "Ratios: 95 % intervals."
     drawn = {
         "models.png": forest(
-            ranked(table, keys[TRUE], f.over, f.ours), panes, found.question, reading, JOINTS
+            ranked(table, keys[TRUE], f.over, f.ours), PANES, found.question, reading, JOINTS
         )
     }
     if f.details:
