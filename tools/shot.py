@@ -84,7 +84,7 @@ def film(folder: Path, gif: Path, sight: Sight) -> Path:
     file = newest(folder)
     with headless.opened(file, sight.size or MOVING) as client:
         pictures = list(_frames(client, sight))
-    write_film(gif, pictures)
+    write_film(gif, pictures, _resting(len(pictures)))
     return file
 
 
@@ -104,19 +104,29 @@ def _frames(client: ViewerClient, sight: Sight) -> Iterator[bytes]:
         yield cut.getvalue()
 
 
-def write_film(path: Path, pictures: Sequence[bytes]) -> None:
-    """Write pictures as a GIF that rests at both ends.
+def _resting(pictures: int) -> list[int]:
+    """How long each picture stands in a film that rests at both ends [ms]."""
+    each = min(LONGEST, PLAYED // max(1, pictures - 2))
+    return [REST, *[each] * (pictures - 2), REST][:pictures]
+
+
+def write_film(path: Path, pictures: Sequence[bytes], durations: Sequence[int]) -> None:
+    """Write pictures as a GIF that plays again and again.
+
+    Args:
+        path: The GIF.
+        pictures: PNGs of one size.
+        durations: How long each of them stands [ms].
 
     Raises:
         BenchError: When it does not get small.
     """
-    each = min(LONGEST, PLAYED // max(1, len(pictures) - 2))
     frames = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
     width, height = frames[0].size
     scale, colours = 1.0, list(COLOURS)
     while width * scale >= NARROWEST:
         size = round(width * scale), round(height * scale)
-        data = _gif([frame.resize(size, Image.Resampling.LANCZOS) for frame in frames], colours[0], each)
+        data = _gif([frame.resize(size, Image.Resampling.LANCZOS) for frame in frames], colours[0], durations)
         if len(data) <= LARGEST:
             path.write_bytes(data)
             return
@@ -127,16 +137,14 @@ def write_film(path: Path, pictures: Sequence[bytes]) -> None:
     raise BenchError(f"--out: the GIF stays above {LARGEST // 1000} kB; choose a smaller --size")
 
 
-def _gif(frames: Sequence[Image.Image], colours: int, each: int) -> bytes:
+def _gif(frames: Sequence[Image.Image], colours: int, durations: Sequence[int]) -> bytes:
     """Of one palette, from the last picture on: with several the colours would flicker."""
     octree = Image.Quantize.FASTOCTREE  # median cut turns rare colours, the markers, into others
     palette = frames[-1].quantize(colours, octree, dither=Image.Dither.NONE)
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    rests = [REST, *[each] * (len(frames) - 2), REST][: len(frames)]
     data = io.BytesIO()
-    first.save(
-        data, "GIF", save_all=True, append_images=others, duration=rests, loop=0, optimize=True, disposal=1
-    )
+    more = {"append_images": others, "duration": list(durations)}
+    first.save(data, "GIF", save_all=True, **more, loop=0, optimize=True, disposal=1)
     return data.getvalue()
 
 

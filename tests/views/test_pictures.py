@@ -109,6 +109,23 @@ def test_the_film_bends_the_arm_as_a_model_predicts_its_laws_of_the_joints_inclu
     np.testing.assert_allclose(moved, deflections(kr500.vjm, found, data), rtol=0, atol=1e-12)
 
 
+def test_a_target_of_the_film_shows_the_rms_error_over_the_markers_where_the_model_puts_the_tool():
+    off = np.array([[[0.0, 0.0, 0.0]] * 2, [[3e-4, 5e-4, 4e-4], [3e-4, -5e-4, 4e-4]]])  # loads, markers, xyz
+    miss = opener._miss(off, np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(miss.size_mm, [0, np.sqrt(0.5)], rtol=1e-12)
+    np.testing.assert_allclose(miss.way, [[0, 0], [0.6, 0.8]], rtol=1e-12)
+
+
+def test_the_film_opens_with_its_answer_for_three_seconds_and_repeats_without_a_seam():
+    loads = opener.played()
+    with Image.open(file_of(pictures.FILM)) as film:
+        assert (film.size, film.n_frames, film.info["loop"]) == ((800, 450), len(loads), 0)
+        assert film.info["duration"] >= 3000
+    assert loads[0] == max(loads) == opener.LOADS - 1
+    assert max(abs(a - b) for a, b in zip(loads, [*loads[1:], loads[0]], strict=True)) <= opener.LIFTED
+    assert file_of(pictures.FILM).stat().st_size <= 1_500_000
+
+
 def test_runs_are_made_after_those_that_they_read():
     order = list(pictures.COMMANDS)
     assert pictures.needed({"predict"}) == {"demo", "model", "predict"}
