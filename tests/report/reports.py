@@ -148,8 +148,7 @@ def check_forest(axes, numbers, looks, unit="mm", first=(0, True)):
         assert float(texts[y]) == pytest.approx(middle(number), rel=0.06, abs=0.06)
     best = best_of_trials([numbers[k] for k in order])
     assert [(band.get_y(), band.get_height()) for band in axes.patches] == [(y - 0.5, 1.0) for y in best]
-    for y, band in zip(best, axes.patches, strict=True):
-        assert matplotlib.colors.same_color(band.get_facecolor()[:3], looks[order[y]].hex)
+    assert all(matplotlib.colors.same_color(band.get_facecolor()[:3], SOFT) for band in axes.patches)
     assert not first[1] or sizes[0] == max(sizes) > min(sizes[1:])
 
 
