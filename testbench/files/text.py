@@ -544,12 +544,13 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
     """
     count, (_, mark) = len(header.names), _divided("", header.delimiter)
     blanks, rows = _blanks(header.delimiter), list[str]()
-    for k in header.body:
-        line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
+    for k, line in enumerate(lines):
         if len(line) > MAX_ROW_LENGTH:
             raise InputError(
                 path, f"line {k + 1}", f"expected at most {MAX_ROW_LENGTH} letters, got {len(line)}"
             )
+    for k in header.body:
+        line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
         if '"' in line or line.count(mark) != count - 1:
             cells = _cells(line, mark)
             while len(cells) > count and not cells[-1].strip():

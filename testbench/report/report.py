@@ -222,8 +222,10 @@ def _packed(table: Table) -> dict[str, Any]:
         for column in table.columns
     ]
     shown = table.looks or looks(table.rows, table.columns[0])
+    headline = [column.name for column in table.columns if column.key == table.headline]
     return {
-        **{name: own for name in ("title", "bold", "headline", "across") if (own := getattr(table, name))},
+        **{name: own for name in ("title", "bold", "across") if (own := getattr(table, name))},
+        **({"headline": headline[0]} if headline else {}),
         "keys": [column.name for column in table.columns],
         "columns": columns,
         "rows": [[_cell(column.value(row)) for column in table.columns] for row in table.rows],
