@@ -380,7 +380,8 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
     # Replace words for lost targets and for loads, and fill merged cells.
-    found |= _settled(table, found, arm)
+    settled = _settled(table, found, arm)
+    found |= settled
     readings = [c.index for c in found.values() if c.slot.what in READ]
     loads = [c.index for c in found.values() if c.slot.what in ("mass", "force", "moment")]
     mark = table.mark([c.index for c in found.values() if c.unit])
@@ -390,7 +391,7 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
     if table.sheet and "" not in names.lost:
         _refuse_blanks(table, [c for c in found.values() if c.index in readings])
-    return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored))
+    return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored, settled))
 
 
 def _refuse_blanks(table: TableCells, columns: Sequence[ReadColumn]) -> None:
@@ -403,8 +404,10 @@ def _refuse_blanks(table: TableCells, columns: Sequence[ReadColumn]) -> None:
     table.refuse(blank, [c.name for c in columns], problem)
 
 
-def _warnings(table: TableCells, names: Names, ignored: Sequence[str]) -> tuple[str, ...]:
-    """Write warnings about a log joined by the order of its rows, and about columns that are not read."""
+def _warnings(
+    table: TableCells, names: Names, ignored: Sequence[str], settled: Mapping[Slot, ReadColumn]
+) -> tuple[str, ...]:
+    """Write warnings of a log joined by the order of its rows, of columns that are not read, and of gon."""
     log = names.map.log
     keys = [] if log is None else [*log.on, *log.to]
     full = {name for k, name in enumerate(table.names) if not table.blank(k).all()}
@@ -415,6 +418,8 @@ def _warnings(table: TableCells, names: Names, ignored: Sequence[str]) -> tuple[
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
         words.insert(0, f"warning: {log.file} is joined row by row: each row to {each} of readings")
+    if far := [column.name for column in settled.values() if column.unit == GON]:
+        words.append(f"warning: grad is read as gon, because degrees would pass a limit: {', '.join(far)}")
     return tuple(words)
 
 

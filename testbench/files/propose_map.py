@@ -78,7 +78,10 @@ SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
-HANGS = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b", re.IGNORECASE)  #: In "with 150 kg".
+HANGS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b", re.IGNORECASE)
+"""A mass in a text, such as "with 150 kg"."""
+THOUSANDS = re.compile(r"(?<![\d.,])[1-9][.,' \u00a0\u202f]\d{3}(?:[.,]\d+)?\s*(?:kg|lb)", re.IGNORECASE)
+"""A mass that may be one or a thousand: "1,000 lb"."""
 WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
 UNREADABLE = (
     (
@@ -215,6 +218,9 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
             down = all(not text.startswith("-") for text in texts)
             yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
             return
+        if unclear := next(filter(THOUSANDS.search, texts), ""):
+            problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
+            raise table.header_error(problem, name)
         if masses := masses_in(texts):
             yield from _massive(name, masses, left)
             return
@@ -255,7 +261,8 @@ def masses_in(texts: Sequence[str]) -> dict[str, str]:
     for text in dict.fromkeys(texts):
         masses, state = [*HANGS.finditer(text)], state_of(text)
         number = masses[0]["number"].replace(",", ".") if masses else "0"
-        if len(masses) > 1 or (not masses and state != "before") or (state == "before" and float(number)):
+        unclear = len(masses) > 1 or THOUSANDS.search(text)
+        if unclear or (not masses and state != "before") or (state == "before" and float(number)):
             return {}
         found[text] = f"{number} {masses[0]['unit'].casefold()[:2]}" if float(number) else "0"
     units = {mass.partition(" ")[2] for mass in found.values()} - {""}

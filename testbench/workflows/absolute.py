@@ -709,7 +709,7 @@ def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> 
         clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
         kept.extend(q[on][clear])
         if len(kept) >= count:
-            return np.array(kept[:count])
+            return np.reshape(kept[:count], (count, arm.n_joints))
     face = f"the plane at {', '.join(f'{x:g}' for x in own.fixed)} m"
     raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch {face}; is it in reach?")
 

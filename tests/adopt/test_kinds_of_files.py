@@ -652,6 +652,13 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
             .replace("[kg],1,2,3,100", "[kg]"),
             "dx, dy, dz are loaded minus unloaded",
         ),
+        *(
+            (
+                states("Pose|Target|Load|X [mm]|Y [mm]|Z [mm]|J{} [deg]", f"none|{mass}").decode(),
+                f"expected masses without a mark between thousands, as 1000 kg, got '{mass}'",
+            )
+            for mass in ("1,000 lb", "with 1.000 kg", "1 000.5 kg")
+        ),
     ):
         (file := tmp_path / "pairs.csv").write_text(content)
         with pytest.raises(InputError, match=said):
@@ -674,7 +681,9 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
     (file := tmp_path / "far.csv").write_text(
         table([*names, *"XYZ"], [["10", "-90", "90", "380", "0", "0", "1", "2", "3"]] * 2)
     )
-    q = read("far", tmp_path, file.read_text())[0].series[0].q
+    far = read("far", tmp_path, file.read_text())[0]
+    q, said = far.series[0].q, "warning: grad is read as gon, because degrees would pass a limit: J1 [grad], "
+    assert any(note.startswith(said) for note in far.notes)
     np.testing.assert_allclose(q[0], np.radians([9, -81, 81, 342, 0, 0]), atol=1e-12)
     (file := tmp_path / "cog.csv").write_text(
         both(joint="joint_{}_deg")

@@ -231,6 +231,8 @@ def test_distances_are_read_back_by_fixed_point_and_lost_ones_are_blank(kr500, t
 def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(kr500, tmp_path):
     few = CAMPAIGN.model_copy(update={"poses": 9})
     planes, _ = heights(kr500, few, 2, 1e-5)
+    twice = heights(kr500, CAMPAIGN.model_copy(update={"poses": 1}), 2, 1e-5, planes=PLANES[:1] * 2)[0]
+    assert [len(np.unique(one.pose)) for one in twice] == [1, 1]  # fewer poses than planes
     wire = simulate_distances(kr500, few, bars(POINTS[0], instrument=replace(EXACT, zero_sigma=1.0)), 2)[0]
     file, stem = tmp_path / "d.csv", {"target": "d", "markers": ("P1",)}
     named = [replace(one, name=f"d {k}", **stem) for k, one in enumerate((*planes, *wire))]

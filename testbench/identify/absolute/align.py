@@ -525,8 +525,8 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     if series.zero_sigma:  # its place among the free steps is behind those of the point
         start[3] = np.median(left(start))
     steps = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
-    _check_placed(state, series, (left(start), left(steps)), placed(steps)[0])
     frame, points = placed(steps)
+    _check_placed(state, series, (left(start), left(steps)), frame)
     return frame, Mount(points, np.eye(3), series.markers)
 
 
