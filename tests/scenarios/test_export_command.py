@@ -88,7 +88,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
     said = fine("export", "model", "--into", "in/$machine.dat")
     new = (place / "$machine_calibrated.dat").read_text()
     told = re.search(
-        r"(\d\.\d{3}) mm RMS, (\d\.\d{3}) mm at most: lengths and tilts of axes, not in the file", said
+        r"(\d\.\d{3}) mm RMS, (\d\.\d{3}) mm at most: lengths and tilts of axes \(not in the file\)", said
     )
     assert f"; {told[1]} mm RMS, {told[2]} at most: lengths and tilts of axes\n" in new
     elbow = re.search(r"\$MAMES\[3\]=(.*)\n", new)[1]
