@@ -214,7 +214,7 @@ def report(
     return Report(
         scenario="calibrate",
         question=say("How large are the position errors of {arm}, nominal and calibrated?", f),
-        title=say("{arm}, {total_after.n:counted position} of {k} series", f, k=len(f.series)),
+        title=say("{arm}: {total_after.n:counted position} in {k} series fitted", f, k=len(f.series)),
         answer=say(answer, every=every, alone=alone),
         claims=[
             say("**{name}**: {text}", name=name, text=text) for name, text in counted.calibration_doubts(f)

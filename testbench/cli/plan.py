@@ -168,7 +168,7 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
         "curve": Table(columns(CURVE), f.curve, f"Expected error {where} by the number of poses"),
         "around": Table(AROUND, f.around, "Expected error over the workspace"),
         "rests": Table(SINGLE, f.rests, "Assumptions and numbers of the plan"),
-        "limits": Table(LIMITS, f.limits, "Distance of the joints from their limits"),
+        "limits": Table(LIMITS, f.limits, "Smallest distance of each joint from its limits"),
         "filled": Table(FILLED, f.get("filled", []), "Joint ranges without an earlier reading"),
         "candidates": Table(SINGLE, f.refused, "Candidate poses: feasible, drawn, and refused by reason"),
     }

@@ -483,7 +483,7 @@ FREE_DEVIATION = 0.01
 """Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
 and not so much that rounding would hide the rest."""
 SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
-STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling beyond a beam"
+STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
 ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
 MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 
@@ -653,8 +653,8 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
 
 
 def _left(own: Sequence[HiddenQuantity]) -> str:
-    shares = [100 * hidden_quantity.share for hidden_quantity in own]
-    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance remains"
+    shares = [f"{100 * share:.0f}" for share in sorted(hidden_quantity.share for hidden_quantity in own)]
+    return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
 
 
 def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:

@@ -130,8 +130,8 @@ def _beside(f: Row) -> list[Row]:
     }
     known = [Row(what=name, mm=mm) for name, mm in pairs.items() if mm is not None]
     named = {
-        f"random poses, median of {chance.plans}": chance.median_mm,
-        "random poses, best tenth": chance.best_tenth_mm,
+        f"random poses, median of {chance.plans} plans": chance.median_mm,
+        "random poses, best tenth of the plans": chance.best_tenth_mm,
     }
     return [*known, *(Row(what=name, mm=mm) for name, mm in named.items())]
 
