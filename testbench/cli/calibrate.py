@@ -134,7 +134,7 @@ def command(asked: CalibrateOptions) -> None:
             more = gain_of_more(cell, model_of(calibrated.calibration), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
-            nothing = "rejected   the calibrated arm predicts worse than the nominal arm, nothing was written"
+            nothing = "rejected   the calibrated arm predicts worse than the nominal arm; nothing was written"
             print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))

@@ -57,7 +57,7 @@ def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     for said in (
         "joint_2: -130 to 20 deg, 0.075 urad/(N m), inferred",
         "marker P3: 0.16 -0.12 -0.4 m in the tool's frame",
-        "18 % link_2's tube 340/310 mm, E 110 GPa, assumed",
+        "18 % link_2's tube diameters 340/310 mm, E 110 GPa, assumed",
         "460.3 kg move the tool by 3.46 mm (median over random poses). Warnings: 0.",
         "460.3 kg 0.852 3.46 6.4 8.1",
     ):

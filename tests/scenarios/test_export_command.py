@@ -47,7 +47,9 @@ def test_an_own_urdf_a_new_one_and_both_again(place):
     done = fine("export", "model", "--urdf", "in/robot.urdf")
     assert "written robot_calibrated.urdf" in done
     assert "tool 'tool0'" in done
-    assert "read back 1000 poses, at most 0.001 um and 0.001 urad" in done
+    assert (
+        "read back in 1000 poses the file differs from the model by at most 0.001 um and 0.001 urad" in done
+    )
     assert "beside robot_calibrated.json: compliances" in done
     said = json.loads((place / "robot_calibrated.json").read_text())
     assert said["kind"] == "what a URDF cannot hold"

@@ -143,7 +143,7 @@ def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, 
     done = do(*asked)
     assert (done.returncode, done.stderr) == (1, "")
     words = " ".join(done.stdout.split())
-    assert words.startswith("Do not use calibrated: the nearest 80 % of the fitted readings lie")
+    assert words.startswith("Do not use the calibrated arm: the nearest 80 % of the fitted readings lie")
     assert "Holds" not in words
     assert "nothing was written" in words
     assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == earlier
