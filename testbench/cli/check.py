@@ -101,7 +101,7 @@ def report(checked: Checked) -> Report:
         parts=parts,
         contents=contents(checked),
     )
-    sizes = {"low": "5 %", "median": "median", "high": "95 %", "most": "largest"}
+    sizes = {"low": "5th percentile", "median": "median", "high": "95th percentile", "most": "largest"}
     ends = [TableColumn(key, heading, "mm", ".3g") for key, heading in sizes.items()]
     where = (TableColumn("at", "position of the tool, m"), TableColumn("joints", "joint angles"))
     row = Row(f.sag_mm, load=f.what, at=_place(np.array(f.place_m)), joints=f.joints)
