@@ -530,7 +530,7 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         yield (
             f"{found.geometry} directions of geometry, frames and mounts cannot be determined by any "
             "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
-            f"to the link before or behind it. Directions per joint: {', '.join(shared)}"
+            f"to the link before or behind it. Such directions per joint: {', '.join(shared)}"
             f"{f'; {left} concern several links' if left else ''}"
         )
     if found.idle:

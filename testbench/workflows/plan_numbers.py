@@ -148,7 +148,7 @@ def _rests(f: Row) -> list[Row]:
         "directions of the unknowns that these loads can determine": seen.get("shown"),
         "directions that the plan determines": seen.get("seen"),
         "directions in which readings outweigh the prior": seen.get("outweighed"),
-        "share of the prior in the mean square error, %": seen.get("prior_share_percent"),
+        "share of the mean square error that the prior causes, %": seen.get("prior_share_percent"),
         "95 % half width of a deflection at the tasks, mm": f.get("half_width_95_mm"),
         f"fewest poses for an expected error of {TARGET:g} mm at the tasks": told.get("fewest"),
         f"poses beyond which {MORE} more improve it by less than {100 * LITTLE:g} %": told.get("enough"),
