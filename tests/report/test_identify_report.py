@@ -122,7 +122,9 @@ def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
     half = f"The median 95 % interval of a deflection is +- {own.intervals.half_width_mm:.3f} mm"
-    assert said.answer == f"Use {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs. {half}."
+    assert (
+        said.answer == f"Use {name}: its RMS error in the held-out runs is {own.check.rms_mm:.3f} mm. {half}."
+    )
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
     axes = overview(said, PageContent(tables=[said.tables["models"]])).axes[0]
     first, dot = axes.get_yticklabels()[0].get_text(), axes.get_lines()[1]

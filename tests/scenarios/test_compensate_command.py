@@ -188,7 +188,7 @@ def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, 
     for name, flags in {"stated": (), "same": ("--load", "460.3kg"), "none": ("--load", 0)}.items():
         said = fine("compensate", folder / "true", bare, "--out", tmp_path / f"{name}.csv", *flags)
         found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, said
-    assert "The file gives no load: the rated payload of 460.3 kg is assumed" in found["stated"][1]
+    assert "The file gives no load, so the rated payload of 460.3 kg is assumed" in found["stated"][1]
     assert "The file gives no load, so none is assumed" in found["none"][1]
     np.testing.assert_array_equal(found["stated"][0], found["same"][0])
     np.testing.assert_allclose(found["none"][0], q, atol=1e-9)

@@ -55,7 +55,7 @@ def test_an_own_urdf_a_new_one_and_both_again(place):
     assert said["kind"] == "what a URDF cannot hold"
     assert said["urdf_sha256"] == files.digest(place / "robot_calibrated.urdf")
     assert said["read_back"]["position_um"] < 1
-    assert "new.urdf, from scratch" in fine("export", "model", "--urdf", "new.urdf")
+    assert "new.urdf, a new URDF without shapes" in fine("export", "model", "--urdf", "new.urdf")
     refused("export", "model", "--urdf", "robot_calibrated.urdf", said="testbench export wrote it")
     for urdf in ("in/robot.urdf", "new.urdf"):  # what the command wrote may be replaced
         assert "replaced" in fine("export", "model", "--urdf", urdf)

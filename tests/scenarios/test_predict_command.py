@@ -248,7 +248,7 @@ def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_sai
     own = tb.load_model(model)
     file = poses_file(tmp_path / "poses.csv", q[:2], ["900", "900"], head="axail_N")
     notes = read_pose_file(file, own, None, lambda: own.arm.payload).notes
-    assert "The file gives no load: the rated payload of 460.3 kg is assumed" in notes
+    assert "The file gives no load, so the rated payload of 460.3 kg is assumed" in notes
     assert any(note.startswith("Not used, although it looks like a load: axail_N") for note in notes)
     bare = read_pose_file(file, own, None, lambda: 0.0)
     assert (bare.words, bare.notes[-1]) == ("", "The file gives no load, so none is assumed")
