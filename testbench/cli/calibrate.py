@@ -50,7 +50,7 @@ KEPT = "Green kinds of error are kept, because they improve held-out readings. G
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 TABLES = {
     "steps": (
-        "Kinds of error tried, and the held-out error of the arm calibrated with each",
+        "Kinds of error tried, and the held-out error of the calibrated arm with each",
         "tried verdict after_mm series_after_mm",
     ),
     "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
