@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,7 +21,7 @@ from testbench.report.badge import decide
 from testbench.report.colours import GCO, GREY, Look
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
-from testbench.report.readings import LOOKS, draw_calibration
+from testbench.report.readings import CALIBRATED_ARM, LOOKS, NOMINAL_ARM, draw_calibration
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row
@@ -46,11 +46,11 @@ from testbench.workflows.rows import MM
 if TYPE_CHECKING:
     from testbench.report.figure import Figure
 
-KEPT = "Green: kept, because it improves held-out readings. Grey: tried, not kept."
+KEPT = "Green kinds of error are kept, because they improve held-out readings. Grey ones are dropped."
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 TABLES = {
     "steps": (
-        "Errors tried, and the held-out error of the calibrated arm with each",
+        "Kinds of error tried, and the held-out error of the calibrated arm with each",
         "tried verdict after_mm series_after_mm",
     ),
     "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
@@ -62,7 +62,7 @@ TABLES = {
         "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant",
     ),
     "pattern": ("Periodic error that joints share", "joint turn_deg mirrored"),
-    "ranges": ("Ranges of joints with the largest errors after calibration", "what rms_mm"),
+    "ranges": ("Joint ranges with the largest errors after calibration", "what rms_mm"),
     "outliers": ("Readings with little weight", "series row marker error_mm pull"),
 }
 """Titles and columns of the report's tables."""
@@ -134,7 +134,7 @@ def command(asked: CalibrateOptions) -> None:
             more = gain_of_more(cell, model_of(calibrated.calibration), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
-            nothing = "rejected   the calibrated model is worse than the nominal arm; nothing was written"
+            nothing = "rejected   the calibrated arm predicts worse than the nominal arm; nothing was written"
             print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
@@ -170,14 +170,14 @@ def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
         f"the limit is {asked.at_most} mm"
     )
     sizes = (
-        f"{position_errors.mean_mm:.3f} mm mean, {position_errors.rms_mm:.3f} mm RMS, 95 % below "
-        f"{position_errors.p95_mm:.3f} mm"
+        f"{position_errors.mean_mm:.3f} mm mean, {position_errors.rms_mm:.3f} mm RMS, "
+        f"{position_errors.p95_mm:.3f} mm 95th percentile"
     )
     lines = [
         *([] if asked.at_most is None else [verdict]),
         *notes,
-        f"error of {position_errors.n} positions: {sizes}, {position_errors.max_mm:.3f} mm at most",
-        f"{100 * position_errors.coverage_95:.1f} % of them are inside their 95 % interval",
+        f"errors of {position_errors.n} positions: {sizes}, {position_errors.max_mm:.3f} mm largest",
+        f"{100 * position_errors.coverage_95:.1f} % of these positions lie in their 95 % interval",
     ]
     plain_console().print("\n".join(lines), soft_wrap=True)
     if failed:
@@ -200,7 +200,7 @@ def report(
     f, chosen = counted.numbers(found, left, more), found.calibration.chosen
     length = np.sqrt(numbers_per_target(found.series))
     plain_mm, own_mm = (MM * length * x for x in chosen.held_out)
-    rival = (chosen.simpler_model or "as drawn", plain_mm)
+    rival = (f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM, plain_mm)
     alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
     answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."
     if not f.held_out_mm:
@@ -209,11 +209,12 @@ def report(
         )
     heads = (("What is not determined", f.left_open), ("How the readings were read", f.notes))
     lists = [Markdown(f"## {head}\n\n{bullets(texts) or 'Nothing.'}") for head, texts in heads]
+    badge = decide((CALIBRATED_ARM, own_mm), rival, "block held out", counted.reason_against_use(f))
     tables = _tables(f)
     return Report(
         scenario="calibrate",
         question=say("How large are the position errors of {arm}, nominal and calibrated?", f),
-        title=say("{arm}, {total_after.n:counted position} of {k} series", f, k=len(f.series)),
+        title=say("{arm}: {total_after.n:counted position} in {k} series fitted", f, k=len(f.series)),
         answer=say(answer, every=every, alone=alone),
         claims=[
             say("**{name}**: {text}", name=name, text=text) for name, text in counted.calibration_doubts(f)
@@ -221,7 +222,7 @@ def report(
         numbers=f,
         tables=tables,
         body=[*tables, *lists, Markdown("What each table means: docs/calibration.md, *The report*.")],
-        badge=decide(("calibrated", own_mm), rival, "block held out", counted.reason_against_use(f)),
+        badge=replace(badge, article="the "),
     )
 
 
@@ -232,7 +233,9 @@ def _tables(f: Row) -> dict[str, Table]:
     far = sorted((row for row in f.places if row.n), key=lambda row: -float(row.after_mm))[:5]
     rows = {
         "steps": tried,
-        "errors": [Row(what="as drawn", error=f.total_before), Row(what="calibrated", error=f.total_after)],
+        "errors": [
+            Row(what=w, error=f[k]) for w, k in zip(LOOKS, ("total_before", "total_after"), strict=True)
+        ],
         "series": f.series,
         "values": [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)],
         "numbers": [Row(what=name, value=own) for name, own in _others(f) if own is not None],
@@ -259,8 +262,8 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "noise of a reading along an axis, as stated, um", f.noise.sigma_um
     yield "error of the model at a position, without noise, um", f.noise.open_position_um
     yield "error of the model at an orientation, without noise, urad", f.noise.open_rotation_urad or None
-    yield "scatter of the readings, divided by noise and model error together", f.noise.position_factor
-    yield "positions with reduced weight, % (0.7 % expected)", f.less_pull_percent
+    yield "scatter of the readings / (noise and model error together)", f.noise.position_factor
+    yield "positions that count less as likely outliers, % (0.7 % expected)", f.less_pull_percent
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm
         yield (

@@ -55,15 +55,15 @@ def command(asked: CheckOptions) -> None:
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder], force=asked.force):
         checked = check(asked.arm)
         said, (first, *rest) = report(checked), contents(checked)
-        console = plain_console()
+        listed, console = said.numbers["confirm"], plain_console()
         console.print(first, soft_wrap=True)
         lines = [
             "\nPlease confirm these numbers, each with its contribution to the deflection:",
-            *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in said.numbers["confirm"]),
-            f"         {len(checked.items) - len(said.numbers['confirm'])} more below 1 %",
+            *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in listed),
+            f"         {len(checked.items) - len(listed)} more contribute less than 1 % each",
             "\nRead from the folder:",
             *rest,
-            "MuJoCo and Pinocchio place links, tool, load point and markers alike within "
+            "MuJoCo and Pinocchio agree on the places of links, tool, load point and markers within "
             f"{max(1, ceil(1e9 * checked.apart))} nm",
         ]
         if springs is not None:
@@ -101,22 +101,32 @@ def report(checked: Checked) -> Report:
         parts=parts,
         contents=contents(checked),
     )
-    sizes = {"low": "5 %", "median": "median", "high": "95 %", "most": "largest"}
+    sizes = {"low": "5th percentile", "median": "median", "high": "95th percentile", "most": "largest"}
     ends = [TableColumn(key, heading, "mm", ".3g") for key, heading in sizes.items()]
-    where = (TableColumn("at", "tool there, m"), TableColumn("joints", "joints there"))
+    where = (TableColumn("at", "position of the tool, m"), TableColumn("joints", "joint angles"))
     row = Row(f.sag_mm, load=f.what, at=_place(np.array(f.place_m)), joints=f.joints)
     tables = {
-        "sag": Table((TableColumn("load", "payload"), *ends), [row], "Deflection of the tool over the poses"),
+        "sag": Table(
+            (TableColumn("load", "payload"), *ends), [row], "Deflection of the tool over random poses"
+        ),
         "worst": Table(where, [row], "Pose of the largest deflection"),
-        "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
-        "parts": Table(columns("part sag_share_percent"), parts, "Share of the sag by link and joint"),
+        "confirm": Table(
+            (TableColumn("number", "number and its origin"), *columns("hangs_percent")),
+            confirm,
+            "Numbers to confirm",
+        ),
+        "parts": Table(
+            columns("part sag_share_percent"), parts, "Contribution of each link and joint to the deflection"
+        ),
     }
     return Report(
         scenario=f.arm,
         question=say("Is this {arm}?", f),
         title=say("{text}", text=f.contents[0]),
         answer=say(
-            f"{{what}} move the tool by {{sag_mm.median:.3g}} mm (median). Warnings: {len(f.doubts)}.", f
+            "{what} move the tool by {sag_mm.median:.3g} mm (median over random poses). Warnings: {count}.",
+            f,
+            count=len(f.doubts),
         ),
         claims=[say("**Warning**: {text}", text=ended(text)) for text in f.doubts],
         numbers=f,
@@ -152,20 +162,21 @@ def contents(checked: Checked) -> list[str]:
         ]
     names = f"load point {arm.load}", *(f"marker {name}" for name in arm.markers)
     points = zip(names, (vjm.load, *vjm.markers), strict=True)
-    lines.append(f"  {arm.tool}, on {arm.links[-1].name}: {_place(vjm.tool[:3, 3])} m in its frame")
+    lines.append(f"  {arm.tool}: {_place(vjm.tool[:3, 3])} m in the frame of {arm.links[-1].name}")
     return lines + [f"  {name}: {_place(place)} m in the tool's frame" for name, place in points]
 
 
 def _link(link: LinkEntry) -> str:
-    axis = f"along {_place(np.array(link.axis))}"
+    axis = f"axis {_place(np.array(link.axis))}"
     if link.tube is None:
         assert link.compliance is not None
-        return f"{axis}, full 6x6 compliance, {link.compliance.origin}"
+        return f"{axis}, full 6x6 compliance ({link.compliance.origin})"
     t = link.tube
     outer, inner = 1e3 * t.outer_diameter.value, 1e3 * t.inner_diameter.value
     return (
-        f"{axis}, {1e3 * t.length.value:.0f} mm, {t.length.origin}; tube {outer:.0f}/{inner:.0f} mm, "
-        f"{1e-9 * t.youngs_modulus.value:.0f} GPa, {t.outer_diameter.origin}"
+        f"{axis}; length {1e3 * t.length.value:.0f} mm ({t.length.origin}); tube diameters "
+        f"{outer:.0f}/{inner:.0f} mm, E "
+        f"{1e-9 * t.youngs_modulus.value:.0f} GPa ({t.outer_diameter.origin})"
     )
 
 
@@ -173,7 +184,7 @@ def _joint(joint: ArmJoint, entry: JointEntry) -> str:
     low, high = (joint.shown * end for end in (joint.lower, joint.upper))
     c = entry.compliance
     value = show(1e6 * c.value, ".3g")
-    return f"{low:.0f} to {high:.0f} {joint.shown_unit}, {value} u{c.unit}, {c.origin}"
+    return f"range {low:.0f} to {high:.0f} {joint.shown_unit}; compliance {value} u{c.unit} ({c.origin})"
 
 
 def _place(point: Array) -> str:

@@ -128,7 +128,9 @@ def report(a: Finished, b: Finished) -> Report:
     far = sum(row.verdict in ("smaller", "larger") for row in values)
     answer = say("{far} of {all} numbers differ by more than 2 %.", far=far, all=len(values))
     if lead is not None:
-        answer = say("{name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind])
+        answer = say(
+            "RMS error of {name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind]
+        )
     names = [{row.name for row in models_of(run).values()} for run in (a, b)]
     only = sorted(names[0] ^ names[1])
     tables = _tables(lead, models, [] if led else apart, inputs)
@@ -138,7 +140,9 @@ def report(a: Finished, b: Finished) -> Report:
         question=Markdown("Do A and B differ, and which has the smaller error?"),
         title=say("A: {a} ({x}, seeds {s}); B: {b} ({y}, seeds {t})", _made(a, b)),
         answer=answer,
-        claims=[say("Only one of the runs has: {only:list}.", only=only)] if only and led else [],
+        claims=[say("These models are in one of the runs only: {only:list}.", only=only)]
+        if only and led
+        else [],
         numbers=Row(
             runs=[str(a.folder), str(b.folder)],
             inputs=inputs,
@@ -175,7 +179,7 @@ def _tables(
     looks = {row.name: look_of(row) for row in led if row.constraint}
     ratio = TableColumn("ratio", "error of B divided by the error of A", form=".2f", short="B / A")
     sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
-    columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
+    columns = TableColumn("verdict", "error of B is"), TableColumn("by", "judged by")
     kind = TableColumn("kind", "where", called=KINDS)
     plain = (
         TableColumn("what", "number"),

@@ -208,7 +208,7 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "model", f.method
     yield "tool to which the program's positions refer", f.asked
-    yield "what is corrected", f.hold
+    yield "corrected quantity", f.hold
     yield "points with a load", f.loaded
     yield "points corrected", f.corrected
     yield "largest force, N", f.force_n[1]
@@ -218,12 +218,12 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "95 % half width between points, median, mm", f.half_fitted_mm and f.half_fitted_mm.median
     yield "95 % half width between points, largest, mm", f.half_fitted_mm and f.half_fitted_mm.max
     if f.open:
-        yield f"share of the remaining variance from {f.open.name}, %", 100 * f.open.share
+        yield f"variance of the corrected tool position from {f.open.name}, %", 100 * f.open.share
     yield "largest orientation change that is not corrected, mrad", f.turns_mrad or None
     if f.tolerance:
         yield "tolerance, mm", f.tolerance.mm
         yield "points that exceed the tolerance as programmed", f.tolerance.failed_before
         yield "points that exceed the tolerance after correction", f.tolerance.failed
     if f.jump:
-        yield f"largest step of a correction, {f.jump.unit}", f.jump.size
-        yield "its joint and line", f"{f.jump.joint}, line {f.jump.line}"
+        yield f"largest jump of a correction between two points, {f.jump.unit}", f.jump.size
+        yield "joint and line of this jump", f"{f.jump.joint}, line {f.jump.line}"

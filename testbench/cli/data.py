@@ -220,8 +220,10 @@ def _show_series(
     ]
     console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)
     off = MM * kinematic_misfit(cell.vjm, export.series)
-    console.print(f"They fit the nominal arm to {off:.3g} mm (median).")
+    console.print(f"The median distance of these readings from the nominal arm is {off:.3g} mm.")
     for one in export.series:
         if fit := fit_of_series(cell.arm, one):
             angle = f"{math.degrees(fit.angle):.2g} deg"
-            console.print(f"Orientations of {one.name} fit it to {angle} (RMS).", soft_wrap=True)
+            console.print(
+                f"{one.name}: orientations differ from the nominal arm by {angle} RMS.", soft_wrap=True
+            )

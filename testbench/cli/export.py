@@ -138,13 +138,13 @@ def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> l
     """What was written, how far it was off when it was read back, and what it cannot hold."""
     back, new = done.read_back, draft.drawing_off is None
     lines = [
-        f"written    {out}" + ", from scratch, without shapes" * new + ", replaced" * replaced,
-        f"beside     {companion_path(out)}: compliances, joint errors and laws, weights",
+        f"written    {out}" + ", a new URDF without shapes" * new + ", replaced" * replaced,
+        f"beside     {companion_path(out)}: compliances, joint errors, joint laws and weights",
         f"arm        {arm}, tool {draft.frames.names[-1]!r}",
-        f"read back  {back.poses} poses, at most {max(back.position_um, 0.001):.3g} um and "
-        f"{max(back.rotation_urad, 0.001):.3g} urad from the model",
-        *_sizes({"difference from the nominal geometry": done.geometry_mm}),
-        *_sizes({f"{what}, not in the file": own for what, own in done.left.items()}),
+        f"read back  in {back.poses} poses the file differs from the model by at most "
+        f"{max(back.position_um, 0.001):.3g} um and {max(back.rotation_urad, 0.001):.3g} urad",
+        *_sizes({"difference between calibrated and nominal geometry": done.geometry_mm}),
+        *_sizes({f"{what} (not in the file)": own for what, own in done.left.items()}),
     ]
     if draft.drawing_off is not None:
         off, aside = 1e6 * draft.drawing_off, round(1e3 * draft.aside, 6)
@@ -171,8 +171,9 @@ def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[st
     return [
         f"written    {out}",
         f"arm        {arm.name}, offsets in deg: {', '.join(shown)}",
-        f"read back  {RANDOM_POSES} poses, at most {max(1e6 * off, 0.001):.3g} um from these offsets",
-        *_sizes({"without these offsets, base and tool fitted again": best.drawn_mm}),
-        *_sizes({"with these offsets, base and tool fitted again": best.corrected_mm}),
-        *_sizes({f"{what}, not in the file": own for what, own in best.left.items()}),
+        f"read back  in {RANDOM_POSES} poses the file differs from these offsets by at most "
+        f"{max(1e6 * off, 0.001):.3g} um",
+        *_sizes({"error without these offsets (base and tool are fitted again)": best.drawn_mm}),
+        *_sizes({"error with these offsets (base and tool are fitted again)": best.corrected_mm}),
+        *_sizes({f"{what} (not in the file)": own for what, own in best.left.items()}),
     ]

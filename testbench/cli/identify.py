@@ -49,19 +49,19 @@ MODELS = (
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 WORST = (
     TableColumn("name", "model"),
-    TableColumn("half_mm", "+- (95 %), median", "mm", none="no bound"),
-    TableColumn("worst_mm", "+- (95 %), worst", "mm", none="no bound"),
+    TableColumn("half_mm", "95 % half width, median", "mm", none="no bound"),
+    TableColumn("worst_mm", "95 % half width, largest", "mm", none="no bound"),
     TableColumn("unbounded", "poses without bound", form="d"),
-    TableColumn("place", "worst place"),
-    TableColumn("joints", "joints there"),
+    TableColumn("place", "place of the largest"),
+    TableColumn("joints", "joint angles there"),
 )
 SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")
 HELP = columns("place measure rank expected_error_mm")
 UNSEEN = (
     TableColumn("why", "hidden by"),
     TableColumn("parts", "links and joints"),
-    TableColumn("directions", "directions", form="d"),
-    TableColumn("parameters", "parameters of the first"),
+    TableColumn("directions", "number of directions", form="d"),
+    TableColumn("parameters", "parameters in the first direction"),
 )
 LAWS = columns("part stiffer_percent backlash_urad friction_urad strut_percent")
 MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The report*.")
@@ -160,7 +160,7 @@ def report(f: Row) -> Report:
         first = "First check the runs (see the warning below). If they are right, use"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
-    half = ". 95 % interval of deflections: +- {intervals.half_width_mm:.3f} mm (median)" if sure else ""
+    half = ". The median 95 % interval of a deflection is +- {intervals.half_width_mm:.3f} mm" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:LISTED_RUNS]
     own_laws = (
         TableColumn(name, name.replace("_", " "), law.unit_words.replace("1", ""), form=".3g")
@@ -172,9 +172,11 @@ def report(f: Row) -> Report:
         "models": table_of(f, MODELS),
         "fit": Table(SINGLE, _fit(f), "The fit"),
         "elsewhere": Table(WORST, [*_elsewhere(f)], "Uncertainty at other poses"),
-        "laws": Table(laws, f.laws, "Joints beyond a spring"),
+        "laws": Table(laws, f.laws, "Joints that are more than linear springs"),
         "runs": Table(
-            columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {LISTED_RUNS} runs"
+            columns("which_run pose moved_mm taken_mm"),
+            runs,
+            f"Runs with the largest residuals, at most {LISTED_RUNS}",
         ),
         "told": Table(columns(told), f.seen.blocks, "What the runs determine"),
         "help": Table(HELP, rest.help if rest else [], "Measurements that could be added"),
@@ -185,7 +187,9 @@ def report(f: Row) -> Report:
         scenario="identify",
         question=say("Which stiffness model of {arm} should be used, and how certain is it?", f),
         title=say("{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted", f),
-        answer=say(f"{first} {{name}}: {{{kind}.rms_mm:.3f}} mm RMS in the {where} runs{half}.", taken),
+        answer=say(
+            f"{first} {{name}}: its RMS error in the {where} runs is {{{kind}.rms_mm:.3f}} mm{half}.", taken
+        ),
         claims=list(warnings(f, taken)),
         numbers=f,
         tables=tables,
@@ -214,18 +218,18 @@ def _fit(f: Row) -> list[Row]:
     """List single numbers of the fit."""
     places, rest = f.map or Row(), f.get("identifiability") or Row()
     pairs = {
-        "95 % bound of residuals from noise alone, mm": f.noise_p95_mm,
+        "95 % bound of the residuals that noise alone causes, mm": f.noise_p95_mm,
         f"unknowns of {f.seen.structure}": f.seen.unknowns,
         "rank: directions of the unknowns that the runs determine": f.seen.seen,
         "measured deflections divided by those that the arm's folder predicts": f.scale,
-        "force of the map, N": places.get("force_N"),
-        "moment of the map, N m": places.get("moment_Nm"),
-        "poses of the map": places.get("places"),
+        "force in the map of half widths, N": places.get("force_N"),
+        "moment in the map, N m": places.get("moment_Nm"),
+        "poses in the map": places.get("places"),
         "smallest half width in the map, mm": places.get("least_mm"),
-        "half width in 95 % of the map's poses, mm": places.get("p95_mm"),
+        "half width that 95 % of the map's poses do not exceed, mm": places.get("p95_mm"),
         "expected error at random poses, mm": rest.get("expected_error_mm"),
         "expected deflection at random poses, mm": rest.get("expected_deflection_mm"),
-        "most independent equations that the runs can give": rest.get("equations"),
+        "largest number of independent equations from these runs": rest.get("equations"),
     }
     return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
 
@@ -235,7 +239,7 @@ def _elsewhere(f: Row) -> Iterator[Row]:
     for name in f.map.errors.compared[::-1] if f.map else ():
         errors, worst = f.map.errors, f.map.errors.worst.get(name)
         row = Row(name=name, half_mm=errors.typical_mm(name), unbounded=errors.unbounded(name))
-        at = {"worst_mm": None, "place": "nowhere bounded", "joints": ""}
+        at = {"worst_mm": None, "place": "no pose has a bound", "joints": ""}
         if worst is not None:
             at = {"worst_mm": worst.error_mm, "place": place(worst.position_m), "joints": worst.joints}
         yield Row(row, **at)

@@ -62,7 +62,7 @@ def command(
     joints = f"{len(arm.joints)} joints"
     if arm.joint_map is not None:
         joints += f" (files have {len(arm.file_joints)}: {', '.join(arm.joint_map.names)})"
-    first = f"{name}: {joints}, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
+    first = f"{name}: {joints}, tool at {chain.tip.name!r}, mass {chain.mass:.4g} kg"
     if project:
         write_project(name, source)
     last = f"next       testbench check {shell_word(name)} --out runs/{shell_word(Path(name.name))}"

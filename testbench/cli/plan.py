@@ -40,13 +40,13 @@ AROUND = (
     TableColumn("name", "model"),
     TableColumn("typical_mm", "expected error, RMS", "mm", none="no bound"),
     TableColumn("worst_mm", "largest", "mm"),
-    TableColumn("place", "there"),
-    TableColumn("joints", "joints there"),
+    TableColumn("place", "place of the largest, m"),
+    TableColumn("joints", "joint angles there"),
 )
 SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")
 FILLED = (
     TableColumn("joint", "joint"),
-    TableColumn("unread_percent", "not read", "%", ".0f"),
+    TableColumn("unread_percent", "without a reading", "%", ".0f"),
     *columns("poses"),
 )
 LIMITS = (
@@ -114,7 +114,7 @@ def report(f: Row) -> Report:
     """Report a plan from its numbers."""
     where = "over the workspace" if f.absolute else "at the tasks"
     first = say(
-        "Expected error {where}: {expected:.3f} mm (90 %: {p05:.3f} to {p95:.3f} mm)",
+        "Expected error {where}: {expected:.3f} mm (90 % interval {p05:.3f} to {p95:.3f} mm)",
         vars(f.error_mm),
         where=where,
     )
@@ -129,7 +129,7 @@ def report(f: Row) -> Report:
         scenario="plan",
         question=Markdown("Which poses should be measured?"),
         title=say("Calibration plan: {arm}, {model}, {loads}", f, loads=loads),
-        answer=say(f"{first}; with random poses: {rival} (median of {random.plans} plans)."),
+        answer=say(f"{first}. With random poses: {rival} (median of {random.plans} plans)."),
         claims=list(_warnings(f)),
         numbers=f,
         tables=tables,
@@ -166,11 +166,11 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
             columns("task expected_deflection_mm error_there_mm"), worst, "Tasks with the largest errors"
         ),
         "curve": Table(columns(CURVE), f.curve, f"Expected error {where} by the number of poses"),
-        "around": Table(AROUND, f.around, "Over the workspace"),
+        "around": Table(AROUND, f.around, "Expected error over the workspace"),
         "rests": Table(SINGLE, f.rests, "Assumptions and numbers of the plan"),
-        "limits": Table(LIMITS, f.limits, "Distance of the joints from their limits"),
+        "limits": Table(LIMITS, f.limits, "Smallest distance of each joint from its limits"),
         "filled": Table(FILLED, f.get("filled", []), "Joint ranges without an earlier reading"),
-        "candidates": Table(SINGLE, f.refused, "Candidate poses: drawn, kept, and refused by reason"),
+        "candidates": Table(SINGLE, f.refused, "Candidate poses: feasible, drawn, and refused by reason"),
     }
 
 

@@ -138,13 +138,13 @@ def _warnings(f: Row) -> Iterator[str]:
     """How the file was read, loads beyond the readings, what no reading has seen, doubts of the model."""
     yield from (*f.notes, *f.extrapolated)
     if any(row.half_mm is not None and 2 * row.half_mm > row.deflection_mm > 0 for row in f.worst[:1]):
-        yield "Uncertain: the interval of the largest deflection is wider than half of it"
+        yield "Uncertain: the 95 % half width of the largest deflection exceeds half of the deflection"
     if f.map.half_mm is not None and 2 * f.map.half_mm > f.map.worst_mm:
-        yield "Uncertain: the interval at the worst place of the map is wider than half of the value there"
+        yield "Uncertain: where the map has its largest deflection, the 95 % half width exceeds half of it"
     if f.unseen_percent:
         yield f"The readings give no interval for {f.unseen_percent:.0f} % of the deflections"
     if f.map.unseen_percent:
-        yield f"No interval for some force direction in {f.map.unseen_percent:.0f} % of the map's poses"
+        yield f"{f.map.unseen_percent:.0f} % of the map's poses have no interval for some force direction"
     yield from (f"Warning of the model: {text}" for text in f.doubts)
 
 
@@ -152,7 +152,7 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     field, soft = f.map, f.softest
     yield "model", f.method
-    yield "positions", "calibrated" if f.absolute else "of the nominal arm with its deflection"
+    yield "predicted positions", "of the calibrated arm" if f.absolute else "of the nominal arm, deflected"
     yield "95 % half width of a position at the tool, median, mm", f.position_half_mm if f.absolute else None
     yield "largest force about the tool's origin, N", f.force_n
     yield "largest moment, N m", f.moment_nm
@@ -162,18 +162,18 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "deflection, median, mm", f.median_mm
     yield "largest difference from the linear model, Eq. (6), mm", f.other_off_mm
     yield "softest pose of the file", soft.pose
-    yield "least stiffness there, N/um", soft.stiffness_n_per_um[0]
-    yield "its direction", soft.softest
-    yield "force of the map, N", field.force_n
+    yield "least stiffness in this pose, N/um", soft.stiffness_n_per_um[0]
+    yield "direction of the least stiffness", soft.softest
+    yield "force in the stiffness map, N", field.force_n
     yield "deflection by that force in the softest pose, mm", soft.push_mm
-    yield "its 95 % half width, mm", soft.push_half_mm or "none"
-    yield "poses of the map", field.places
-    yield "deflection by the force in its worst direction, median of the map, mm", field.median_mm
-    yield "this deflection, 95 % of the map, mm", field.p95_mm
-    yield "this deflection, worst place of the map, mm", field.worst_mm
-    yield "95 % half width there, mm", field.half_mm or "none"
-    yield "worst place of the map, x, y, z, m", ", ".join(f"{x:.3f}" for x in field.at_m)
-    yield "joints there", field.joints
+    yield "95 % half width of this deflection, mm", soft.push_half_mm or "none"
+    yield "poses in the map", field.places
+    yield "deflection by the force in the worst direction, median over the map, mm", field.median_mm
+    yield "this deflection, 95th percentile over the map, mm", field.p95_mm
+    yield "this deflection, largest in the map, mm", field.worst_mm
+    yield "95 % half width of the largest, mm", field.half_mm or "none"
+    yield "place of the largest, x, y, z, m", ", ".join(f"{x:.3f}" for x in field.at_m)
+    yield "joint angles there", field.joints
     yield "softest direction there", field.softest
 
 

@@ -233,7 +233,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     low, high = masses.min(), masses.max()
     hung = (f"{low:g} kg" if low == high else f"{low:g} to {high:g} kg") + " and forces" * (pulls is not None)
-    seen = f", read from {' and '.join(asked.tracker)} m" if asked.tracker else ""
+    seen = f", read by a tracker at {' and one at '.join(asked.tracker)} m" if asked.tracker else ""
     text = (
         f"{asked.out}: {data.runs} runs under {hung}, deflections of {size.min():.2f} to {size.max():.2f} mm"
     )

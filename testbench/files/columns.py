@@ -570,7 +570,7 @@ SAME_POSE = 1e-6
 """Largest difference of joint coordinates in one pose [rad, m]."""
 ROUNDED = 1e-4
 """Excess over a limit that rounding in a file explains; the coordinate is then set to the limit [rad, m]."""
-POSES_BY_ANGLES = "poses are numbered by equal joint angles"
+POSES_BY_ANGLES = "rows of equal joint angles count as one pose"
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
 
@@ -621,7 +621,7 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> R
     pose, named = ids["pose"], ids["pose"] is not None
     if pose is None:
         pose = same_poses(q)
-        notes.append(f"{POSES_BY_ANGLES}: {len(np.unique(pose))} of them")
+        notes.append(f"{POSES_BY_ANGLES}: {len(np.unique(pose))} poses")
     taken_off = _taken_off(columns)
     return RowConditions(ids["run"], pose, named, ids["station"], taken_off, q, wrench, point, tuple(notes))
 
@@ -743,7 +743,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     hung = hung if told is None else told
     if acts == (hung is not None):
         if not acts and not needed:
-            return np.zeros((table.rows, 6)), ["no column gives a load: only own weight is assumed"]
+            return np.zeros((table.rows, 6)), ["no column gives a load, so only own weight is assumed"]
         if not acts:
             hint = "; one for the whole file is said by --load, or in [values] of a map, as mass_kg = 150; "
             hint += "absolute readings without a load are for `testbench calibrate`"

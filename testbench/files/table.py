@@ -538,7 +538,7 @@ def _notes(encoding: str, header: TableHeader) -> tuple[str, ...]:
     )
     where = f"header in line {header.line}" if header.line else "the map names the columns"
     how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
-    found = [f"{how}, {between} between the cells, {where}"]
+    found = [f"{how}, cells separated by {between}, {where}"]
     counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
     found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
     if header.no_readings:

@@ -195,7 +195,7 @@ def _said(cell: Cell, row: Row, q: Sequence[float] | Array) -> str:
     what = "sag" if "expected_sag_mm" in row else "deflection"
     moved = row[f"expected_{what}_mm"]
     low, high = row.expected_error_p05_mm, row.expected_error_p95_mm
-    error = f"{row.expected_error_mm:.3f} mm (90 %: {low:.3f} to {high:.3f})"
+    error = f"{row.expected_error_mm:.3f} mm (90 % interval {low:.3f} to {high:.3f} mm)"
     return f"{load}Expected {what} {moved:.2f} mm, error {error}. {cell.arm.pose_text(np.array(q))}."
 
 

@@ -15,7 +15,7 @@ from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as with_noun
 from testbench.report.report import Report, bullets, say
 from testbench.report.scene import loads, read_along, trackers
-from testbench.report.schema import NUMBER, Table, columns, plain, show, written_out
+from testbench.report.schema import NUMBER, Table, TableColumn, columns, plain, show, written_out
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers as counted
 from testbench.workflows.absolute import Calibrated
@@ -24,10 +24,16 @@ from testbench.workflows.read_runs import farthest_off, nominal_targets, registr
 from testbench.workflows.rows import MM, UM
 
 MAX_LISTED = 6  #: Loads and names that are listed.
-COLUMNS = columns("quantity file_columns unit values rows")
+COLUMNS = (
+    *columns("quantity file_columns"),
+    TableColumn("unit", "unit in the file"),
+    *columns("values"),
+    TableColumn("rows", "rows with a value"),
+)
 SHARE = 0.15  #: Length of deflections over the reach [1].
 ARROW_LENGTH, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
-LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
+NOMINAL_ARM, CALIBRATED_ARM = "nominal arm", "calibrated arm"
+LOOKS = {NOMINAL_ARM: Look(NOMINAL, 1, prior=True), CALIBRATED_ARM: Look(GCO, 0, prior=True)}
 
 
 def written(row: Row) -> str:
@@ -76,9 +82,9 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
     yield "markers", few(f.markers)
     yield "lost targets", f"{len(f.lost)} of {f.targets}" + (f": {few(f.lost)}" if f.lost else "")
     if f.without:
-        yield "markers without an instrument", few(f.without)
+        yield "markers that no instrument reads", few(f.without)
     yield "loads", few(f.loads, "; ")
-    yield "sigma of a reading, um", show(f.sigma_um, "g")
+    yield "standard deviation (sigma) of a reading along an axis, um", show(f.sigma_um, "g")
     yield "columns not read", few(f.ignored)
     if f.farthest:
         yield "largest deflection, mm", f"{f.deflection_mm.most:.3f}, {f.farthest}"
@@ -107,9 +113,10 @@ def report(row: Row, registered: RegisteredDataset) -> Report:
     return Report(
         scenario="data_check",
         question=say("What was understood of {dataset}?", f),
-        title=say("{dataset} as runs of {arm}", f),
+        title=say("{dataset}, read as runs of {arm}", f),
         answer=say(
-            "{runs:counted run} in {poses:counted pose}: targets move {deflection_mm.least:.3f} to "
+            "{runs:counted run} in {poses:counted pose}: the load moves the targets by "
+            "{deflection_mm.least:.3f} to "
             "{deflection_mm.most:.3f} mm, median {deflection_mm.median:.3f} mm. Warnings: {count}.",
             f,
             count=len(f.doubts),
@@ -224,7 +231,7 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
         name="Readings",
         names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
         words=[
-            f"{b:.3f} mm as drawn, {a:.3f} mm calibrated. {cell.arm.pose_text(q)}."
+            f"{b:.3f} mm from the nominal arm, {a:.3f} mm from the calibrated arm. {cell.arm.pose_text(q)}."
             for b, a, q in zip(*sizes, rows.q, strict=True)
         ],
         rigid=straight,

@@ -175,7 +175,7 @@ def print_statements(console: Console, words: ReportWords, where: str = MORE) ->
 
         console.print(Markdown(words.block("statements")))
     if words.block("more"):
-        console.print(f" {len(words.block('more').splitlines())} more {where}")
+        console.print(f" {len(words.block('more').splitlines())} more notes {where}")
 
 
 def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
@@ -214,7 +214,7 @@ def print_places(console: Console, out: Path, *, figures: list[str], data: str =
 
 
 MISSING = {
-    "check": "numbers confirmed in elastic.toml, a table of task poses",
+    "check": "your confirmation of the numbers in elastic.toml, and a table of task poses",
     "plan": "readings of all poses of plan.csv, {readings}",
     "data check": "a map file, if a column was misunderstood",
     "identify": "a table of poses, or a program",

@@ -35,9 +35,10 @@ def _of_rank(estimate: Estimate) -> list[str]:
     s, rank = estimate.compliance_regression.structure, estimate.compliance_regression.rank
     if rank == s.n:
         return []
-    text = f"{s.name}: {s.n} unknowns, rank {rank}; the data do not determine {s.n - rank} directions"
+    free = s.n - rank
+    text = f"{s.name} has {s.n} unknowns and rank {rank}: the readings do not determine {free} directions"
     unseen = int((estimate.compliance_regression.columns == 0).sum())
-    return [f"{text}; {unseen} parameters have no effect on any reading" if unseen else text]
+    return [f"{text}, and {unseen} unknowns have no effect on any reading" if unseen else text]
 
 
 def _of_fit(estimate: Estimate) -> list[str]:
@@ -80,14 +81,16 @@ def of_prior(belief: WeightedPrior) -> str:
     strength, name = belief.strength, belief.scaling.prior
     if strength.coupling is not None:
         shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
-        learnt = f"uncertainty of shapes {shape:.2g} %, of couplings {coupling:.2g} %"
-        return f"prior: {name}, the scale of every block is estimated from the readings; {learnt}"
+        return (
+            f"the prior is {name}, with a scale for each link and joint that is estimated from the readings. "
+            f"Its uncertainty is {shape:.2g} % for the shape of a compliance, {coupling:.2g} % for couplings"
+        )
     scale = (
-        "its scale is free"
+        "one common scale estimated from the readings"
         if np.isinf(strength.scale_uncertainty)
-        else f"uncertainty of its scale {100 * strength.scale_uncertainty:g} %"
+        else f"an uncertainty of {100 * strength.scale_uncertainty:g} % in its common scale"
     )
-    return f"prior: {name}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
+    return f"the prior is {name}, with an uncertainty of {100 * strength.uncertainty:.3g} % and {scale}"
 
 
 def of_average(average: ModelAverage | None) -> list[str]:
@@ -114,7 +117,8 @@ def of_average(average: ModelAverage | None) -> list[str]:
         ]
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
-        return [f"link compliances hardly improve the model, so Joints-only has a weight of {share}"]
+        why = "link compliances hardly improve the model"
+        return [f"{why}, so Joints-only has a weight of {share} in the average"]
     return [f"the estimate is an average, in which Joints-only has a weight of {share}"]
 
 

@@ -216,14 +216,15 @@ def _sags(arm: ArmContext) -> Iterator[str]:
         moved = payload * float(np.median(arm.sag.size))
         if not low <= moved <= high:
             expected = f"{1e3 * low:g} to {1e3 * high:g} mm"
-            yield f"its {payload:g} kg move the tool by {1e3 * moved:.3g} mm (median), expected {expected}"
+            size = f"{1e3 * moved:.3g} mm (median over the poses)"
+            yield f"its {payload:g} kg move the tool by {size}, expected {expected}"
 
 
 def _payloads(arm: ArmContext) -> Iterator[str]:
     """A payload that somebody has stated."""
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
-        off = f"one in ten such estimates is off by more than a factor of {PAYLOAD_OFF:g}"
+        off = f"one in ten such estimates is wrong by more than a factor of {PAYLOAD_OFF:g}"
         yield f"its payload of {payload.value:g} kg is only estimated, {off}: enter the rated one"
 
 
@@ -253,9 +254,9 @@ def _points(arm: ArmContext) -> Iterator[str]:
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
         distance = float(np.linalg.norm(place))
         if distance > MAX_POINT_DISTANCE * arm.vjm.reach:
-            yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.vjm.reach:.3g} m"
+            yield f"{name} is {distance:.3g} m from the tool, but the arm reaches only {arm.vjm.reach:.3g} m"
     if len(names) > 1 and on_a_line(vjm.markers):
-        yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
+        yield f"markers {', '.join(names)} lie on a line, so the readings do not determine a turn about it"
 
 
 def _masses(arm: ArmContext) -> Iterator[str]:
@@ -269,9 +270,9 @@ def _masses(arm: ArmContext) -> Iterator[str]:
     yield from _densities(arm.cell, weights)
     for link, mass in zip(arm.cell.arm.links[1:], weights[1:], strict=True):
         if mass < NOTHING * whole:
-            yield f"{link.name} weighs {mass:.2g} kg, the whole arm {whole:.3g} kg"
+            yield f"{link.name} weighs only {mass:.2g} kg of the arm's {whole:.3g} kg"
         elif mass > ALL * whole and len(weights) > 3:
-            yield f"{link.name} weighs {mass:.3g} of the arm's {whole:.3g} kg"
+            yield f"{link.name} weighs {mass:.3g} kg of the arm's {whole:.3g} kg"
 
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
@@ -353,7 +354,7 @@ def on_a_line(positions: Array) -> bool:
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
 SPOKES = 4  #: Lines along a drawn tube.
-ASIDE, OF_ASIDE = 0.01, "effect of an offset of 10 mm"
+ASIDE, OF_ASIDE = 0.01, "effect if it is 10 mm elsewhere"
 """A point is moved so far to see what hangs on it [m]."""
 
 
@@ -373,9 +374,11 @@ def _numbers(arm: ArmContext) -> Iterator[Item]:
     """Payload, compliances of joints, tubes of links."""
     elastic, payload, shares = arm.elastic, arm.elastic.payload, arm.sag.shares.tolist()
     if payload is None:
-        yield Item(1.0, "payload, not stated: the sag is proportional to it")
+        yield Item(1.0, "payload, not stated: the deflection is proportional to it")
     elif payload.origin in UNSURE:
-        yield Item(1.0, f"payload {payload.value:g} kg, {payload.origin}: the sag is proportional to it")
+        yield Item(
+            1.0, f"payload {payload.value:g} kg, {payload.origin}: the deflection is proportional to it"
+        )
     for joint, share in zip(elastic.joint, shares[len(elastic.link) :], strict=True):
         c = joint.compliance
         if c.origin in UNSURE:
@@ -394,7 +397,7 @@ def _tube(link: LinkEntry) -> str:
     outer, inner = 1e3 * t.outer_diameter.value, 1e3 * t.inner_diameter.value
     origins = {
         f"length {1e3 * t.length.value:.0f} mm": t.length.origin,
-        f"tube {outer:.0f}/{inner:.0f} mm": t.outer_diameter.origin,
+        f"tube diameters {outer:.0f}/{inner:.0f} mm": t.outer_diameter.origin,
         f"E {1e-9 * t.youngs_modulus.value:.0f} GPa": t.youngs_modulus.origin,
     }
     unsure = {words: origin for words, origin in origins.items() if origin in UNSURE}
@@ -417,7 +420,7 @@ def _point_items(arm: ArmContext) -> Iterator[Item]:
         share = ASIDE * rms(arm.sag.turn) / rms(arm.sag.whole)
         yield Item(share, f"markers {', '.join(asked)}, estimated: {OF_ASIDE}")
     if elastic.tool in names:
-        yield Item(0.0, f"tool {elastic.tool}, estimated: readings do not need it, tasks do")
+        yield Item(0.0, f"tool {elastic.tool}, estimated: it matters for tasks, not for readings")
 
 
 @dataclass(frozen=True, eq=False)

@@ -258,7 +258,7 @@ def calibration_doubts(f: Row) -> Iterator[tuple[str, str]]:
     if f.mounting:
         yield "Mounting", f"{f.mounting}."
     if f.pressed:
-        scale = "gravity reversed, is the arm hung?" if f.weight_alone else "is a force's sign reversed?"
+        scale = "Does the arm hang?" if f.weight_alone else "Is the sign of a force wrong?"
         yield "The best compliances are negative", f"{scale} {NEGATIVE}"
     if f.worse:
         far = "none could be held out, so the error at other poses is unknown"
@@ -269,10 +269,10 @@ def calibration_doubts(f: Row) -> Iterator[tuple[str, str]]:
     if f.far_geometry:
         yield "Geometry no arm has", f"{f.far_geometry}."
     if ranges := _unread_words(f):
-        yield "Extrapolated where no pose was read", f"{ranges}."
+        yield "Extrapolated at joint angles without a reading", f"{ranges}."
     if f.weight_alone and f.compliances:
         scale = "the compliances are proportional to the masses in rigid.xml"
-        words = "Masses 10 % too small make compliances 10 % too large; positions stay correct."
+        words = "Masses 10 % too small make compliances 10 % too large; predicted positions stay correct."
         yield "Own weight is the only load", f"{scale}. {words}"
     if f.program and not f.program.conservative:
         yield "Not conservative", "a block of the compliances has a negative eigenvalue."

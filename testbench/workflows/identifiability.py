@@ -437,7 +437,7 @@ def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iter
         yield words, reduce(vjm, structure, without_readings(data, **extra))
     poses = np.unique(data.q, axis=0, return_inverse=True)[1].ravel()
     fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
-    yield "as many poses again at random", reduce(vjm, structure, without_readings(data, q=fresh))
+    yield "as many random poses again", reduce(vjm, structure, without_readings(data, q=fresh))
     points = marker_points(vjm, data.markers)
     name = f"one more marker off the {'plane' if len(points) > 2 else 'line'} of the {len(points)}"
     name = "a second marker" if len(points) == 1 else name
@@ -483,7 +483,7 @@ FREE_DEVIATION = 0.01
 """Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
 and not so much that rounding would hide the rest."""
 SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
-STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling beyond a beam"
+STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
 ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
 MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 
@@ -528,18 +528,18 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
         left = found.geometry - sum(found.shared)
         yield (
-            f"{found.geometry} directions of geometry, frames and mounts are structural: no pose separates "
-            "them, and none moves a target. A turn about a joint's axis, or a shift along it, may belong to "
-            f"the link before or behind it: {', '.join(shared)}"
+            f"{found.geometry} directions of geometry, frames and mounts cannot be determined by any "
+            "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
+            f"to the link before or behind it. Such directions per joint: {', '.join(shared)}"
             f"{f'; {left} concern several links' if left else ''}"
         )
     if found.idle:
         idle = " and ".join(joints[j] for j in found.idle)
-        yield f"The joint errors of {idle} are structural: they move no target"
+        yield f"No pose can determine the joint errors of {idle}, because they move no target"
     if found.elastic:
         yield (
-            f"{found.elastic} of {compliances} directions of compliance are structural: under these loads "
-            "they move no target in any pose"
+            f"{found.elastic} of {compliances} directions of compliance cannot be determined by any "
+            "pose, because they move no target under these loads"
         )
 
 
@@ -579,7 +579,7 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
 def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remains"
     if not hidden_quantity.confounded_with:
-        return f"{hidden_quantity.name} is not seen ({left}){_advice(hidden_quantity, joints)}"
+        return f"{hidden_quantity.name} is not determined ({left}){_advice(hidden_quantity, joints)}"
     behind = " and ".join(
         filter(None, [", ".join(hidden_quantity.confounded_with[:-1]), hidden_quantity.confounded_with[-1]])
     )
@@ -648,13 +648,13 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
         if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
             names += [hidden_quantity.name for hidden_quantity in group]
         else:
-            names.append(f"{len(group)} bands of {_joint(group[0].name)}'s errors")
-    return f"{', '.join(names)} are not seen ({_left(own)}){_advice(own[0], joints)}"
+            names.append(f"{len(group)} groups of orders of {_joint(group[0].name)}'s errors")
+    return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
 
 
 def _left(own: Sequence[HiddenQuantity]) -> str:
-    shares = [100 * hidden_quantity.share for hidden_quantity in own]
-    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance remains"
+    shares = [f"{100 * share:.0f}" for share in sorted(hidden_quantity.share for hidden_quantity in own)]
+    return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
 
 
 def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:

@@ -484,7 +484,7 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
     default = default_name(cell.arm)
     first = min(models, key=lambda m: (m.name != default, m.structure.n))
     if runs.poses < MIN_POSES or len(models) == 1:
-        few = f"with fewer than {MIN_POSES} poses none is held out"
+        few = f"with fewer than {MIN_POSES} poses, no pose is held out to compare models"
         why = few if runs.poses < MIN_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)

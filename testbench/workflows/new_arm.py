@@ -409,7 +409,7 @@ WORDS = {
     "load": "load point on the tool's axis, {mm:.0f} mm beyond the tool",
     "locked": "limits of 0 to 0, so held at zero: {names}",
     "markers": "markers {mm:.0f} mm from the tool",
-    "merged": "merged into {first}: {rest}",
+    "merged": "bodies merged into {first}: {rest}",
     "meshes": "meshes not read; other shapes of their links are used, if any: {names}",
     "narrow limits": "ranges below {deg[0]:.0f} deg, whose numbers may be radians, not degrees: {names}",
     "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg is assumed",
@@ -548,8 +548,8 @@ def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[
     """Comments: what matters most for the sag first; the payload's note is empty where somebody states it."""
     confirm = [
         *([f"payload {proposal.payload:g} kg, {payload}; joint compliances depend on it"] if payload else []),
-        f"joint compliances, by a rule that differs from known robots by a factor of {SPREAD:g}",
-        f"tubes of the links: {_material(proposal)}, outer diameter from the shapes, inner 0.9 of it",
+        f"joint compliances, by a rule whose typical error on known robots is a factor of {SPREAD:g}",
+        f"links as tubes of {_material(proposal)}; outer diameter from the shapes, inner diameter 0.9 of it",
         *proposed,
     ]
     name = " ".join("".join(c if c.isprintable() else " " for c in name).split())  # on one line

@@ -121,17 +121,17 @@ def _beside(f: Row) -> list[Row]:
     beyond = f.get("beyond_mm")
     pairs = {
         "this plan": f.error_mm.expected,
-        f"this plan, {f.model} alone, without averaging": chance.get("planned_mm"),
-        "this plan, read by a tracker": f.get("tracker_mm"),
-        "this plan, joint stiffness only": f.get("joints_alone_mm"),
-        "this plan, prior twice as uncertain": doubted and doubted.expected,
+        f"this plan, with {f.model} alone, without averaging": chance.get("planned_mm"),
+        "this plan, read by a tracker instead of gauges": f.get("tracker_mm"),
+        "this plan, with the model Joints-only": f.get("joints_alone_mm"),
+        "this plan, with a prior twice as uncertain": doubted and doubted.expected,
         "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
-        "readings taken before": f.get("before_mm"),
+        "earlier readings alone": f.get("before_mm"),
     }
     known = [Row(what=name, mm=mm) for name, mm in pairs.items() if mm is not None]
     named = {
-        f"random poses, median of {chance.plans}": chance.median_mm,
-        "random poses, best tenth": chance.best_tenth_mm,
+        f"random poses, median of {chance.plans} plans": chance.median_mm,
+        "random poses, best tenth of the plans": chance.best_tenth_mm,
     }
     return [*known, *(Row(what=name, mm=mm) for name, mm in named.items())]
 
@@ -142,17 +142,17 @@ def _rests(f: Row) -> list[Row]:
     pairs = {
         "noise of a reading, um": f.gauge_um if f.get("gauges") else f.sigma_um,
         "uncertainty of the prior, %": f.uncertainty_percent,
-        f"efficiency by criterion {f.criterion}, at least, %": 100 * f.certificate.efficiency,
-        "candidates examined": f.certificate.examined,
+        f"lower bound of the efficiency by criterion {f.criterion}, %": 100 * f.certificate.efficiency,
+        "candidate poses examined": f.certificate.examined,
         "unknowns": seen.get("unknowns"),
-        "directions that these loads can show": seen.get("shown"),
-        "directions that the plan sees": seen.get("seen"),
+        "directions of the unknowns that these loads can determine": seen.get("shown"),
+        "directions that the plan determines": seen.get("seen"),
         "directions in which readings outweigh the prior": seen.get("outweighed"),
-        "share of the prior in the mean square error, %": seen.get("prior_share_percent"),
+        "share of the mean square error that the prior causes, %": seen.get("prior_share_percent"),
         "95 % half width of a deflection at the tasks, mm": f.get("half_width_95_mm"),
-        f"fewest poses for {TARGET:g} mm at the tasks": told.get("fewest"),
-        f"poses beyond which {MORE} more bring less than {100 * LITTLE:g} %": told.get("enough"),
-        "joint errors beyond these orders, mm": f.get("beyond_mm"),
+        f"fewest poses for an expected error of {TARGET:g} mm at the tasks": told.get("fewest"),
+        f"poses beyond which {MORE} more improve it by less than {100 * LITTLE:g} %": told.get("enough"),
+        "error from periodic joint errors of higher orders, mm": f.get("beyond_mm"),
     }
     return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
 

@@ -415,6 +415,7 @@ def first_digit(value: float) -> float:
 
 OPEN_VARIANCE_SHARE = 0.5  #: Share of the variance of a law's size beyond which readings do not tell it [1].
 LIGHTER = 0.4  #: Weight of a second load over the first [1].
+UNLOADED_AFTER = "an unloaded reading after the load was taken off (a row with `loading` off)"
 
 
 @dataclass(frozen=True)
@@ -490,7 +491,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
     pulls = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)
     return {
         "the same readings again": spec,
-        "an unloaded reading after the load was taken off (`loading` off)": replace(spec, experiment=back),
+        UNLOADED_AFTER: replace(spec, experiment=back),
         f"a second load ({LIGHTER:g} of the first)": replace(spec, loads=lighter),
         **{
             f"a {pull_words(own)}": replace(spec, loads=(Load(np.append(own, np.zeros(3)), at),) * every)

@@ -444,7 +444,7 @@ def read_pose_file(
     program = read_program(path, model.arm, mapping, jumps=True)
     aim, notes = Aim(), unread_columns(program)
     if program.corrected:
-        notes += ("The program was corrected before: its points are used as they are",)
+        notes += ("The program was corrected before, so its points are used as they are",)
         if program.q is not None and not isinstance(program.content, RobotMotions):  # poses are commands, too
             program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
@@ -487,9 +487,9 @@ def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> PosesWit
 def _no_load(model: ArmModel, mass: float) -> str:
     """What hangs [kg] where the file says of no load, a sentence."""
     if not mass:
-        return "The file gives no load: none is assumed"
+        return "The file gives no load, so none is assumed"
     what = f"the rated payload of {mass:g} kg" if mass == model.arm.payload else f"{mass:g} kg"
-    return f"The file gives no load: {what} is assumed"
+    return f"The file gives no load, so {what} is assumed"
 
 
 def _carried(file_poses: PosesWithLoads, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
@@ -602,14 +602,14 @@ def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> St
 def extrapolation_warnings(found: Extent) -> tuple[str, ...]:
     """Warn of loads beyond those of the model's data, or the payload, with their number."""
     if found.force_ratio is not None and np.isinf(found.force_ratio):
-        said = [f"extrapolated: {found.force:,.0f} N; the model was identified under own weight only"]
+        said = [f"extrapolated: {found.force:,.0f} N, but the model was identified under own weight only"]
     else:
         sizes = (
             (found.force, "N", found.force_ratio, "force"),
             (found.moment, "N m", found.moment_ratio, "moment"),
         )
         said = [
-            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} of the "
+            f"extrapolated: a {what} of {value:,.0f} {unit} is {ratio:.1f} times the largest one of the "
             "identification"
             for value, unit, ratio, what in sizes
             if ratio is not None and ratio > SLACK

@@ -150,14 +150,17 @@ def correction_warnings(f: Row) -> Iterator[str]:
     """List how the program was read, points and joints that are not corrected, loads, jumps, doubts."""
     yield from f.unread
     if f.corrected < f.points:
-        yield f"Not corrected: {f.points - f.corrected} of {f.points} points"
+        yield f"{f.points - f.corrected} of {f.points} points are not corrected"
     yield from f.extrapolated
     if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN_SHARE * f.before_mm.median):
-        yield f"{100 * f.open.share:.0f} % of the remaining variance comes from {f.open.name}"
+        yield f"{100 * f.open.share:.0f} % of the corrected tool position's variance comes from {f.open.name}"
     if f.turned:
         most = f.turn_left_mrad
-        yield f"Points near a singular pose with a remaining turn: {f.turned}, at most {most:.3f} mrad"
-    yield from (f"Points with {joint} at its limit: {n}" for joint, n in f.held.items())
+        yield (
+            f"Points near a singular pose whose orientation is not fully corrected: {f.turned}, "
+            f"by at most {most:.3f} mrad"
+        )
+    yield from (f"Points where {joint} stops at its limit: {n}" for joint, n in f.held.items())
     if (jump := f.jump) and not jump.load and jump.size > JUMPS:
         yield f"The correction of {jump.joint} jumps by {jump.size:.2f} {jump.unit} after line {jump.line}"
     yield from (f"Warning of the model: {text}" for text in f.doubts)

@@ -65,20 +65,18 @@ def _frame_note(name: str, frame: Frame) -> str:
     if not frame.covariance.any():
         return text
     where = MM * largest_deviation(frame.covariance[3:, 3:])
-    return f"{text}. Uncertainty by noise: {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
+    return f"{text}. Uncertainty (1 sd) by noise: {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
 
 
 def _fit_note(registration: Registration, sag: float | None) -> str:
     """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
     text = f"unloaded readings fit the arm's kinematics to {MM * registration.rms:.2f} mm RMS"
     if registration.downweighted:
-        text += (
-            f"; {registration.downweighted} of {len(registration.distance)} fit worse and have less weight"
-        )
-    size = "" if sag is None else f", {MM * sag:.2f} mm RMS according to the arm's folder"
+        text += f"; {registration.downweighted} of {len(registration.distance)} fit worse and count less"
+    size = "" if sag is None else f" ({MM * sag:.2f} mm RMS according to the arm's folder)"
     return (
-        f"{text}. They contain the deflection under own weight{size}; differences of readings do not "
-        "contain it"
+        f"{text}. Unloaded readings contain the deflection under own weight{size}. Differences between "
+        "loaded and unloaded readings do not contain it"
     )
 
 
@@ -88,9 +86,10 @@ def _target_notes(registered: RegisteredDataset, registration: Registration) -> 
     for k in np.flatnonzero(registered.targets_taken):
         at = ", ".join(f"{MM * x:.1f}" for x in registration.targets[k])
         away = float(np.linalg.norm(registration.targets[k] - registration.nominal[k]))
-        new = "new" if math.isnan(away) else f"{MM * away:.1f} mm from nominal"
+        new = "new" if math.isnan(away) else f"{MM * away:.1f} mm from its nominal place"
         text = (
-            f"target {registration.markers[k]} at ({at}) mm in the tool's frame, {new}. Uncertainty by noise:"
+            f"target {registration.markers[k]} at ({at}) mm in the tool's frame, {new}. Uncertainty (1 sd) "
+            "by noise:"
         )
         yield f"{text} {MM * deviations[k]:.2f} mm"
 
@@ -432,7 +431,7 @@ def _loads(data: Dataset, *, hung: bool) -> list[str]:
     return [
         f"{force:.5g} N"
         + (f" and {moment:.5g} N m" if moment else "")
-        + (f" (as of {force / GRAVITY:.5g} kg hung)" if hung and force else "")
+        + (f" (the weight of {force / GRAVITY:.5g} kg)" if hung and force else "")
         + f" in {runs:,} run{'' if runs == 1 else 's'}"
         for (force, moment), runs in zip(values.tolist(), counts.tolist(), strict=True)
     ]

@@ -87,7 +87,7 @@ def test_a_branch_is_frozen_and_weighs_on_the_part_that_carries_it(arms):
     """The hand of 0.7 kg and its fingers of 0.02 kg hang on the last link of 2 kg."""
     _, chain, _ = arms[light_urdf]
     assert chain.parts[-1].mass == pytest.approx(2 + 0.7 + 2 * 0.02)
-    assert "merged into link_7: hand, finger_1, finger_2" in notes(chain)
+    assert "bodies merged into link_7: hand, finger_1, finger_2" in notes(chain)
     assert "off the arm, so held at zero: finger_joint_1, finger_joint_2" in notes(chain)
 
 

@@ -89,7 +89,7 @@ def test_data_check_takes_the_layout_that_fits_and_prints_the_map_to_save(tmp_pa
     fine("data", "map", *flags)
     assert rest.startswith(file.with_suffix(".toml").read_text())
     assert "6 readings" in rest
-    assert "They fit the nominal arm to" in rest
+    assert "The median distance of these readings from the nominal arm is" in rest
 
 
 def test_data_check_shows_pairs_of_a_layout_as_runs(tmp_path):

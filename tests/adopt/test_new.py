@@ -29,8 +29,8 @@ def test_a_robot_s_file_is_an_arm_in_one_command(tmp_path):
     flags = "--payload-kg", 3, "--tool", "0,0,0.1,0,0,45", "--load", "0,0,0.05"
     said = fine("new", tmp_path / "mine", "--from", light_urdf(tmp_path), *flags)
     assert "7 joints, tool at 'tool0'" in said
-    assert "merged into link_7: hand" in said
-    assert "<!-- merged into link_7: hand" in (tmp_path / "mine/rigid.xml").read_text()
+    assert "bodies merged into link_7: hand" in said
+    assert "<!-- bodies merged into link_7: hand" in (tmp_path / "mine/rigid.xml").read_text()
     arm = load_arm(tmp_path / "mine")
     assert (arm.payload, arm.n_joints) == (3, 7)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["light_support", "mine"]

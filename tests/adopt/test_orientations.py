@@ -135,8 +135,8 @@ def test_data_check_names_the_notation_and_how_well_it_fits(tmp_path):
     said = do("data", "check", ARM.name, file).stdout
     assert "rotation: alone fits the arm as drawn: intrinsic zyx (0." in said
     assert 'rotation = "intrinsic zyx"' in said
-    assert "Orientations of poses fit it to 0." in said
+    assert "poses: orientations differ from the nominal arm by 0." in said
     saved = said.partition("for --map:\n\n")[2].partition("\n\n")[0]
     (tmp_path / "saved.toml").write_text(saved)
     again = fine("data", "check", ARM.name, file, "--map", tmp_path / "saved.toml")
-    assert "Orientations of poses fit it to 0." in again
+    assert "poses: orientations differ from the nominal arm by 0." in again

@@ -118,7 +118,7 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
     Path("pairs.csv").write_text("\n".join(",".join(row[k] for k in kept) for row in [names, *rows]) + "\n")
     NAME.write_text(f'arm = "{ARM}"\nload = 460\ntargets = ["P9"]\n')
     words = fine("data", "check", "pairs.csv", "--out", "seen")
-    assert "4512.6 N (as of 460 kg hung) in 11 runs" in words
+    assert "4512.6 N (the weight of 460 kg) in 11 runs" in words
     assert "no column states a mass: loaded rows have 460 kg, as stated" in words
     assert "testbench identify pairs.csv --new-target" not in words
     assert "testbench identify pairs.csv --out" in words  # the arm is known

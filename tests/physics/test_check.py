@@ -44,17 +44,17 @@ tube diameter: link_2: its tube is 1.4 m thick, its drawn shape
     elastic.toml: (?<=outer_diameter = \{ value = )0\.34(?=,) -> 1.4
 joint compliance: joint_5 is 120 times as soft as its neighbour joint_4
     elastic.toml: 0\.7e-6 -> 30e-6
-sag: its 0.4603 kg move the tool by 0.00346 mm (median), expected 0.1 to 30 mm
+sag: its 0.4603 kg move the tool by 0.00346 mm (median over the poses), expected 0.1 to 30 mm
     elastic.toml: 460\.3 -> 0.4603
-points of the tool: load is 3.5 m from the tool, the whole arm reaches 3.37 m
+points of the tool: load is 3.5 m from the tool, but the arm reaches only 3.37 m
     rigid.xml: (?<=<body name="load" pos=)"0.35 0.14 -0.08" -> "3.5 0.14 -0.08"
 points of the tool: markers P1, P2, P3 lie on a line
     rigid.xml: (?<=<body name="P3" pos=)"0.16 -0.12 -0.40" -> "0.30 0.04 0.25"
-mass: link_3 weighs 5.45e+05 of the arm's
+mass: link_3 weighs 5.45e+05 kg of the arm's
     rigid.xml: mass="545\.2" -> mass="545200"
 mass: kg/m^3 inside of what collides, expected 300 to 4000
     rigid.xml: mass="545\.2" -> mass="9545.2"
-mass: link_3 weighs 0.001 kg, the whole arm
+mass: link_3 weighs only 0.001 kg of the arm's
     rigid.xml: mass="545\.2" -> mass="0.001"
 base: the first turning joint is 90 deg off the vertical: is the base tilted?
     rigid.xml: <body name="link_0"> -> <body name="link_0" quat="0.7071067811865476 0.7071067811865476 0 0">
@@ -95,7 +95,7 @@ def test_shares_of_the_sag_are_each_spring_s_alone_and_what_is_to_confirm_is_in_
     unsure = (TOML, r'origin = "published", note = "as hangs in section 6"', 'origin = "estimated"')
     points = (TOML, r'(?<=markers = \["P1", "P2", "P3"\]\n)', 'to_confirm = ["load", "P2"]\n')
     found = planted(tmp_path, unsure, points).items
-    assert found[0].words == "payload 460.3 kg, estimated: the sag is proportional to it"
+    assert found[0].words == "payload 460.3 kg, estimated: the deflection is proportional to it"
     assert any(item.words.startswith("load point load, estimated") for item in found)
     assert any(item.words.startswith("markers P2, estimated") for item in found)
 

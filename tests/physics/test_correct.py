@@ -349,7 +349,7 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     q = Q[None]
     size = float(np.linalg.norm(FORCE.wrench[:3]))
     half = replace(known, about=ModelOrigin("made up", force=size / 2, moment=1e9))
-    assert "2.0 times the largest force" in extrapolation_warnings(extent(half, q, [FORCE]))[0]
+    assert "is 2.0 times the largest one" in extrapolation_warnings(extent(half, q, [FORCE]))[0]
     none = replace(known, about=ModelOrigin("made up", force=0.0, moment=0.0))
     assert "under own weight only" in extrapolation_warnings(extent(none, q, [FORCE]))[0]
     assert not extrapolation_warnings(extent(replace(known, about=ModelOrigin("made up")), q, [FORCE]))
@@ -381,7 +381,7 @@ def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
     found = extent(about, Q[None], [turning])
     assert (found.force_ratio, found.moment_ratio) == pytest.approx((0.5, 5.0))
     [said] = extrapolation_warnings(found)
-    assert "50 N m are 5.0 times the largest moment" in said
+    assert "a moment of 50 N m is 5.0 times the largest one" in said
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_beams_stand_at_their_frames_and_have_their_true_diameter(folder):
         assert len(near) > 8
     names = columns(on(chunks, "typical_first"), "/world/poses/joints_names")["Points3D:labels"][0]
     assert names == [joint.name for joint in checked.cell.arm.joints]
-    assert "| link_2's tube 340/310 mm, E 110 GPa, assumed | 18 |" in document(chunks, "/tables")
+    assert "| link_2's tube diameters 340/310 mm, E 110 GPa, assumed | 18 |" in document(chunks, "/tables")
 
 
 def test_the_page_shows_the_arm_and_what_must_be_confirmed(folder, open_page):

@@ -88,9 +88,9 @@ def test_what_was_not_compared_over_the_workspace_is_not_called_without_a_bound(
         name: next(line for line in page if line.startswith(f"| {name} |")) for name in ("MGCO56", "MLS56")
     }
     assert ends["MGCO56"].endswith("| 0.157 | 0.034 |")
-    assert ends["MLS56"].endswith("| no bound, or not compared | not compared |")
+    assert ends["MLS56"].endswith("| no interval | not compared |")
     bare = report(changed(f, "MLS56", intervals=Row())).whole().splitlines()
-    assert "| no bound, or not asked |" in next(line for line in bare if line.startswith("| MLS56 |"))
+    assert "| no interval |" in next(line for line in bare if line.startswith("| MLS56 |"))
 
 
 def test_laws_of_the_joints_are_told_where_the_model_has_them(f):
@@ -121,8 +121,10 @@ def test_what_was_not_asked_for_is_not_shown(f):
 def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is(f, name):
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
-    half = f"95 % interval of deflections: +- {own.intervals.half_width_mm:.3f} mm (median)"
-    assert said.answer == f"Use {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs. {half}."
+    half = f"The median 95 % interval of a deflection is +- {own.intervals.half_width_mm:.3f} mm"
+    assert (
+        said.answer == f"Use {name}: its RMS error in the held-out runs is {own.check.rms_mm:.3f} mm. {half}."
+    )
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
     axes = overview(said, PageContent(tables=[said.tables["models"]])).axes[0]
     first, dot = axes.get_yticklabels()[0].get_text(), axes.get_lines()[1]

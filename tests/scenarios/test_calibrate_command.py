@@ -122,14 +122,14 @@ def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, rep
 def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     out, words, rows = made
     verdict = report["badge"]
-    assert words.startswith("Holds: the error of calibrated is ")
-    assert (verdict["winner"], verdict["verdict"]) == ("calibrated", "holds")
-    assert verdict["rival"] == "geometry and joint springs"
+    assert words.startswith("Holds: the error of the calibrated arm is ")
+    assert (verdict["winner"], verdict["verdict"]) == ("calibrated arm", "holds")
+    assert verdict["rival"] == "arm with only geometry and joint springs"
     assert report["total_after"]["mean_mm"] < 0.2 * report["total_before"]["mean_mm"]
     kept = {step["name"] for step in report["steps"] if step["kept"]}
     assert kept == {"joint springs", "joint errors"}
     assert {step["name"] for step in report["steps"]} - kept == {"ratio", "play"}
-    unread = next(text for text in report["doubts"] if text.startswith("Extrapolated where no pose was read"))
+    unread = next(text for text in report["doubts"] if text.startswith("Extrapolated at joint angles"))
     assert re.search(r": joint_1 (4|5|6)\d to (7|8|9)\d deg\.", unread), unread
     assert (report["outliers"][0]["series"], str(report["outliers"][0]["row"])) in zip(
         ("r_1", "r_2"), rows, strict=True
@@ -147,14 +147,14 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
                 k: show(at(own, *key), form) for k, (*key, form) in cells.items()
             }
     shown = {row[0]: row[1:] for row in tables_of(grid(found.tables["errors"]))[0][1]}
-    for name, key in (("as drawn", "total_before"), ("calibrated", "total_after")):
+    for name, key in (("nominal arm", "total_before"), ("calibrated arm", "total_after")):
         sizes = (report[key][size] for size in ("mean_mm", "rms_mm", "p95_mm", "max_mm"))
         assert shown[name] == [f"{mm:.3f}" for mm in sizes]
 
 
 def test_the_recording_has_the_errors_of_the_report_worst_first(made, report):
     chunks = sound(made[0] / "recording.rrd", f"{report['held_out_mm'][1]:.3f} mm calibrated")
-    after = series(chunks, "/charts/readings/pose_by_pose_mm/calibrated")
+    after = series(chunks, "/charts/readings/pose_by_pose_mm/calibrated_arm")
     assert after == sorted(after, reverse=True)
     assert after[0] == pytest.approx(report["total_after"]["max_mm"], rel=1e-6)
 
@@ -253,7 +253,7 @@ def test_a_model_says_where_it_comes_from(made):
     assert [*about.data] == ["r_1.csv", "r_2.csv"]
     assert (about.force, about.moment) == (0, 0)
     assert [doubt.split(":")[0] for doubt in about.doubts] == [
-        "Extrapolated where no pose was read",
+        "Extrapolated at joint angles without a reading",
         "Own weight is the only load",
     ]
 
@@ -285,7 +285,7 @@ def test_the_page_shows_what_was_tried_and_a_button_leads_to_the_worst_reading_o
     told = [f"{row['after_mm']:.3f}" for row in report["steps"]]
     shown = check_page(open_page, made[0] / "report.html", told)
     shown.page.locator("#scene").get_by_role("button", name="worst").first.click()
-    assert f"{report['total_after']['max_mm']:.3f} mm calibrated" in said(shown)
+    assert f"{report['total_after']['max_mm']:.3f} mm from the calibrated arm" in said(shown)
     assert blank_panes(made[0] / "recording.rrd") == []
 
 
@@ -297,7 +297,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
     straight = align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series)
     at = {one.name: one for one in series}
-    for name, own in (("calibrated", state), ("as drawn", straight)):
+    for name, own in (("calibrated arm", state), ("nominal arm", straight)):
         left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}
         start, end = layer_of(group, f"error {name}")
         where = [re.match(r"(.*), row (\d+)", words).groups() for words in group["names"]]

@@ -55,10 +55,10 @@ def simulated(tmp_path_factory):
 def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     words = fine("check", ARM)
     for said in (
-        "joint_2: -130 to 20 deg, 0.075 urad/(N m), inferred",
+        "joint_2: range -130 to 20 deg; compliance 0.075 urad/(N m) (inferred)",
         "marker P3: 0.16 -0.12 -0.4 m in the tool's frame",
-        "18 % link_2's tube 340/310 mm, E 110 GPa, assumed",
-        "460.3 kg move the tool by 3.46 mm (median). Warnings: 0.",
+        "18 % link_2's tube diameters 340/310 mm, E 110 GPa, assumed",
+        "460.3 kg move the tool by 3.46 mm (median over random poses). Warnings: 0.",
         "460.3 kg 0.852 3.46 6.4 8.1",
     ):
         assert said in words
@@ -190,7 +190,7 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     run_id, marker = cells[lines[0].split(",").index("run")], cells[lines[0].split(",").index("marker")]
     assert [(r["run"], r["marker"]) for r in model["rejected"]] == [(int(run_id), marker)]
     text = (tmp_path / "fit" / "report.md").read_text()
-    assert "uncertainty 30 %" in text
+    assert "uncertainty of 30 %" in text
     assert "Outliers left out of MGCO56 + prior: 1." in text
 
 

@@ -188,8 +188,8 @@ def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, 
     for name, flags in {"stated": (), "same": ("--load", "460.3kg"), "none": ("--load", 0)}.items():
         said = fine("compensate", folder / "true", bare, "--out", tmp_path / f"{name}.csv", *flags)
         found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, said
-    assert "The file gives no load: the rated payload of 460.3 kg is assumed" in found["stated"][1]
-    assert "The file gives no load: none is assumed" in found["none"][1]
+    assert "The file gives no load, so the rated payload of 460.3 kg is assumed" in found["stated"][1]
+    assert "The file gives no load, so none is assumed" in found["none"][1]
     np.testing.assert_array_equal(found["stated"][0], found["same"][0])
     np.testing.assert_allclose(found["none"][0], q, atol=1e-9)
     assert np.abs(found["stated"][0] - q).max() > 1e-4
@@ -388,8 +388,8 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
     sizes = {"uncorrected program, 95 %": most, "corrected program, 95 %": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
-        "| line | point | as programmed, off by, mm | as programmed, within (95 %), mm | corrected, within "
-        "(95 %), mm |",
+        "| line | point | expected error, as programmed, mm | 95 % bound, as programmed, mm | 95 % bound, "
+        "corrected, mm |",
         "\n".join(
             f"| {k + 2} | {k + 1} | {before[k]:.3f} | {most[k]:.3f} | {half[k]:.3f} |"
             for k in np.argsort(before)[::-1]
@@ -447,9 +447,9 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
     text = check(said, ["worst"])
     for warning in (
-        "Not corrected: 1 of 12 points.",
-        "Points near a singular pose with a remaining turn: 1, at most 2.000 mrad.",
-        "Points with joint_5 at its limit: 3.",
+        "1 of 12 points are not corrected.",
+        "Points near a singular pose whose orientation is not fully corrected: 1, by at most 2.000 mrad.",
+        "Points where joint_5 stops at its limit: 3.",
         f"The correction of joint_4 jumps by {moved:.2f} deg after line 9.",
     ):
         assert warning in said.claims

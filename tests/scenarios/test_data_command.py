@@ -42,9 +42,9 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
         "joint 2 A2 [°] deg -126.97 to -49.95 16",
         "position P3 loaded Ziel 3 voll X [mm] ... Ziel 3 voll Z [mm] mm",
         "lost targets: 1 of 48",
-        "1471.5 N (as of 150 kg hung) in 8 runs; 4515.5 N (as of 460.3 kg hung) in 8 runs",
+        "1471.5 N (the weight of 150 kg) in 8 runs; 4515.5 N (the weight of 460.3 kg) in 8 runs",
         "columns not read: Bemerkung",
-        "text in cp1252, ';' between the cells, header in line 4",
+        "text in cp1252, cells separated by ';', header in line 4",
         "readings are in the base's frame",
     ):
         assert said in words
@@ -157,4 +157,6 @@ def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_
     assert "measured deflections divided by those that the arm's folder predicts: " in said
     refused("data", "check", ARM, file, said="for the whole file is said by --load", below=tmp_path)
     absolute = ROOT / "testbench/layouts/readings.csv"  # in our names, without a load
-    assert "They fit the nominal arm to " in fine("data", "check", ARM, absolute)
+    assert "The median distance of these readings from the nominal arm is " in fine(
+        "data", "check", ARM, absolute
+    )

@@ -47,13 +47,15 @@ def test_an_own_urdf_a_new_one_and_both_again(place):
     done = fine("export", "model", "--urdf", "in/robot.urdf")
     assert "written robot_calibrated.urdf" in done
     assert "tool 'tool0'" in done
-    assert "read back 1000 poses, at most 0.001 um and 0.001 urad" in done
+    assert (
+        "read back in 1000 poses the file differs from the model by at most 0.001 um and 0.001 urad" in done
+    )
     assert "beside robot_calibrated.json: compliances" in done
     said = json.loads((place / "robot_calibrated.json").read_text())
     assert said["kind"] == "what a URDF cannot hold"
     assert said["urdf_sha256"] == files.digest(place / "robot_calibrated.urdf")
     assert said["read_back"]["position_um"] < 1
-    assert "new.urdf, from scratch" in fine("export", "model", "--urdf", "new.urdf")
+    assert "new.urdf, a new URDF without shapes" in fine("export", "model", "--urdf", "new.urdf")
     refused("export", "model", "--urdf", "robot_calibrated.urdf", said="testbench export wrote it")
     for urdf in ("in/robot.urdf", "new.urdf"):  # what the command wrote may be replaced
         assert "replaced" in fine("export", "model", "--urdf", urdf)
@@ -88,7 +90,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
     said = fine("export", "model", "--into", "in/$machine.dat")
     new = (place / "$machine_calibrated.dat").read_text()
     told = re.search(
-        r"(\d\.\d{3}) mm RMS, (\d\.\d{3}) mm at most: lengths and tilts of axes, not in the file", said
+        r"(\d\.\d{3}) mm RMS, (\d\.\d{3}) mm at most: lengths and tilts of axes \(not in the file\)", said
     )
     assert f"; {told[1]} mm RMS, {told[2]} at most: lengths and tilts of axes\n" in new
     elbow = re.search(r"\$MAMES\[3\]=(.*)\n", new)[1]

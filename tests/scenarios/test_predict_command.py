@@ -27,7 +27,7 @@ from testbench.workflows.program import predict_file, read_pose_file
 from testbench.workflows.program_numbers import write_predictions
 
 ROOT = Path(__file__).resolve().parents[2]
-MEDIAN = "deflection by the force in its worst direction, median of the map, mm"
+MEDIAN = "deflection by the force in the worst direction, median over the map, mm"
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
 
 
@@ -102,12 +102,12 @@ def test_the_headline_is_the_largest_deflection_and_warnings_follow(made):
     assert "0 to 300 kg and 0 to 9,500 N" in said
     assert f" {worst['deflection_mm']:.3f} mm, +- {worst['half_mm']:.3f} mm (95 %), in pose 8." in said
     ratio = PULL / (460.3 * GRAVITY)
-    assert f"Extrapolated: 9,500 N are {ratio:.1f} times the largest force" in said
+    assert f"Extrapolated: a force of 9,500 N is {ratio:.1f} times the largest one" in said
     assert report["force_ratio"] == pytest.approx(ratio, rel=1e-6)
     assert report["map"]["half_mm"] > report["map"]["worst_mm"] / 2  # a hung weight never turned joint 1
-    assert "Uncertain: the interval at the worst place of the map" in said
+    assert "Uncertain: where the map has its largest deflection" in said
     shown = {row[0]: row[1] for row in tables_of((out / "report.md").read_text())[1][1]}
-    for name, mm in (("worst_mm", "this deflection, worst place of the map, mm"), ("median_mm", MEDIAN)):
+    for name, mm in (("worst_mm", "this deflection, largest in the map, mm"), ("median_mm", MEDIAN)):
         assert shown[mm] == show(report["map"][name], ".3g")
 
 
@@ -135,7 +135,7 @@ def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(m
         wanted.append([row["pose"], *cells, show(1e-6 * float(row["stiffness_1_N_per_m"]), ".3g")])
     wanted.sort(key=lambda cells: -float(cells[1]))
     head, found = tables_of((made[0] / "report.md").read_text())[0]
-    assert head[1:7] == ["tool moves, mm", "+- (95 %), mm", "x, mm", "y, mm", "z, mm", "turns, mrad"]
+    assert head[1:7] == ["deflection, mm", "95 % half width, mm", "x, mm", "y, mm", "z, mm", "rotation, mrad"]
     assert head[7] == "least stiffness, N/um"
     assert [row[:-1] for row in found] == wanted
 
@@ -248,10 +248,10 @@ def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_sai
     own = tb.load_model(model)
     file = poses_file(tmp_path / "poses.csv", q[:2], ["900", "900"], head="axail_N")
     notes = read_pose_file(file, own, None, lambda: own.arm.payload).notes
-    assert "The file gives no load: the rated payload of 460.3 kg is assumed" in notes
+    assert "The file gives no load, so the rated payload of 460.3 kg is assumed" in notes
     assert any(note.startswith("Not used, although it looks like a load: axail_N") for note in notes)
     bare = read_pose_file(file, own, None, lambda: 0.0)
-    assert (bare.words, bare.notes[-1]) == ("", "The file gives no load: none is assumed")
+    assert (bare.words, bare.notes[-1]) == ("", "The file gives no load, so none is assumed")
 
 
 def test_the_page_shows_every_pose_and_the_softest_place_and_no_pane_is_blank(made, open_page, blank_panes):

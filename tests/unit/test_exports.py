@@ -300,7 +300,7 @@ SAME = {
     "parts of a cell": ("plain", parts_of_cells, 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]'),
     "whole names": ("plain", list, 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'),
     "joints from 0": ("inches", from_zero, INCHES.replace("{n}", "{n0}")),
-    "aligned": ("plain", aligned, "", "runs of two or more blanks between the cells, header in line 3"),
+    "aligned": ("plain", aligned, "", "cells separated by runs of two or more blanks, header in line 3"),
     "the header again": ("plain", header_again, "", "2 lines of comments or the header again left out"),
     "poses as runs": ("plain", poses_as_runs, "", "runs are numbered in file order, one per load: 6"),
     "moved": ("inches", moved_a_little, INCHES, "joints differ by up to 8.7e-05 rad or m between unloaded"),

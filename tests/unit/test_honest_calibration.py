@@ -89,7 +89,7 @@ def test_held_out_numbers_are_those_of_the_arm_that_is_delivered(ur10, hung):
     assert f["held_out_mm"][1] == pytest.approx(truth, rel=0.35)
     assert f["pressed"]
     assert said.badge.verdict == "do not use"
-    assert any("gravity reversed, is the arm hung?" in doubt for doubt in f["doubts"])
+    assert any("Does the arm hang?" in doubt for doubt in f["doubts"])
 
 
 def circle_points(cell, each=5, size=0.9):
@@ -143,7 +143,7 @@ def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, 
     done = do(*asked)
     assert (done.returncode, done.stderr) == (1, "")
     words = " ".join(done.stdout.split())
-    assert words.startswith("Do not use calibrated: the nearest 80 % of the fitted readings lie")
+    assert words.startswith("Do not use the calibrated arm: the nearest 80 % of the fitted readings lie")
     assert "Holds" not in words
     assert "nothing was written" in words
     assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == earlier
