@@ -239,6 +239,8 @@ def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
             if end == " (":
                 rest = rest.replace(")", "", 1)
             return text[:at], capital(rest)
+    if len(text) <= most:
+        return text, ""
     at = text.rfind(" ", 0, most)
     return (text[:at], text[at:].strip()) if at > 0 else (short(text, letters), text)
 

@@ -292,7 +292,7 @@ class Best:
 
 LEAST_IS_BEST = ("mm", "um", "urad", "um/N", "s", "ms")
 """Units of columns of which less is better, errors and times; ratios of errors have none."""
-RATIOS = ("ratio", "over", "relative_excess_bound")  #: Keys of columns without a unit, the same.
+RATIOS = ("over", "relative_excess_bound")  #: Keys of columns without a unit, the same.
 
 
 def best_rows(table: Table, column: TableColumn) -> set[int]:

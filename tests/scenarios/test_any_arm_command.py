@@ -39,7 +39,8 @@ def test_every_command_goes_on_from_there(made, tmp_path):
     arm, data = made
     joints = ARMS[arm.name]
     count = 21 * (len(joints) + 1) + len(joints)
-    assert "MuJoCo and Pinocchio place links" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
+    checked = run("check", arm, "--elastic", tmp_path / "elastic.xml")
+    assert "MuJoCo and Pinocchio agree on the places of links" in checked
     fit = ("--out", tmp_path / "fit", "--model", "all", "--uncertainty-percent", 30, "--identifiability")
     said = run("identify", arm, data, *fit)
     assert f"ALL{count} + prior" in said

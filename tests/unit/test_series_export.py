@@ -348,7 +348,8 @@ def test_the_sheet_is_the_one_behind_the_mark_else_the_first_that_is_seen(tmp_pa
     check_alike(second, one_of(csv(tmp_path, other)), 0, ("name", "frame", "target"))
     assert second.position[2, 0, 2] == 0.0125
     assert (first.name, second.name) == ("one", "one B")
-    assert read_series(tmp_path / "one.xlsx#B", ARM).columns.table.notes[0].startswith("sheet B, tabs")
+    [note, *_] = read_series(tmp_path / "one.xlsx#B", ARM).columns.table.notes
+    assert note.startswith("sheet B, cells separated by tabs")
     assert digest(tmp_path / "one.xlsx#B") == digest(file)
     assert "expected one of its sheets, Draft, A, B, got 'C'" in refused(one_of, tmp_path / "one.xlsx#C")
 
