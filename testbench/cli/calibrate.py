@@ -200,7 +200,7 @@ def report(
     f, chosen = counted.numbers(found, left, more), found.calibration.chosen
     length = np.sqrt(numbers_per_target(found.series))
     plain_mm, own_mm = (MM * length * x for x in chosen.held_out)
-    rival = (f"arm with {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM, plain_mm)
+    rival = (f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM, plain_mm)
     alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
     answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."
     if not f.held_out_mm:

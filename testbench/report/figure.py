@@ -39,14 +39,14 @@ SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colo
 INCH = 25.4  #: [mm]
 WIDTH, DPI = 183 / INCH, 200
 """Width of a figure, as journals print two columns [in]; points per inch."""
-MIN_LETTER_SIZE, LETTER_SIZE, TITLE_SIZE = 7.0, 7.4, 8.6
+MIN_LETTER_SIZE, LETTER_SIZE, TITLE_SIZE = 7.0, 7.4, 8.8
 """Sizes of letters [pt]: the least, that of most, that of a title. On a page 800 pixels wide, 7 points are
 11 pixels high."""
 STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
-TITLE, LONG_TITLE, CAPTION = 88, 108, 136
+TITLE, LONG_TITLE, CAPTION = 88, 110, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
 TITLE_BAND, WORDS_LINE = 0.3, 0.125  #: Heights of the title, and of a line of the words below [in].
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.

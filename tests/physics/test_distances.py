@@ -244,6 +244,10 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
         np.testing.assert_allclose(one.distance, own.distance, atol=1e-15)
         assert (one.fixed, one.normal, one.zero_sigma) == (own.fixed, own.normal, own.zero_sigma)
         assert one.frame_deviation == own.frame_deviation
+    rough = replace(again[0], tilt=2 * again[0].tilt)
+    for block in ((rough, again[1]), (again[1], rough)):  # the largest of its faces, in any order
+        unknowns = unknowns_of(kr500.vjm, block, JointErrors(), joints_only(kr500.arm))
+        assert unknowns.fixed["d block"] == rough.frame_deviation
     mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
     with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
         calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))

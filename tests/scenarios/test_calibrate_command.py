@@ -124,7 +124,7 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     verdict = report["badge"]
     assert words.startswith("Holds: the error of the calibrated arm is ")
     assert (verdict["winner"], verdict["verdict"]) == ("calibrated arm", "holds")
-    assert verdict["rival"] == "arm with geometry and joint springs"
+    assert verdict["rival"] == "arm with only geometry and joint springs"
     assert report["total_after"]["mean_mm"] < 0.2 * report["total_before"]["mean_mm"]
     kept = {step["name"] for step in report["steps"] if step["kept"]}
     assert kept == {"joint springs", "joint errors"}

@@ -691,9 +691,11 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         mounts[readings.target] = len(readings.markers), turned
     frames = tuple(dict.fromkeys(readings.frame for readings in series))
     held = undetermined_frames(vjm, series)
-    fixed = {readings.frame: sizes for readings in series if (sizes := readings.frame_deviation) is not None}
+    fixed: dict[str, tuple[float, ...]] = {}
     normals: dict[str, tuple[tuple[float, float, float], ...]] = {}
     for readings in series:
+        if (sizes := readings.frame_deviation) is not None:  # of faces of one block the largest
+            fixed[readings.frame] = tuple(map(max, sizes, fixed.get(readings.frame, sizes)))
         if readings.normal is not None:
             normals[readings.frame] = (*normals.get(readings.frame, ()), readings.normal)
     return Unknowns(vjm, frames, mounts, errors, structure, undetermined=held, fixed=fixed, normals=normals)
