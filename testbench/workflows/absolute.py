@@ -275,13 +275,14 @@ def of_held(calibration: Calibration) -> list[str]:
             off, turn, found = placed_off(series, calibration.state.frame(series))
             place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
             if series.normal is None:
-                zero, open_ = calibration.state.frame(series).zero, "how the base is turned about it"
+                zero = calibration.state.frame(series).zero
                 place = f"its fixed point is {place} from where it is stated"
                 place += f", and its distances count from {1e3 * zero:.3f} mm" if series.zero_sigma else ""
+                unseen = "distances do not show how the base is turned about it"
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
-                open_ = "where the base is along the plane, or how it is turned about the normal"
-            words.append(f"{series.name}: {place}; distances do not show {open_}")
+                unseen = "heights do not show where the base is along it or how it is turned about its normal"
+            words.append(f"{series.name}: {place}; {unseen}")
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
             f"mount {series.target}",
