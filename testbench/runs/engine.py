@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import dataclass, is_dataclass
+from multiprocessing import resource_tracker
 from threading import Thread
 from typing import Any
 
@@ -192,7 +193,9 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
             parallel_config("loky", **options),
             Parallel(count, return_as="generator_unordered", batch_size=1, max_nbytes=None) as pool,
         ):
-            # No stop reaches a worker before it has begun: it would say so with a traceback.
+            # No stop reaches a worker before it has begun: it would say so with a traceback. On Python 3.11
+            # the resource tracker, which the first worker would start, unblocks stops.
+            resource_tracker.ensure_running()
             signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
             try:
                 found = pool(delayed(do_chunk)(work, seeds) for seeds in chunks)

@@ -142,6 +142,18 @@ def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, a
     assert (out / "trials.parquet").read_bytes() == alone
 
 
+def test_no_stop_reaches_the_first_workers_of_a_program_while_they_start():
+    script = """
+import trial_work
+from testbench.runs.engine import on_cores
+for chunk in on_cores(trial_work.blocked_stops, [[1], [2]], workers=2):
+    print(*chunk.found[0]["names"])
+"""
+    words = [sys.executable, "-c", script]
+    fresh = subprocess.run(words, cwd=HERE, check=True, capture_output=True, text=True)
+    assert fresh.stdout.splitlines() == 2 * ["SIGHUP SIGINT SIGTERM"]
+
+
 def test_bad_input_is_one_line_and_touches_nothing(tmp_path):
     out = tmp_path / "out"
     study(out, ONE, trials=4)

@@ -1,6 +1,7 @@
 """Trials for the tests of the engine: what they draw depends on the seed alone."""
 
 import os
+import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +50,19 @@ def trials(pause, pids, seeds):
             ]
         )
     return found
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """Stops that do not reach the process of a trial, as it was when its worker began."""
+
+    names: str
+
+
+def blocked_stops(seeds):
+    """What keeps stops from this process since before it imported anything."""
+    names = " ".join(sorted(number.name for number in signal.pthread_sigmask(signal.SIG_BLOCK, [])))
+    return [[Blocked(names)] for _ in seeds]
 
 
 def endless_trials(pause, pids, seeds):
