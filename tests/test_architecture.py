@@ -31,9 +31,9 @@ DOORS = {
     "pinocchio": ("model/kinematics.py", "files/robot/urdf.py"),
     "rerun": "report/recording",
     "clarabel": "identify/cone.py",
-    "jinja2": ("report/page/page.py", "files/motion.py"),
-    **dict.fromkeys(("markdown_it", "markupsafe"), "report/page/page.py"),
-    "pyarrow": ("runs", "files/table.py", "report/table.py"),
+    "jinja2": ("report/page.py", "files/motion.py"),
+    **dict.fromkeys(("markdown_it", "markupsafe"), "report/page.py"),
+    "pyarrow": ("runs", "files/table.py", "report/table.py", "workflows/load_dataset.py"),
     "python_calamine": "files/text.py",
     "distributed": "runs/cluster.py",
     "joblib": "runs/engine.py",
@@ -45,7 +45,7 @@ UNTYPED = """
     runs/manifest.py studies/paper/factorised.py report/join.py report/report.py
     report/table.py studies/run.py
     studies/study.py runs/cluster.py
-    runs/engine.py runs/store.py runs/rows.py report/page/page.py report/schema.py
+    runs/engine.py runs/store.py runs/rows.py report/page.py report/schema.py
     report/recording/world.py
 """
 """Modules at the door of JSON or of a package without types: the only ones that may say Any."""
