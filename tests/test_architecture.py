@@ -156,6 +156,28 @@ def at_once(path):
     return found
 
 
+OTHERS = {
+    "identify": {"absolute", "campaign_flags", "plan", "plan_input", "program"},
+    "predict": {"absolute", "campaign_flags", "plan"},
+    "compensate": {"absolute", "campaign_flags", "plan"},
+}
+"""Workflows of other commands, by command."""
+
+
+@pytest.mark.parametrize("command", OTHERS)
+def test_a_command_reaches_no_workflow_of_another(command):
+    """Not even through others, or inside functions: what two commands share has a module of its own."""
+    seen, todo = set(), [f"testbench.cli.{command}"]
+    while todo:
+        for name in (imports(modules()[todo.pop()]) & modules().keys()) - seen:
+            seen.add(name)
+            todo.append(name)
+    assert (
+        sorted(OTHERS[command] & {name.rpartition(".")[2] for name in seen if room(name) == "workflows"})
+        == []
+    )
+
+
 @pytest.mark.parametrize("command", ["check", "simulate"])
 def test_commands_that_identify_nothing_import_no_method(command):
     """They take half of the time of one that does."""
