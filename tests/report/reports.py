@@ -14,9 +14,9 @@ from made_up import of_one_trial
 from page_checks import check_tables
 from rich.console import Console
 
+from testbench.report import page as html
 from testbench.report import terminal
 from testbench.report.figure import SOFT
-from testbench.report.page import page as html
 from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.runs.rows import columns, tabled
