@@ -31,9 +31,9 @@ DOORS = {
     "pinocchio": ("model/kinematics.py", "files/robot/urdf.py"),
     "rerun": "report/recording",
     "clarabel": "identify/cone.py",
-    "jinja2": ("report/page/page.py", "files/motion.py"),
-    **dict.fromkeys(("markdown_it", "markupsafe"), "report/page/page.py"),
-    "pyarrow": ("runs", "files/table.py", "report/table.py"),
+    "jinja2": ("report/page.py", "files/motion.py"),
+    **dict.fromkeys(("markdown_it", "markupsafe"), "report/page.py"),
+    "pyarrow": ("runs", "files/table.py", "report/table.py", "workflows/load_dataset.py"),
     "python_calamine": "files/text.py",
     "distributed": "runs/cluster.py",
     "joblib": "runs/engine.py",
@@ -45,7 +45,7 @@ UNTYPED = """
     runs/manifest.py studies/paper/factorised.py report/join.py report/report.py
     report/table.py studies/run.py
     studies/study.py runs/cluster.py
-    runs/engine.py runs/store.py runs/rows.py report/page/page.py report/schema.py
+    runs/engine.py runs/store.py runs/rows.py report/page.py report/schema.py
     report/recording/world.py
 """
 """Modules at the door of JSON or of a package without types: the only ones that may say Any."""
@@ -154,6 +154,28 @@ def at_once(path):
         elif isinstance(node, ast.If) and "TYPE_CHECKING" not in ast.dump(node.test):
             todo += node.body + node.orelse
     return found
+
+
+OTHERS = {
+    "identify": {"absolute", "campaign_flags", "plan", "plan_input", "program"},
+    "predict": {"absolute", "campaign_flags", "plan"},
+    "compensate": {"absolute", "campaign_flags", "plan"},
+}
+"""Workflows of other commands, by command."""
+
+
+@pytest.mark.parametrize("command", OTHERS)
+def test_a_command_reaches_no_workflow_of_another(command):
+    """Not even through others, or inside functions: what two commands share has a module of its own."""
+    seen, todo = set(), [f"testbench.cli.{command}"]
+    while todo:
+        for name in (imports(modules()[todo.pop()]) & modules().keys()) - seen:
+            seen.add(name)
+            todo.append(name)
+    assert (
+        sorted(OTHERS[command] & {name.rpartition(".")[2] for name in seen if room(name) == "workflows"})
+        == []
+    )
 
 
 @pytest.mark.parametrize("command", ["check", "simulate"])

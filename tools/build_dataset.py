@@ -17,15 +17,24 @@ from tempfile import TemporaryDirectory
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError
-from testbench.files.model_folder import copy_arm, digests
 from testbench.plant.true_arms import TRUE_ARM_LABELS, TRUTHS
 from testbench.report.schema import KNOWN
 from testbench.runs import manifest as files
 from testbench.runs.engine import Chunks, on_cores
-from testbench.runs.tables import join_tables, kinds
+from testbench.runs.manifest import digests
 from testbench.runs.whole import claim_folder, whole_folder
 from testbench.studies.run import show_progress
-from testbench.workflows.load_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
+from testbench.workflows.arm_models import copy_arm
+from testbench.workflows.load_dataset import (
+    ARM,
+    GRID,
+    ROUNDS,
+    SCENARIO,
+    TABLES,
+    join_tables,
+    kinds,
+    write_rounds,
+)
 
 COMMAND = "tools/build_dataset.py"
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from testbench.report.terminal import plain_console
-from testbench.studies.bench.study import STUDY, BenchOptions
+from testbench.studies.bench import STUDY, BenchOptions
 from testbench.studies.run import run
 from testbench.workflows.options import Common, takes
 

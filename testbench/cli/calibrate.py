@@ -37,9 +37,8 @@ from testbench.workflows.absolute import (
     score,
 )
 from testbench.workflows.arm_models import read_model, write_model
-from testbench.workflows.campaign_flags import ArmName, SigmaUm, mass
 from testbench.workflows.cell import build_cell
-from testbench.workflows.options import Force, of_flag, plain, takes
+from testbench.workflows.options import ArmName, Force, SigmaUm, mass, of_flag, plain, takes
 from testbench.workflows.plan import gain_of_more
 from testbench.workflows.rows import MM
 

@@ -25,8 +25,7 @@ from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import Kind, check_file, claim_folder
 from testbench.workflows.arm_check import Checked, check
-from testbench.workflows.campaign_flags import ArmName
-from testbench.workflows.options import Force, ShownFolder, takes
+from testbench.workflows.options import ArmName, Force, ShownFolder, takes
 
 COMMAND = "testbench check"  #: As manifest.json names it.
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")

@@ -27,9 +27,8 @@ from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.runs.whole import check_file, claim_folder, whole_files
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
-from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.cell import build_cell
-from testbench.workflows.options import ArmCheck, Force, of_flag, payload_of, plain, takes
+from testbench.workflows.options import ArmCheck, Force, MapFile, Payload, of_flag, payload_of, plain, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings

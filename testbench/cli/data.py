@@ -22,10 +22,10 @@ from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import Kind, check_file, claim_folder, whole_file
 from testbench.workflows.absolute import kinematic_misfit
-from testbench.workflows.campaign_flags import ArmName, Load, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.options import Force, ProjectCommand, ShownFolder, takes
+from testbench.workflows.options import ArmName, Force, Load, ProjectCommand, ShownFolder, takes
 from testbench.workflows.read_runs import (
+    ReadingOptions,
     column_rows,
     contents,
     diagnose_runs,

@@ -10,7 +10,6 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
-from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.metric import Strength, cad_prior
 from testbench.model.laws import joint_laws
@@ -24,17 +23,17 @@ from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row, find
 from testbench.report.table import plain as plain_data
 from testbench.runs import manifest as files
+from testbench.runs.manifest import DOCUMENT
 from testbench.runs.whole import claim_folder
 from testbench.workflows.arm_check import refuse_warnings
-from testbench.workflows.arm_models import write_stiffness
-from testbench.workflows.campaign_flags import ReadingOptions
+from testbench.workflows.arm_models import FITS, write_stiffness
 from testbench.workflows.cell import build_cell
 from testbench.workflows.fit_numbers import identifiability, numbers, residuals_by_model
 from testbench.workflows.fits import fit_models
 from testbench.workflows.models import asked_models
 from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
-from testbench.workflows.read_runs import files_read, read_runs
+from testbench.workflows.read_runs import ReadingOptions, files_read, read_runs
 
 if TYPE_CHECKING:
     from testbench.report.figure import Figure

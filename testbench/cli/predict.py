@@ -19,10 +19,11 @@ from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import claim_folder
 from testbench.workflows.arm_models import load_model
-from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.options import (
     ArmCheck,
     Force,
+    MapFile,
+    Payload,
     overload_warnings,
     payload_of,
     plain,

@@ -19,20 +19,15 @@ from testbench.plant.tracker import Gauge, trial_rng
 from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
 from testbench.runs.whole import Kind, check_file, whole_files
-from testbench.workflows.campaign_flags import (
-    ArmName,
-    MapFile,
-    Mounted,
-    mass,
-    mounted,
-    planned_gauges,
-    read_instruments,
-)
+from testbench.workflows.campaign_flags import Mounted, mounted, planned_gauges, read_instruments
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.options import (
+    ArmName,
     Force,
+    MapFile,
     Orientations,
     absolute_alone,
+    mass,
     overload_warnings,
     read_masses,
     takes,

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbench.files.model_folder import digests
 from testbench.progress import stepwise
 from testbench.report.report import Report
 from testbench.report.scene import PageContent, typical_first
 from testbench.runs import manifest as files
+from testbench.runs.manifest import digests
 from testbench.runs.whole import whole_folder
 
 if TYPE_CHECKING:  # importing matplotlib takes long, and not every command leaves a folder
@@ -78,7 +78,7 @@ def _views(
     """List what draws a run into its folder: figures, map, recording and page."""
     import testbench.report.figure_docs  # noqa: F401 - before any figure
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
-    from testbench.report.page.page import write_page  # every command leaves a folder
+    from testbench.report.page import write_page  # every command leaves a folder
     from testbench.report.recording.run import write_run
     from testbench.report.recording.stream import RecordingHeader
     from testbench.report.run_figure import error_map, overview, silhouette

@@ -5,7 +5,7 @@ import json
 import math
 import re
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
 from testbench import __version__
+from testbench.arm.mjcf import MAX_MESH_BYTES, asset_paths, read_mjcf
 from testbench.errors import InputError, open_file, printable, read_bytes, read_text
 from testbench.registry import Registry
 from testbench.runs.interrupt import SESSION
@@ -263,6 +264,34 @@ def digest(file: Path, max_bytes: int = MAX_DIGEST_BYTES) -> str:
     """
     with open_file(file, max_bytes) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+ARM_FILES = ("rigid.xml", "elastic.toml")  #: Of an arm's folder.
+DOCUMENT, POSTERIOR = "model.json", "posterior.npz"  #: What an identified model adds to them.
+MAX_ROOT = 300_000_000  #: Largest posterior.npz when it is unpacked [byte].
+
+
+def arm_files(folder: Path) -> tuple[str, ...]:
+    """List the files of an arm with its meshes, by their paths in its folder."""
+    rigid = folder / ARM_FILES[0]
+    return (*ARM_FILES, *asset_paths(rigid, read_mjcf(rigid)))
+
+
+def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:
+    """Compute the SHA-256 of every file of arms, or of models of arms.
+
+    Args:
+        folders: Folders of the arms or models.
+
+    Returns:
+        Digests by the folder's name and the file's path in it.
+    """
+    found = {}
+    for folder in folders:
+        model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}
+        sizes = dict.fromkeys(arm_files(folder), MAX_MESH_BYTES) | model
+        found[folder.resolve().name] = {name: digest(folder / name, k) for name, k in sizes.items()}
+    return found
 
 
 def git_commit(folder: Path) -> str:

@@ -18,7 +18,7 @@ HOMES: Mapping[str, str] = {
     "real_ur10": "absolute.real",
     "pose_selection": "planning.study",
     "compensation": "compensation.study",
-    "bench": "bench.study",
+    "bench": "bench",
 }
 """Modules of studies by the names of their scenarios; all others are presets of a campaign."""
 

@@ -16,6 +16,14 @@ from testbench.runs.rows import finite
 from testbench.runs.spread import span
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER
 from testbench.workflows.cell import Campaign, Cell
+from testbench.workflows.error_places import (
+    ErrorPlaces,
+    WorkspacePoses,
+    error_places,
+    kept_mm,
+    places_of,
+    rms,
+)
 from testbench.workflows.fit_numbers import (
     COMPLIANCES,
     eigenvalues,
@@ -25,14 +33,6 @@ from testbench.workflows.fit_numbers import (
     sag_by_part,
 )
 from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
-from testbench.workflows.predicted_error import (
-    ErrorPlaces,
-    WorkspacePoses,
-    error_places,
-    kept_mm,
-    places_of,
-    rms,
-)
 from testbench.workflows.rows import (
     FAILED,
     NO_ERRORS,

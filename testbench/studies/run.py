@@ -17,13 +17,12 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from testbench.errors import BenchError, InputError, Interrupted
-from testbench.files.model_folder import digests
 from testbench.progress import tell
 from testbench.report import terminal
 from testbench.report.badge import Badge
 from testbench.report.figure import Figure, headed, save
 from testbench.report.markdown import Markdown, capital, titled
-from testbench.report.page.page import write_page
+from testbench.report.page import write_page
 from testbench.report.recording.run import write_run
 from testbench.report.report import FAILURES, Report, failures, fitted, say, with_failures
 from testbench.report.scene import PageContent, typical_first
@@ -33,6 +32,7 @@ from testbench.runs import manifest as files
 from testbench.runs.cluster import check_address, check_certificates, on_cluster
 from testbench.runs.engine import Backend, on_cores, run_study
 from testbench.runs.interrupt import RESULTS_KEPT
+from testbench.runs.manifest import digests
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, middle
 from testbench.runs.store import TrialPlan, open_store, write_parquet
 from testbench.runs.whole import claim_folder, whole_folder

@@ -5,6 +5,7 @@ A folder has the files of the arm, model.json, which is a `Document`, and poster
 
 import io
 import math
+import shutil
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,9 +17,18 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, find_arm, load_arm
+from testbench.arm.mjcf import MAX_MESH_BYTES
 from testbench.data.dataset import Dataset, Series
-from testbench.errors import Array, BenchError, InputError, check_array, check_type, read_bytes, read_text
-from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
+from testbench.errors import (
+    Array,
+    BenchError,
+    InputError,
+    check_array,
+    check_type,
+    open_file,
+    read_bytes,
+    read_text,
+)
 from testbench.identify.absolute.align import EQUATION_KINDS, Noise
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import model_of
@@ -32,7 +42,7 @@ from testbench.model.load import Load, Weights, resultant, weights_with_note
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.runs import manifest as files
-from testbench.runs.manifest import input_error
+from testbench.runs.manifest import ARM_FILES, DOCUMENT, MAX_ROOT, POSTERIOR, arm_files, input_error
 from testbench.runs.whole import reading, whole_folder
 from testbench.workflows.advice import advice
 from testbench.workflows.cell import Cell
@@ -41,6 +51,8 @@ if TYPE_CHECKING:  # who only reads a model needs no fits
     from testbench.workflows.fits import IdentifyResult
     from testbench.workflows.read_runs import MeasuredRuns
 
+FITS = "models.json"  #: All fits of `testbench identify`, beside the recommended one.
+MAX_BYTES = 50_000_000  #: Largest model.json [byte].
 FORMAT = 3  #: Of what is written; no other one is read.
 ARRAYS = ("root", "unseen", "scale")
 """Of posterior.npz, as `Posterior` has them."""
@@ -228,7 +240,7 @@ def _read_document(folder: Path) -> Document:
 
 
 def _check_arm(folder: Path, document: Document, place: Path) -> None:
-    for name in ARM:
+    for name in ARM_FILES:
         path, other = folder / name, place / name
         if not other.is_file() or files.digest(path) != files.digest(other):
             problem = f"is a model of another arm, {document.arm}: its {name} is not that of {place}"
@@ -425,6 +437,20 @@ def _structure_document(structure: Structure, C_theta: Array) -> dict[str, objec
         for a, b, value in zip(structure.a, structure.b, values, strict=True)
     ]
     return {"name": structure.name, "symmetric": structure.symmetric, "entries": entries}
+
+
+def copy_arm(arm: Arm, folder: Path) -> None:
+    """Copy the files of an arm with its meshes.
+
+    Args:
+        arm: The arm.
+        folder: Folder to copy to.
+    """
+    path = arm.rigid.parent
+    for name in arm_files(path):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        with open_file(path / name, MAX_MESH_BYTES) as source, (folder / name).open("wb") as copy:
+            shutil.copyfileobj(source, copy)
 
 
 def write_stiffness(

@@ -1,4 +1,4 @@
-"""Flags of campaigns, measured and simulated, for every study and command that reads or makes one."""
+"""Simulated campaigns: their flags, and the instruments around a cell that read them."""
 
 import csv
 import math
@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from testbench.arm.document import is_decimal
 from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows
-from testbench.errors import Array, BenchError, InputError, shell_word
+from testbench.errors import Array, BenchError, InputError
 from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.tracker import (
     BALLBAR,
@@ -28,28 +27,13 @@ from testbench.plant.tracker import (
     read_positions,
 )
 from testbench.plant.true_arms import FAMILY, true_arms
-from testbench.runs.interrupt import SESSION
 from testbench.workflows.cell import Cell, LoadedPoses, Scenario, Truth, of_arm, settle_both
-from testbench.workflows.options import read_mass
 
 if TYPE_CHECKING:
     from testbench.workflows.cell import Pair
 
 
-# --- Flags of campaigns, measured and simulated, for every study and command that reads or makes one --------
-
-
-def mass(text: str) -> float:
-    """Read a hung mass, or its weight [kg]; BadParameter for anything else."""
-    try:
-        return read_mass(text)
-    except BenchError as err:
-        raise typer.BadParameter(str(err)) from err
-
-
-def mass_or_none(text: str) -> float:
-    """Read a hung mass [kg]; 0 where nothing hangs."""
-    return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+# --- Flags of simulated campaigns ---------------------------------------------------------------------------
 
 
 def true_arm_name(text: str) -> str:
@@ -59,29 +43,6 @@ def true_arm_name(text: str) -> str:
     raise typer.BadParameter(f"expected one of {', '.join([FAMILY, *true_arms])}, got {text!r}")
 
 
-ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or name of a built-in one.")]
-MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
-SigmaUm = Annotated[
-    float | None,
-    typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise per axis, if the file has none."),
-]
-Load = Annotated[
-    float | None,
-    typer.Option(
-        parser=mass,
-        metavar="MASS",
-        help="Payload if the file has none, kg or as 530lb.",
-    ),
-]
-Payload = Annotated[
-    float | None,
-    typer.Option(
-        "--load",
-        parser=mass_or_none,
-        metavar="MASS",
-        help="Load if the file has none, kg or as 530lb (default: rated).",
-    ),
-]
 ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or name of a built-in one.")]
 TrueArmFlag = Annotated[
     str,
@@ -113,35 +74,6 @@ class CampaignOptions:
             workspace_poses=workspace_poses,
         )
         return of_arm(load_arm(self.arm), scenario)
-
-
-@dataclass(frozen=True)
-class ReadingOptions:
-    """Name measured runs of an arm, and how they are read."""
-
-    arm: ArmName
-    dataset: Annotated[Path, typer.Argument(help="Measured runs: CSV, text, or FILE.xlsx#SHEET.")]
-    mapping: MapFile = None
-    sigma_um: SigmaUm = None
-    load: Load = None
-    frame: Annotated[
-        str, typer.Option(metavar="FRAME", help="Frame of the readings: auto, base, tracker, TOML.")
-    ] = "auto"
-    new_target: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Target that the arm lacks; repeatable.")
-    ] = None
-
-    @property
-    def words(self) -> str:
-        """Write how runs are read as flags of another command, without what the project file says."""
-        load, frame = None if self.load is None else f"{self.load:g}", self.frame
-        own = {"map": self.mapping, "sigma_um": self.sigma_um, "load": load}
-        own |= {"frame": None if frame == "auto" else frame}
-        flags = [(key, value) for key, value in own.items() if value is not None]
-        flags += [("new_target", name) for name in self.new_target or ()]
-        taken = SESSION.get().taken
-        kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
-        return "".join(f" --{key.replace('_', '-')} {shell_word(Path(str(value)))}" for key, value in kept)
 
 
 # --- Instruments around a cell: which of them read which marker, along which line, and what they read -------

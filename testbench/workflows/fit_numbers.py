@@ -21,6 +21,7 @@ from testbench.model.vjm import Vjm, chain, cross, generalised_load, tool_pose
 from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell, clear_poses
+from testbench.workflows.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.identifiability import (
     DECIDED,
@@ -31,7 +32,6 @@ from testbench.workflows.identifiability import (
     unseen_poses,
 )
 from testbench.workflows.models import JOINTS
-from testbench.workflows.predicted_error import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.rows import MM, UM
 
 # --- Details of fits that figures show ----------------------------------------------------------------------

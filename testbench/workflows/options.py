@@ -431,6 +431,42 @@ def absolute_alone(flags: "DataclassInstance") -> None:
             raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
 
 
+def mass(text: str) -> float:
+    """Read a hung mass, or its weight [kg]; BadParameter for anything else."""
+    try:
+        return read_mass(text)
+    except BenchError as err:
+        raise typer.BadParameter(str(err)) from err
+
+
+def mass_or_none(text: str) -> float:
+    """Read a hung mass [kg]; 0 where nothing hangs."""
+    return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
+
+ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or name of a built-in one.")]
+MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
+SigmaUm = Annotated[
+    float | None,
+    typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise per axis, if the file has none."),
+]
+Load = Annotated[
+    float | None,
+    typer.Option(
+        parser=mass,
+        metavar="MASS",
+        help="Payload if the file has none, kg or as 530lb.",
+    ),
+]
+Payload = Annotated[
+    float | None,
+    typer.Option(
+        "--load",
+        parser=mass_or_none,
+        metavar="MASS",
+        help="Load if the file has none, kg or as 530lb (default: rated).",
+    ),
+]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
 ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Reject a model of any other arm.")]
 ShownFolder = Annotated[

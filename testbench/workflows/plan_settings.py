@@ -19,10 +19,9 @@ from testbench.model.vjm import WorkArea
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
-from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import ALL_UNKNOWNS, arm_model_names, canonical_name, named_models, plain_name
-from testbench.workflows.options import payload_of
+from testbench.workflows.options import ArmName, MapFile, mass, payload_of
 from testbench.workflows.plan_input import (
     LOAD_RANGE,
     PULL_RANGE,

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Annotated, get_args
 
 import numpy as np
+import typer
 from pydantic import Field, ValidationError
 
 from testbench.arm.document import Strict, parse_toml
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, split
-from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text
+from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.mapping import Map
 from testbench.files.names import What
@@ -31,11 +32,41 @@ from testbench.identify.regression import BLOCK_RUNS
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, chain, marker_points, tool_points, tool_pose
+from testbench.runs.interrupt import SESSION
 from testbench.runs.rows import Row
-from testbench.workflows.campaign_flags import ReadingOptions
 from testbench.workflows.cell import Cell
-from testbench.workflows.options import overload_warnings
+from testbench.workflows.options import ArmName, Load, MapFile, SigmaUm, overload_warnings
 from testbench.workflows.rows import MM, UM
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Name measured runs of an arm, and how they are read."""
+
+    arm: ArmName
+    dataset: Annotated[Path, typer.Argument(help="Measured runs: CSV, text, or FILE.xlsx#SHEET.")]
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    load: Load = None
+    frame: Annotated[
+        str, typer.Option(metavar="FRAME", help="Frame of the readings: auto, base, tracker, TOML.")
+    ] = "auto"
+    new_target: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Target that the arm lacks; repeatable.")
+    ] = None
+
+    @property
+    def words(self) -> str:
+        """Write how runs are read as flags of another command, without what the project file says."""
+        load, frame = None if self.load is None else f"{self.load:g}", self.frame
+        own = {"map": self.mapping, "sigma_um": self.sigma_um, "load": load}
+        own |= {"frame": None if frame == "auto" else frame}
+        flags = [(key, value) for key, value in own.items() if value is not None]
+        flags += [("new_target", name) for name in self.new_target or ()]
+        taken = SESSION.get().taken
+        kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
+        return "".join(f" --{key.replace('_', '-')} {shell_word(Path(str(value)))}" for key, value in kept)
+
 
 # --- Measured runs for a fit: read, brought into the base's frame, poses that are held back set apart -------
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from spoil import Spoil, holds, instead, link, sparse
 
-from testbench.files import model_folder, text
+from testbench.files import text
 from testbench.files.robot import meshes, robot
+from testbench.runs import manifest
 
 MANY = 16_000_000  #: Bytes of a large file.
 
@@ -53,6 +54,6 @@ def test_the_security_page_states_the_limits_of_the_readers():
         f"a workbook {text.MAX_UNPACKED // 10**6} MB when unpacked",
         f"a robot file {robot.MAX_BYTES // 10**6} MB and {robot.MOST_OF['joint']} joints",
         f"a mesh {meshes.MAX_BYTES // 10**6} MB",
-        f"the arrays of a model {model_folder.MAX_ROOT // 10**6} MB",
+        f"the arrays of a model {manifest.MAX_ROOT // 10**6} MB",
     ]
     assert ", ".join(said) in " ".join(page.split())

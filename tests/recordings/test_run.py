@@ -15,7 +15,7 @@ from testbench.identify.registered import register_dataset
 from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
-from testbench.report.page.page import seen_plain
+from testbench.report.page import seen_plain
 from testbench.report.recording.run import _beyond, _from_zero, _legend_room, _seen, write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview

@@ -14,16 +14,16 @@ from made_up import of_one_trial
 from page_checks import check_tables
 from rich.console import Console
 
+from testbench.report import page as html
 from testbench.report import terminal
 from testbench.report.figure import SOFT
-from testbench.report.page import page as html
 from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread, ends, middle
 from testbench.runs.store import arrow_table, write_trials
 from testbench.studies.campaigns import Measured
-from testbench.workflows.predicted_error import WorkspacePoses
+from testbench.workflows.error_places import WorkspacePoses
 
 WIDTH = 80  #: Of a terminal.
 

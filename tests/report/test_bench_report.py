@@ -6,7 +6,7 @@ from legible import check_legible
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.studies.bench.study import (
+from testbench.studies.bench import (
     DEFAULT,
     DONE,
     JOINTS,

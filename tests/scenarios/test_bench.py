@@ -10,7 +10,7 @@ from run_here import ROOT, check_files, do, fine, numbers_alone
 from test_own_estimator import BAD, EXAMPLE, PAGE, WHY
 
 import testbench as tb
-from testbench.studies.bench.study import FLOORS, TASKS, problem, read_entries
+from testbench.studies.bench import FLOORS, TASKS, problem, read_entries
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import without_compliances
 from testbench.workflows.own_estimator import Limits, call_estimator

@@ -25,10 +25,9 @@ from testbench.identify.metric import cad_prior
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent
-from testbench.workflows.campaign_flags import mass
 from testbench.workflows.cell import Scenario, build_cell, simulate
 from testbench.workflows.models import asked_models
-from testbench.workflows.options import read_masses
+from testbench.workflows.options import mass, read_masses
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

@@ -12,7 +12,6 @@ from run_here import check_folder, do, fine, refused
 
 from testbench.arm.folder import find_arm
 from testbench.cli.compare import report
-from testbench.files.model_folder import digests
 from testbench.model.structure import PAPER_GCO
 from testbench.report.colours import look
 from testbench.report.join import differ
@@ -20,6 +19,7 @@ from testbench.report.schema import Table
 from testbench.report.schema import columns as quantities
 from testbench.report.table import Trials, merged
 from testbench.runs import manifest as files
+from testbench.runs.manifest import digests
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread
 from testbench.runs.store import arrow_table, write_trials

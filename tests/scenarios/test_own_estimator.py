@@ -20,7 +20,7 @@ from testbench.errors import BenchError
 from testbench.identify.metric import Prior
 from testbench.model.structure import all153
 from testbench.report.colours import look
-from testbench.studies.bench.study import covariance
+from testbench.studies.bench import covariance
 from testbench.workflows.own_estimator import (
     EstimatorSource,
     Limits,

@@ -15,10 +15,10 @@ from rich.console import Console
 
 import testbench
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
+from testbench.report import page as html
 from testbench.report import terminal
 from testbench.report.colours import hexadecimal, look
-from testbench.report.page import page as html
-from testbench.report.page.page import TRIANGLES, plain, seen_plain, solid
+from testbench.report.page import TRIANGLES, plain, seen_plain, solid
 from testbench.report.scene import ModelLine, PlaceMap, RunChart
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.report.table import Row

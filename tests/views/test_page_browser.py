@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from testbench.plant.shapes import BodyFrames
 from testbench.report.badge import decide
-from testbench.report.page.page import FOLDER, SCRIPTS, write_page
-from testbench.report.page.page import frames_plain as _frames
+from testbench.report.page import FOLDER, SCRIPTS, write_page
+from testbench.report.page import frames_plain as _frames
 from testbench.report.schema import Table, TableColumn
 
 FITS = '<meta name="viewport" content="width=device-width">'

@@ -1,4 +1,7 @@
-"""The page of a run in one file: its words, pictures, and what is drawn as data for its scripts."""
+"""The page of a run: one HTML file that opens anywhere, with words, tables, charts, the arm, a map of errors.
+
+The folder page/ beside this module has its template, styles and scripts.
+"""
 
 import base64
 import functools
@@ -28,7 +31,7 @@ from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
 
 Json = Mapping[str, object]
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "page"
 SCRIPTS = ("tables.js", "charts.js", "raster.js", "scene.js", "maps.js", "page.js")
 """In the order in which they are run."""
 BRACKETS = re.compile(r" (?=[(\[])")

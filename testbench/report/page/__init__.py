@@ -1,1 +1,0 @@
-"""A run as one HTML file that opens anywhere: words, tables, charts, the arm, the map of its errors."""
