@@ -41,3 +41,10 @@ def test_the_dataset_is_that_of_the_gauges(quick):
     head = (quick[0] / "dataset.csv").read_text().splitlines()[0]
     assert "travel_after_m" in head
     assert "before_x_m" not in head
+
+
+def test_the_verdict_compares_gauges_with_the_tracker(report, default):
+    badge = report["badge"]
+    assert {badge["winner"], badge["rival"]} == {THREE, TRACKER}
+    ratio = default[badge["rival"]]["rms_um"] / default[badge["winner"]]["rms_um"]
+    assert badge["factor"] == pytest.approx(ratio, rel=1e-3)

@@ -41,7 +41,9 @@ from testbench.workflows.own_estimator import Models
 ARM = "kr500_l480"
 TRACKER, THREE, ONE = "tracker, 50 um", "three gauges, 5 um", "one gauge, moved"
 LIGHT, LIGHTER = "ballbar, a tenth of the weight", 0.1  #: The payload moves most markers out of its range.
-ALONE = (ONE, "one draw-wire", LIGHT)  #: Instruments that read one marker in a pose.
+WIRES, WIRE = "three draw-wires, 50 um", "one draw-wire"
+INSTRUMENTS = (TRACKER, "probe of six degrees", "camera, 100 um", THREE, ONE, WIRES, WIRE, LIGHT)
+ALONE = (ONE, WIRE, LIGHT)  #: Instruments that read one marker in a pose.
 POSES, USUAL = (8, 12, 20), 12  #: From how many poses is identified, nested; the number of the headline.
 ANCHORS = np.array([[2.2, 0.0, 0.1], [1.2, -1.6, 0.1], [1.2, 1.6, 0.1]])  #: Of wires and ballbar [m].
 UNCERTAINTY = 0.3  #: Of the prior that the choice of directions counts with [1].
@@ -127,16 +129,17 @@ def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, l
     markers = cell.arm.markers
     three, one = (directions(cell, q, around, mass, count) for count in (len(markers), 1))
     wires = [Mounted(DRAW_WIRE, name, fixed=at) for name, at in zip(markers, ANCHORS, strict=True)]
-    return {
-        TRACKER: [Mounted(Tracker(50e-6))],
-        "probe of six degrees": [Mounted(PROBE)],
-        "camera, 100 um": [Mounted(CAMERA)],
-        THREE: [Mounted(Gauge(), name, three[:, k]) for k, name in enumerate(markers)],
-        ONE: [Mounted(Gauge(), name, one[:, k]) for k, name in enumerate(markers)],
-        "three draw-wires, 50 um": wires,
-        "one draw-wire": wires[:1],
-        LIGHT: [Mounted(BALLBAR, markers[0], fixed=ANCHORS[0])],
-    }
+    mounted = (
+        [Mounted(Tracker(50e-6))],
+        [Mounted(PROBE)],
+        [Mounted(CAMERA)],
+        [Mounted(Gauge(), name, three[:, k]) for k, name in enumerate(markers)],
+        [Mounted(Gauge(), name, one[:, k]) for k, name in enumerate(markers)],
+        wires,
+        wires[:1],
+        [Mounted(BALLBAR, markers[0], fixed=ANCHORS[0])],
+    )
+    return dict(zip(INSTRUMENTS, mounted, strict=True))
 
 
 def _cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iterator[TrialCase]:

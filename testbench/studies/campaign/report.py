@@ -107,6 +107,8 @@ class Preset(Generic[O, S, W]):
     ours: str = DEFAULT  #: The model of the headline; that of least error if empty.
     rivals: tuple[str, ...] = ()  #: Its rivals; all incumbents of its class if empty.
     pairs: tuple[tuple[str, str], ...] = PAIRS  #: Compared beside ours and its rivals.
+    #: Rows of which ours and its rivals are names, if they are not models of the headline's cell.
+    compared: Callable[[Trials], Trials] | None = None
     check: str = ""  #: The cell of `cells` that is judged at check poses; the others over the workspace.
     derived: Callable[[S, Trials], Trials] = lambda _, trials: trials  #: Adds columns, picks fits.
     listed: str = ""  #: Table whose rows are report.json's models, where rows hold all of the contract.
@@ -152,7 +154,7 @@ class Preset(Generic[O, S, W]):
         listed = TrialTable("", columns=self.also)
         models = {words: replace(listed, where=where).cells(own) for words, where in cells.items()}
         first, where = next(iter(cells.items()))
-        at = own.where(**where)
+        at = self.compared(own) if self.compared else own.where(**where)
         ours = self.ours or least(models[first])
         rivals = self.rivals or incumbents(models[first], ours)
         pairs = dict.fromkeys([*((ours, theirs) for theirs in rivals), *self.pairs])
@@ -262,7 +264,7 @@ def rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
     error = replace(KNOWN[value], form=".0f" if value == ERROR else KNOWN[value].form, short="")
     ours, theirs, *others = columns("ours theirs error_ratio won worst_ratio worst_seed")
     both = (replace(error, key=f"{who}_error", heading=f"{words} error") for who, words in WHO.items())
-    return Table((ours, theirs, *both, *others), rows, "Pairs of models in the same trials")
+    return Table((ours, theirs, *both, *others), rows, "Pairs in the same trials")
 
 
 def lines(found: Report, name: str, axes: str, drawn: Callable[[Row], bool] = lambda _: True) -> Table:

@@ -8,7 +8,7 @@ from testbench.report.report import Report
 from testbench.report.schema import columns
 from testbench.report.table import Trials
 from testbench.studies.campaign import read_by
-from testbench.studies.campaign.read_by import THREE, TRACKER, USUAL
+from testbench.studies.campaign.read_by import INSTRUMENTS, THREE, TRACKER, USUAL
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable
 from testbench.workflows.models import DEFAULT, JOINTS
 
@@ -37,6 +37,12 @@ def _derived(_: read_by.Settings, trials: Trials) -> Trials:
     return trials.add(covered_percent=trials["cover.covered_percent"], half_mm=trials["cover.half_mm"])
 
 
+def _by_instrument(trials: Trials) -> Trials:
+    """Name the rows of the default by their instrument, so that instruments are compared."""
+    own = trials.where(name=DEFAULT, poses=USUAL)
+    return own.add(name=own["instrument"])
+
+
 def figures(found: Report) -> Mapping[str, Figure]:
     """Draw the error from every instrument, one pane per number of poses."""
     table, (error,) = found.tables["poses"], columns(ERROR)
@@ -61,7 +67,10 @@ PRESET = Preset(
     tables=tables,
     printed="instruments",
     cells=lambda *_: {"": {"instrument": THREE, "poses": USUAL}},
-    pairs=((DEFAULT, JOINTS),),
+    ours=THREE,
+    rivals=(TRACKER,),
+    pairs=tuple((name, TRACKER) for name in INSTRUMENTS if name != TRACKER),
+    compared=_by_instrument,
     derived=_derived,
     figures=figures,
 )
