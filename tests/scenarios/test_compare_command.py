@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from made_up_run import REPORT
-from read_back import sound
 from run_here import check_folder, do, fine, refused
 
 from testbench.arm.folder import find_arm
@@ -119,7 +118,6 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible
     assert (report["inputs"], report["equal"]) == ([], True)
     assert {own["verdict"] for own in report["models"]} == {"same"}
     check_folder(tmp_path / "out", "compare.png")
-    sound(tmp_path / "out" / "recording.rrd", report["badge"]["words"])
 
 
 def test_every_model_has_the_look_that_its_run_gives_it(one):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from checks import tables_of
 from page_checks import drawn_in, layer_of, times_of
-from read_back import sound
 from run_here import check_folder, fine, numbers_alone, refused
 
 from testbench.arm.folder import load_arm
@@ -58,7 +57,6 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     farthest = f"{report['deflection_mm']['most']:.3f}, {report['farthest']}"
     assert shown["largest deflection, mm"] == farthest
     check_folder(out, "data.png")
-    sound(out / "recording.rrd", "16 runs in 8 poses")
 
 
 def test_numbers_and_picture_are_those_of_the_file(spreadsheet):

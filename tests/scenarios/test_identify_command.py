@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from page_checks import check_page, drawn_in, layer_of, said, times_of
-from read_back import columns, series, sound
 from run_here import check_folder, numbers_alone
 from run_here import fine as run
 
@@ -16,7 +15,6 @@ import testbench as tb
 from testbench.data.dataset import select
 from testbench.model.load import Load, displacement, secant
 from testbench.model.vjm import chain
-from testbench.report.recording.stream import snake
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml"}
@@ -156,17 +154,6 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
     for name in others:
         apart = 1e3 * np.linalg.norm(tool[name] - tool[taken], axis=1)
         np.testing.assert_allclose(report["map"]["apart_mm"][name], apart, rtol=0.1, atol=0.02)
-
-
-def test_the_recording_has_the_largest_residual_of_each_run_worst_first_and_the_map(made, report):
-    chunks = sound(made[0] / "recording.rrd", f"Use {report['recommended']}")
-    chart = "/charts/runs_against_their_readings/largest_residual_of_each_run_mm"
-    left = series(chunks, f"{chart}/{snake(report['recommended'])}")
-    assert left == sorted(left, reverse=True)
-    assert left[0] == pytest.approx(max(row["taken_mm"] for row in report["residuals"]), rel=1e-6)
-    assert len(left) == len(report["residuals"])
-    balls = columns(chunks, f"/world/map/{snake(report['recommended'])}/field")["Points3D:positions"][0]
-    assert len(balls) == 200
 
 
 def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tmp_path):

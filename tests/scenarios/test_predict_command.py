@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from checks import tables_of
 from page_checks import check_page, said
-from read_back import columns, on, series, sound
 from reports import check
 from run_here import check_folder, fine, refused, table
 
@@ -138,18 +137,6 @@ def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(m
     assert head[1:7] == ["deflection, mm", "95 % half width, mm", "x, mm", "y, mm", "z, mm", "rotation, mrad"]
     assert head[7] == "least stiffness, N/um"
     assert [row[:-1] for row in found] == wanted
-
-
-def test_the_recording_shows_every_pose_the_farthest_first(made):
-    chunks, report = (
-        sound(made[0] / "recording.rrd", "Uncertain"),
-        json.loads((made[0] / "report.json").read_text()),
-    )
-    sizes = [row["deflection_mm"] for row in report["worst"]]
-    chart = "/charts/poses_of_the_file/how_far_the_tool_moves_in_each_pose_95_intervals_mm"
-    np.testing.assert_allclose(series(chunks, f"{chart}/tool"), sizes, rtol=1e-6)
-    arrows = columns(on(chunks, "typical_first"), "/world/poses_of_the_file/deflection")["Arrows3D:vectors"]
-    assert len(arrows) == 1 + POSES  # a typical one, then all
 
 
 def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
