@@ -31,6 +31,11 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.import_plugin("shared")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what `make test` leaves to `make attack`: that takes seconds."""
+    return True if ATTACKS & {collection_path.name} and "not attack" in config.option.markexpr else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what `make studies`, `make look` and `make attack` run; `make test` runs all others."""
     begins = {f"{name}.py": k for k, name in enumerate(LONGEST)}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from made_up_run import REPORT
-from run_here import check_folder, do, fine, refused
+from run_here import check_folder, do, fine, numbers_alone, refused
 
 from testbench.arm.folder import find_arm
 from testbench.cli.compare import report
@@ -101,9 +101,10 @@ def many(folder):
     return calibration(folder / "many", range(1, 21))
 
 
-def said(tmp_path, *runs):
+def said(tmp_path, *runs, views=numbers_alone):
     """What the command says of runs, on one line, and its report."""
-    done = do("compare", *runs, "--out", tmp_path / "out")
+    with views():
+        done = do("compare", *runs, "--out", tmp_path / "out")
     assert (done.returncode, done.stderr) == (0, "")
     words, places, _ = done.stdout.partition("\nA: ")
     assert places
@@ -112,8 +113,7 @@ def said(tmp_path, *runs):
 
 
 def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible):
-    with legible():
-        text, report = said(tmp_path, many, many)
+    text, report = said(tmp_path, many, many, views=legible)
     assert text.startswith("Tie")
     assert (report["inputs"], report["equal"]) == ([], True)
     assert {own["verdict"] for own in report["models"]} == {"same"}
@@ -202,25 +202,6 @@ def test_of_runs_without_models_the_numbers_of_the_same_keys_are_compared(tmp_pa
     assert report["numbers"][0]["ratio"] == pytest.approx(3)
     page = (tmp_path / "out" / "report.md").read_text()
     assert "| error.rms mm | 7.99 | 23.97 | 3.00 |" in page
-
-
-def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
-    def only(report):
-        models = [{"name": own["name"], "identification": own["identification"]} for own in report["models"]]
-        report.clear()
-        report["models"] = models
-
-    fits = changed(one, tmp_path / "fits", "report.json", only)
-    fits = changed(
-        fits, tmp_path / "identify", "manifest.json", lambda m: m.update(command="testbench identify")
-    )
-    _, report = said(tmp_path, one, fits)
-    assert {pair["kind"] for pair in report["models"]} == {"identification"}
-    assert report["inputs"][0] == {
-        "what": "command",
-        "a": "scenarios/gravity_calibration.py",
-        "b": "testbench identify",
-    }
 
 
 def broken(text):
