@@ -7,6 +7,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from model_folders import identified
 from page_checks import check_page, check_winner, drawn_in, said, times_of
 from read_back import columns, on, series, sound
 from reports import check
@@ -25,9 +26,8 @@ from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.report.program_scene import draw_correction
 from testbench.runs import manifest as files
-from testbench.workflows.arm_models import load_model, write_stiffness
+from testbench.workflows.arm_models import load_model
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import Model, named_models, with_priors
 from testbench.workflows.program import correct_program
 from testbench.workflows.program_numbers import correction_numbers
@@ -56,11 +56,7 @@ def folder(kr500, tmp_path_factory):
         "sure": with_priors(kr500.arm, named_models(kr500, ["ALL"]), cad_prior(kr500.arm), Strength(0.3))[0],
     }
     for name, model in models.items():
-        (out / name).mkdir()
-        own = MeasuredRuns("runs.csv", runs, runs, None)
-        write_stiffness(
-            kr500, fit_models(kr500, [model], own, lambda: 0.0), own, {"runs.csv": "0" * 64}, out / name
-        )
+        identified(kr500, model, runs, out / name)
     return out
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checks import tables_of
+from model_folders import identified
 from page_checks import check_page, said
 from reports import check
 from run_here import check_folder, fine, refused, table
@@ -18,9 +19,7 @@ from testbench.errors import InputError
 from testbench.model.load import Weights
 from testbench.model.vjm import tool_pose
 from testbench.report.schema import show
-from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.cell import Scenario, settle_both, simulate
-from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import named_models, with_priors
 from testbench.workflows.program import predict_file, read_pose_file
 from testbench.workflows.program_numbers import write_predictions
@@ -34,11 +33,9 @@ def folder_of(cell, parent, prior):
     """A model of few poses of a hung weight; without a prior some of it stays open."""
     runs = simulate(cell, Scenario(arm="kr500_l480", workspace_poses=1), 7).identification
     models = named_models(cell, ["MGCO56"])
-    models = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
-    found = fit_models(cell, models, MeasuredRuns("runs.csv", runs, runs, None), lambda: 0.0)
+    [model] = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
     folder = parent / ("prior" if prior else "bare")
-    folder.mkdir()
-    write_stiffness(cell, found, MeasuredRuns("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
+    identified(cell, model, runs, folder)
     return folder
 
 
