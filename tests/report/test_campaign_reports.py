@@ -53,7 +53,14 @@ def of(name):
     return MADE[name]
 
 
-@pytest.fixture(scope="module", params=TRIALS)
+LARGE = {"which_model", "regimes", "identifiability"}
+"""Presets whose reports take longest: `make studies` reads them too."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[pytest.mark.study] * (name in LARGE)) for name in TRIALS],
+)
 def whole(request):
     return of(request.param)
 

@@ -1,5 +1,6 @@
 """The study of regimes as a stranger runs it: files, the map, what every cell must hold."""
 
+import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.studies.campaign.grids import GridSettings
@@ -23,3 +24,28 @@ def test_two_kinds_of_the_family_take_turns_in_every_cell(report, rows):
         own = [row for row in rows if (row["part"], row["uncertainty"]) == (kind, "none")]
         assert len(own) == 4 * 5 * count  # GCO, least squares in three ways, and joints alone
         assert len(report["cells"][kind]) == count
+
+
+def by_fit(rows, plain):
+    """Errors of the methods by structure, case and prior."""
+    found = {}
+    for row in rows:
+        if (row["uncertainty"] == "none") == plain and not row["binds"]:
+            keys = ("seed", "part", "true_arm", "structure", "uncertainty", "poses", "sigma_um")
+            found.setdefault(tuple(row[key] for key in keys), {})[row["name"]] = row["rms_um"]
+    return list(found.values())
+
+
+def test_where_the_cone_does_not_bind_it_does_nothing_to_what_is_seen(rows):
+    """The trace weight of GCO is all that is left, with the same free directions."""
+    free = by_fit(rows, plain=True)
+    assert len(free) > 20
+    for own in free:
+        assert own["GCO"] == pytest.approx(own["same free directions"], rel=0.02)
+    most = max(own["GCO"] / own["least squares"] for own in free)
+    assert most > 1.5  # what fills the free directions does
+
+
+def test_a_conservative_least_squares_with_a_prior_is_gco(rows):
+    for own in by_fit(rows, plain=False):
+        assert own["GCO"] == pytest.approx(own["least squares"], rel=1e-3)
