@@ -139,7 +139,8 @@ def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many,
     assert (badge["winner"], badge["rival"], badge["n"], badge["verdict"]) == ("A", "B", 20, "do not use")
     assert badge["interval"] == [pytest.approx(1.3)] * 2
     for runs, code in (((many, worse), 1), ((worse, many), 0), ((many, many), 0)):
-        done = do("compare", *runs, "--out", tmp_path / "out", "--force", "--fail-if-worse")
+        with numbers_alone():
+            done = do("compare", *runs, "--out", tmp_path / "out", "--force", "--fail-if-worse")
         assert (done.returncode, done.stderr) == (code, "")
     assert report["inputs"] == [{"what": "settings.scenario.sigma", "a": "5e-05", "b": "0.0001"}]
     [own] = [m for m in report["models"] if (m["name"], m["kind"]) == ("MLS56", "workspace")]
@@ -173,6 +174,7 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart_and_folders_by_thei
         arm = manifest["models"].pop("kr500_l480")
         manifest["models"]["mine"] = {**arm, "elastic.toml": "0" * 64, "picture.png": "0" * 64}
         manifest["versions"]["numpy"] = "1.0"
+        manifest["versions"]["another"] = "2.0"
         manifest["git"] = "f" * 40 + "-dirty"
         manifest["scenario"]["scenario"]["station"]["lower"][0] = 2.5
 
@@ -182,6 +184,7 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart_and_folders_by_thei
         "arm 1.folder": "mine",
         "arm 1.elastic.toml": "0" * 60,
         "version.numpy": "1.0",
+        "version.another": "2.0",
         "commit": "f" * 40 + "-dirty",
     }
 
@@ -287,9 +290,11 @@ def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(o
 def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):
     """One seed is one true arm; of all seeds of the family the arms are the same."""
     many = [calibration(tmp_path / f"many_{k}", range(k, k + 14)) for k in (1, 15)]
-    fine("compare", *many, "--out", tmp_path / "of_many")
+    with numbers_alone():
+        fine("compare", *many, "--out", tmp_path / "of_many")
     single = [calibration(tmp_path / f"single_{k}", range(k, k + 1)) for k in (1, 2)]
     asked = ("compare", *single, "--out", tmp_path / "of_single")
     said = "expected the same true arms (and the same seed, if each run has one), got"
     refused(*asked, said=said, below=tmp_path)
-    fine(*asked, "--anyway")
+    with numbers_alone():
+        fine(*asked, "--anyway")

@@ -91,6 +91,8 @@ def test_residuals_are_readings_less_the_deflections_of_the_models(made, report,
         left = 1e3 * np.linalg.norm(data.deflection - moved, axis=2)
         found = [row["residual_mm"][fit["name"]] for row in report["residuals"]]
         np.testing.assert_allclose(found, left.max(axis=1), rtol=1e-9)
+        size = 1e3 * np.linalg.norm(data.deflection, axis=2).max(axis=1)
+        np.testing.assert_allclose([row["moved_mm"] for row in report["residuals"]], size)
         held = np.isin(data.pose, (4, 9))
         assert [row["held_back"] for row in report["residuals"]] == held.tolist()
         [row] = [m for m in report["models"] if m["name"] == fit["name"]]

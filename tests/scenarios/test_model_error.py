@@ -29,6 +29,7 @@ def test_every_disturbance_is_switched_on_alone_and_all_together():
 def test_payload_errors_spoil_the_model_and_not_the_arm(report, rows):
     for case in ("none", "payload mass", "payload centre"):
         assert {row["moved_um"] for row in rows if row["case"] == case and row["part"] == "family"} == {0}
+    assert min(row["moved_um"] for row in rows if row["case"] == "own weight") > 0
     [centre] = [row for row in report["cells"]["ranking"] if row["case"] == "payload centre"]
     assert centre["added_um"]["median"] != 0
 
