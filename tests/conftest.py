@@ -17,8 +17,9 @@ LONGEST = (
     "test_fuzz test_own_estimator_studies test_pictures test_wheel test_gravity_calibration test_which_model "
     "test_bench test_model_error test_identifiability_study test_real_ur10 test_regimes "
     "test_compensation test_pose_selection test_noise_sensitivity test_trial_engine test_any_files "
-    "test_doubts test_absolute_faults test_plan_command test_campaign_reports test_proposed_maps "
-    "test_identify_command test_calibrate_command test_intervals test_prior"
+    "test_doubts test_kinds_of_files test_absolute_faults test_distances test_proposed_maps "
+    "test_calibrate_command test_new test_campaign_reports test_identify_command test_prior "
+    "test_compensate_command test_plan_command test_intervals"
 ).split()
 """Files that take longest begin first: one that begins last keeps one worker busy while the other waits."""
 
@@ -31,12 +32,24 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.import_plugin("shared")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what `make test` leaves to `make attack` and `make studies`: that takes seconds."""
+    name, asked = collection_path.name, config.option.markexpr
+    later = ("not attack" in asked and name in ATTACKS) or ("not study" in asked and is_of_study(name))
+    return True if later else None
+
+
+def is_of_study(name: str) -> bool:
+    """Whether a file of tests runs a study."""
+    return name.removesuffix(".py").removeprefix("test_").removesuffix("_study") in STUDIES
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what `make studies`, `make look` and `make attack` run; `make test` runs all others."""
     begins = {f"{name}.py": k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: begins.get(item.path.name, len(begins)))
     for item in items:
-        if item.path.stem.removeprefix("test_").removesuffix("_study") in STUDIES:
+        if is_of_study(item.path.name):
             item.add_marker("study")
         elif LOOKS & set(getattr(item, "fixturenames", ())):
             item.add_marker("look")

@@ -3,6 +3,7 @@
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from functools import cache
 from pathlib import Path
 from typing import IO
 from unittest import mock
@@ -19,6 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from testbench.cli import GARBAGE
 from testbench.report import figure as views
+from testbench.runs import manifest
 from testbench.studies import run
 from testbench.workflows.cell import Cell, build_cell
 
@@ -33,6 +35,13 @@ gc.set_threshold(GARBAGE)
 def lazy_disk() -> Iterator[None]:
     """Files are not waited for until they are on the disk: a loss of power is none of a test."""
     with mock.patch("os.fsync"):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def same_commit() -> Iterator[None]:
+    """The commit of the checkout is asked for once: git takes most of the time of a small run."""
+    with mock.patch.object(manifest, "git_commit", cache(manifest.git_commit)):
         yield
 
 

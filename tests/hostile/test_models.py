@@ -2,10 +2,8 @@
 
 import contextlib
 import io
-import json
 import shutil
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +11,6 @@ import pytest
 
 from testbench.errors import InputError
 from testbench.workflows.arm_models import _read_arrays
-
-Change = Callable[[dict], object]
 
 
 @pytest.fixture(scope="module")
@@ -26,40 +22,12 @@ def model(attack, stock, tmp_path_factory):
     return folder
 
 
-def says(*place: str, value: object) -> Change:
-    def change(document: dict) -> None:
-        *first, last = place
-        for key in first:
-            document = document[key]
-        document[last] = value
-
-    return change
-
-
-FORGED = {
-    "an arm of a long name": (says("arm", value="x" * 5_000_000), "arm: String should have at most 255"),
-    "an arm of a name that no XML holds": (says("arm", value="a\0b"), "arm: String should match pattern"),
-    "a name that fills pages": (says("name", value="x" * 10**6), "name: String should have at most"),
-    "masses of 1e300 kg": (says("weights", "mass_kg", value=[1e300] * 8), "weights.mass_kg.0: Input should"),
-    "a constant of 1e308": (says("theta_0", value=[1e308]), "theta_0.0: Input should"),
-    "a method that fills pages": (says("about", "method", value="x" * 10**6), "about.method: String should"),
-    "more rows than fit in memory": ({"root": np.zeros((700_000, 56))}, "bytes when unpacked"),
-    "100,000 doubts": (says("about", "doubts", value=["?"] * 10**5), "about.doubts: List should have at"),
-}
-
-
-@pytest.mark.parametrize("name", FORGED)
-def test_a_forged_document_or_posterior_is_refused(attack, model, tmp_path, name):
-    forged, said = FORGED[name]
-    change, arrays = (dict, forged) if isinstance(forged, dict) else (forged, {})
+def test_a_forged_posterior_of_more_rows_than_fit_in_memory_is_refused(attack, model, tmp_path):
     lab = Path(shutil.copytree(model, tmp_path / "lab"))
-    file, posterior = lab / "model" / "model.json", lab / "model" / "posterior.npz"
-    document = json.loads(file.read_text())
-    change(document)
+    posterior = lab / "model" / "posterior.npz"
     with np.load(posterior) as old:
-        np.savez_compressed(posterior, **{**old, **arrays})
-    file.write_text(json.dumps(document))
-    attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)
+        np.savez_compressed(posterior, **{**old, "root": np.zeros((700_000, 56))})
+    attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", "bytes when unpacked")
 
 
 @pytest.mark.parametrize("rest", ["[" * 10**6, "9" * 10**6 + "}", "\0" * 2**25])

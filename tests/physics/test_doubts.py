@@ -147,6 +147,7 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
             np.testing.assert_allclose(found[..., j, k], moved, rtol=0, atol=limit)
 
 
+@pytest.mark.study
 def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, made):
     own = sets["levels"]
     after = own.data.after.copy()
@@ -163,6 +164,7 @@ def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, m
     assert [issue.name for issue in diagnose(given, own.prior)] == ["pose"]
 
 
+@pytest.mark.study
 def test_one_run_exchanged_among_few_is_named_and_no_noise(made):
     """It alone makes all ten scatter 40 times their noise, in which it hides."""
     seed = 1029

@@ -79,7 +79,9 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
     check_ranks(z)
 
 
-@pytest.mark.parametrize("strength", [Strength(0.1), Strength(0.4, 0.2, coupling=0.1)])
+@pytest.mark.parametrize(
+    "strength", [pytest.param(Strength(0.1), marks=pytest.mark.study), Strength(0.4, 0.2, coupling=0.1)]
+)
 def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr500, strength, rng):
     """Of a deflection, of any unknowns, of couplings, of the common scale, which may be left to the data."""
     s, asked = mgco68(kr500.arm), Scenario(arm="kr500_l480", truth="linear", workspace_poses=DRAWS // 3)

@@ -22,7 +22,7 @@ from testbench.identify.rows import (
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import marker_points
-from testbench.plant.tracker import DistanceMeter, Gauge, Tracker, face_travel, trial_rng
+from testbench.plant.tracker import PRELOAD, DistanceMeter, Gauge, Tracker, face_travel, trial_rng
 from testbench.workflows.campaign_flags import Mounted, read_instruments
 from testbench.workflows.cell import poses_with_weight
 
@@ -99,6 +99,20 @@ def test_a_tip_travels_as_far_as_a_ray_in_mujoco_reaches_the_turned_face(rng):
         hit = mujoco.mj_ray(model, data, stand, -axis, None, 1, -1, geom)
         travel = face_travel(axis[None], normal, np.zeros((1, 3)), end, turn.as_matrix()[None])
         assert travel[0] == pytest.approx(0.1 - hit, abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_friction_holds_a_tip_back_against_its_motion(way, rng):
+    """Loaded by the half width of the loop, unloaded from either side: by a half width at most."""
+    gauge = Gauge(hysteresis=3e-6, tilt=0.0, sigma=0.0, resolution=0.0, stand=0.0)
+    runs, up = 200, np.tile([0.0, 0.0, 1.0], (200, 1))
+    places = np.zeros((2, runs, 3))
+    places[1, :, 2] = way * 1e-4
+    turns = np.tile(np.eye(3), (2, runs, 1, 1))
+    before, after = gauge.read(up, places, turns, np.arange(runs), rng)
+    held = after - gauge.travel * PRELOAD - way * 1e-4
+    np.testing.assert_allclose(held, -way * 3e-6, atol=1e-12)
+    assert np.ptp(before) == pytest.approx(6e-6, rel=0.1)
 
 
 @pytest.mark.parametrize("reach", [0.0, 0.4], ids=["gauge", "distance"])

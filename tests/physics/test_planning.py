@@ -147,7 +147,7 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(own, marks=[pytest.mark.study] * (own in "DEG")) for own in CRITERIA]
+    "name", [pytest.param(own, marks=[pytest.mark.study] * (own in "DAEG")) for own in CRITERIA]
 )
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=3)

@@ -298,12 +298,13 @@ def test_names_beside_an_axis_stand_apart_however_many_they_are(seen, tmp_path):
     axes = figure.subplots()
     axes.plot(np.arange(17.0), np.arange(17), "o")
     axes.set_yticks(range(17), [f"model {k}" for k in range(17)])
-    axes.set(xlabel="error [mm]", ylim=(16.5, -0.5))
+    axes.set(xlabel="error [mm]", ylabel="true arm", ylim=(16.5, -0.5))
     chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
     at = np.array(columns(chunks, "/figures/chart_0/y_numbers")["Points2D:positions"][0])
     dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
     assert np.diff(at[:, 1]) == pytest.approx(np.diff(dots[:, 1]))
     assert np.diff(at[:, 1]).min() > 10
+    assert columns(chunks, "/figures/chart_0/y_name")["Points2D:labels"] == [["true arm"]]
 
 
 @pytest.mark.parametrize(("count", "letters"), [(2, 30), (6, 8)])

@@ -53,7 +53,14 @@ def of(name):
     return MADE[name]
 
 
-@pytest.fixture(scope="module", params=TRIALS)
+LARGE = {"which_model", "regimes", "identifiability"}
+"""Presets whose reports take longest: `make studies` reads them too."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[pytest.mark.study] * (name in LARGE)) for name in TRIALS],
+)
 def whole(request):
     return of(request.param)
 
@@ -234,6 +241,7 @@ def test_kinds_of_arms_hold_their_own_trials_coverage_and_rivals():
         assert row.worst_tenth_percent == covered.min()  # of six
 
 
+@pytest.mark.study
 def test_promises_of_the_default_are_counted_over_all_cases_and_over_parts():
     whole = of("which_model")
     default = [r for seed in SEEDS for r in TRIALS["which_model"][1](seed) if r.name == family.CHOSEN]
@@ -261,6 +269,7 @@ def test_promises_of_the_default_are_counted_over_all_cases_and_over_parts():
         assert row.otherwise == (pytest.approx(np.mean(others)) if link else None)
 
 
+@pytest.mark.study
 def test_losses_are_errors_more_than_five_per_cent_above_joint_stiffness_only():
     whole = of("which_model")
     for row in whole.numbers["cells"]["losses"]:
@@ -269,6 +278,7 @@ def test_losses_are_errors_more_than_five_per_cent_above_joint_stiffness_only():
         assert row.loses == pytest.approx(np.mean(over > 1.05))
 
 
+@pytest.mark.study
 def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds():
     whole = of("regimes")
     for part, words in KINDS.items():
@@ -284,6 +294,7 @@ def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds():
             assert row.fits_share == len(ours) / len(every.where(name=grids.GCO))
 
 
+@pytest.mark.study
 def test_the_cone_pays_where_it_wins_in_nearly_all_fits_and_by_enough():
     gains = {Spread(0.5, 0.1, 0.99): True, Spread(0.5, 0.1, 1.01): False, Spread(0.96, 0.95, 0.97): False}
     assert {ratio: pays(ratio) for ratio in gains} == gains
@@ -332,6 +343,7 @@ def test_of_one_seed_the_calibration_has_no_spread_and_warns_of_what_nothing_lim
     assert set(MODELS) >= {m.name for m in one.numbers["models"]}
 
 
+@pytest.mark.study
 def test_cases_share_their_trial():
     for name in ("which_model", "regimes"):
         assert {*of(name).own[SHARED].tolist()} == set(SEEDS)

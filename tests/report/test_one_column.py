@@ -73,7 +73,9 @@ def test_lines_keep_their_key_and_panes_that_share_an_axis_get_their_own_names()
     assert [labels(axes) for axes in panes] == [["tubes", "cast links"]] * 2
 
 
-@pytest.mark.parametrize("names", [[f"{k}" for k in range(1, 25)], ["cut 12"] * 16])
+@pytest.mark.parametrize(
+    "names", [[f"{k}" for k in range(1, 25)], pytest.param(["cut 12"] * 16, marks=pytest.mark.study)]
+)
 def test_labels_of_runs_are_left_out_until_none_touch_and_the_key_is_below(arm_6r, names):
     seen = made_up_run(arm_6r)
     lines = [replace(line, values=0.1 * np.arange(len(names)), ends=None) for line in seen.runs[0].lines]

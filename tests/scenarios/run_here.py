@@ -11,15 +11,17 @@ import sys
 from pathlib import Path
 from unittest import mock
 
+import numpy as np
 import pytest
 from checks import check_markdown
-from page_checks import check_winner
+from page_checks import check_winner, drawn_in
 from pyarrow import parquet
-from read_back import document, sound
+from read_back import document, series, sound
 
 from testbench.cli.program import program
 from testbench.report import leave
 from testbench.report.markdown import as_plain
+from testbench.report.recording.stream import snake
 from testbench.runs import command
 from testbench.runs import manifest as files
 from testbench.studies import find_study, run
@@ -156,13 +158,10 @@ def check_files(quick, *figures, data="dataset.csv"):
     assert done.stderr == ""
     for name in files - {"manifest.json", "run.log"}:
         assert str(out / name) in done.stdout
-    text = (out / "report.md").read_text()
-    check_markdown(text)
-    found = json.loads((out / "report.json").read_text())
-    badge = found["badge"]["words"]
-    chunks = sound(out / "recording.rrd", found["said"]["answer"] or badge)
+    check_markdown((out / "report.md").read_text())
     check_winner(out)
-    assert badge in document(chunks, "/summary")
+    badge = json.loads((out / "report.json").read_text())["badge"]["words"]
+    assert badge in document(check_recording(out), "/summary")
     assert " ".join(as_plain(badge).split()) in " ".join(done.stdout.split())
 
 
@@ -173,3 +172,22 @@ def check_folder(out, *more):
     whole = {path.as_posix() for path in held(out)}
     assert {*json.loads((out / "manifest.json").read_text())["files"]} == whole
     check_winner(out)
+    check_recording(out)
+
+
+def check_recording(out, report="report.json"):
+    """A recording is sound, has the answer of the report, and in its charts the numbers of the page's.
+
+    Returns:
+        Its chunks.
+    """
+    found = json.loads((out / report).read_text())
+    chunks = sound(out / "recording.rrd", found["said"]["answer"] or found["badge"]["words"])
+    entities = {chunk.entity_path for chunk in chunks}
+    for chart in drawn_in(out / "report.html")["runs"]:
+        for line in chart["lines"]:
+            end = f"/{snake(chart['title'])}/{snake(line['name'])}"
+            [path] = [entity for entity in entities if entity.endswith(end)]
+            shown, drawn = series(chunks, path), np.array(line["values"], dtype=float)
+            np.testing.assert_allclose(np.sort(shown), np.sort(drawn), rtol=1e-3)
+    return chunks

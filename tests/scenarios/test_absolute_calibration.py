@@ -6,7 +6,7 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.files.read_series import read_series
-from testbench.studies.absolute.simulated import ALL, CHOSEN, DRAWN, AbsoluteOptions, settings
+from testbench.studies.absolute.simulated import CHOSEN, DRAWN, AbsoluteOptions, settings
 
 APP = app_of_study("absolute_calibration")
 quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)
@@ -25,13 +25,6 @@ def test_every_trial_has_the_rows_that_its_questions_need(rows, report):
     poses = {row["campaign"]: row["poses"] for row in rows}
     assert poses == {"absolute alone": 20, "mixed": 15, "pairs alone": 10}
     assert (report["arms"], report["dataset"]["runs"]) == (["ur10"], 20)
-
-
-def test_noise_allows_less_than_any_model_leaves_that_lacks_an_error(rows):
-    alone = {row["name"]: row for row in rows if row["optimum_mm"] is not None}
-    for name in alone.keys() - {ALL, CHOSEN}:
-        assert alone[name]["error_mm"] > 0.9 * alone[name]["optimum_mm"], name
-    assert alone["geometry alone"]["error_mm"] > 2 * alone["geometry alone"]["optimum_mm"]
 
 
 def test_what_is_drawn_are_the_errors_of_the_first_trial(rows):

@@ -7,6 +7,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from model_folders import identified
 from page_checks import check_page, check_winner, drawn_in, said, times_of
 from read_back import columns, on, series, sound
 from reports import check
@@ -25,9 +26,8 @@ from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.report.program_scene import draw_correction
 from testbench.runs import manifest as files
-from testbench.workflows.arm_models import load_model, write_stiffness
+from testbench.workflows.arm_models import load_model
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import Model, named_models, with_priors
 from testbench.workflows.program import correct_program
 from testbench.workflows.program_numbers import correction_numbers
@@ -56,11 +56,7 @@ def folder(kr500, tmp_path_factory):
         "sure": with_priors(kr500.arm, named_models(kr500, ["ALL"]), cad_prior(kr500.arm), Strength(0.3))[0],
     }
     for name, model in models.items():
-        (out / name).mkdir()
-        own = MeasuredRuns("runs.csv", runs, runs, None)
-        write_stiffness(
-            kr500, fit_models(kr500, [model], own, lambda: 0.0), own, {"runs.csv": "0" * 64}, out / name
-        )
+        identified(kr500, model, runs, out / name)
     return out
 
 
@@ -378,26 +374,6 @@ def test_one_point_beyond_the_tolerance_is_enough_to_exit_with_1(folder, bounded
     for limit, code in ((float(np.median(half)), 1), (2 * max(half), 0)):
         done = do(*asked, "--tolerance", limit)
         assert (done.returncode, done.stderr) == (code, "")
-
-
-def test_tables_have_the_numbers_of_the_corrected_file(bounded):
-    rows = table(bounded / "right.csv")
-    before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
-    half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
-    most = np.add(before, half)
-    sizes = {"uncorrected program, 95 %": most, "corrected program, 95 %": half}
-    text = (bounded / "right_report" / "report.md").read_text()
-    for line in (
-        "| line | point | expected error, as programmed, mm | 95 % bound, as programmed, mm | 95 % bound, "
-        "corrected, mm |",
-        "\n".join(
-            f"| {k + 2} | {k + 1} | {before[k]:.3f} | {most[k]:.3f} | {half[k]:.3f} |"
-            for k in np.argsort(before)[::-1]
-        ),
-        "| what | median, mm | largest, mm |",
-        *(f"| {name} | {np.median(mm):.3f} | {max(mm):.3f} |" for name, mm in sizes.items()),
-    ):
-        assert f"{line}\n" in f"{text}\n", line
 
 
 def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bound(kr500, folder, bounded):

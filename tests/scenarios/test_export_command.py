@@ -25,11 +25,11 @@ from testbench.workflows.arm_models import read_model, write_files
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture
-def place(tmp_path, monkeypatch):
-    """A folder to work in, with a model of errors of geometry alone and the robot's own URDF."""
-    monkeypatch.chdir(tmp_path)
-    (model := tmp_path / "model").mkdir()
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A model of errors of geometry alone and the robot's own URDF."""
+    folder = tmp_path_factory.mktemp("export")
+    (model := folder / "model").mkdir()
     rng, vjm = np.random.default_rng(4), build_vjm(load_arm(ROOT / "models" / "ur10"))
     theta = np.zeros(48)
     theta[6:36] = rng.uniform(-5e-4, 5e-4, 30)
@@ -37,8 +37,15 @@ def place(tmp_path, monkeypatch):
     none = Posterior.normal(np.zeros(0), np.zeros((0, 0)))
     known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, ModelOrigin("geometry"), Noise())
     write_files(known, model, name="geometry", fit={})
-    (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model).vjm, rng)[0])
+    (folder / "in").mkdir()
+    (folder / "in" / "robot.urdf").write_text(own_urdf(read_model(model).vjm, rng)[0])
+    return folder
+
+
+@pytest.fixture
+def place(made, tmp_path, monkeypatch):
+    """A folder to work in, with both."""
+    monkeypatch.chdir(shutil.copytree(made, tmp_path, dirs_exist_ok=True))
     return tmp_path
 
 

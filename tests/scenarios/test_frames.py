@@ -10,7 +10,6 @@ from run_here import fine, numbers_alone, refused, table
 from scipy.spatial.transform import Rotation
 
 from testbench.errors import InputError
-from testbench.identify.registered import register_dataset
 from testbench.report.table import rows as as_rows
 from testbench.workflows.absolute import by_trackers
 from testbench.workflows.cell import Scenario, simulate
@@ -64,21 +63,6 @@ def test_target_that_the_folder_lacks_is_found(runs, tmp_path):
         (["--new-target", "P1"], "--new-target: expected new names, got P1; kr500_l480 has P1, P2, P3"),
     ):
         refused("identify", ARM, data, *more, *flags, said=said, below=tmp_path)
-
-
-def test_readings_of_several_trackers_have_a_frame_each(kr500):
-    scenario = Scenario(arm="kr500_l480", noise=False, workspace_poses=1)
-    clean = simulate(kr500, scenario, 500).measured
-    data = by_trackers(clean, [PLACE, (4.0, 2.0, 1.0), (-3.0, 3.0, 2.0)], 500)
-    assert set(data.station) == {1, 2, 3}
-    assert len({tuple(data.station[data.pose == pose]) for pose in (1, 1)}) == 1
-    found = register_dataset(kr500.vjm, data)
-    assert list(found.registration.frames) == ["station 1", "station 2", "station 3"]
-    off = np.linalg.norm(found.data.before - clean.before, axis=-1)
-    assert np.median(off) < 6e-3  # its own weight, 3 mm at the targets, is what frames cannot know
-    turned = found.data.deflection - clean.deflection
-    noise = np.sqrt(np.trace(np.linalg.inv(data.precision), axis1=2, axis2=3))
-    assert np.median(np.linalg.norm(turned, axis=-1) / noise) < 2
 
 
 def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):

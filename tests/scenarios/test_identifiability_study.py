@@ -44,29 +44,6 @@ def test_every_row_is_stored_and_the_report_counts_them(rows, report):
         assert found["covered_percent"] == pytest.approx(share, rel=1e-12)
 
 
-def test_only_least_squares_is_ever_not_conservative(report):
-    for m in [*report["models"], *report["cells"]["nonlinear"]]:
-        assert m["solved"] or m["constraint"] == "free", m["name"]
-        assert m["conservative"] is True or m["constraint"] != "psd", m["name"]
-
-
-def test_a_wrong_prior_beats_none_and_its_scale_does_not_matter(report):
-    rms = {m["name"]: m["workspace"]["rms_mm"] for m in report["models"]}
-    assert rms["MGCO68, GCO + prior"] < rms["MGCO68"]
-    assert rms["MGCO68, GCO + prior"] < rms["MGCO68, least trace"]
-    assert rms["MGCO68, GCO + prior"] == pytest.approx(rms["MGCO68, LS + prior"], rel=1e-3)
-    low, high = (row["rms_um"] for row in report["cells"]["scales"] if row["name"] == "MGCO68, GCO + prior")
-    assert low == pytest.approx(high, rel=1e-3)
-
-
-def test_joints_alone_are_judged_everywhere_and_links_are_no_part_of_them(report):
-    for models in (report["models"], report["cells"]["nonlinear"]):
-        plain, filled = (next(m for m in models if m["name"] == n) for n in ("Joints", "Joints, LS + prior"))
-        assert (plain["parameters"], plain["rank"], plain["conservative"]) == (6, 5, True)
-        # no prior of a joint makes up for a link: both are off by what links give
-        assert filled["rms_um"] == pytest.approx(plain["rms_um"], rel=0.1)
-
-
 def test_more_poses_help_and_eight_are_the_campaign_itself(report):
     few, many = (row for row in report["cells"]["poses"] if row["name"] == "MGCO68")
     assert (few["poses"], many["poses"]) == (8, 20)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checks import tables_of
+from model_folders import identified
 from page_checks import check_page, said
-from read_back import columns, on, series, sound
 from reports import check
 from run_here import check_folder, fine, refused, table
 
@@ -19,9 +19,7 @@ from testbench.errors import InputError
 from testbench.model.load import Weights
 from testbench.model.vjm import tool_pose
 from testbench.report.schema import show
-from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.cell import Scenario, settle_both, simulate
-from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import named_models, with_priors
 from testbench.workflows.program import predict_file, read_pose_file
 from testbench.workflows.program_numbers import write_predictions
@@ -35,11 +33,9 @@ def folder_of(cell, parent, prior):
     """A model of few poses of a hung weight; without a prior some of it stays open."""
     runs = simulate(cell, Scenario(arm="kr500_l480", workspace_poses=1), 7).identification
     models = named_models(cell, ["MGCO56"])
-    models = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
-    found = fit_models(cell, models, MeasuredRuns("runs.csv", runs, runs, None), lambda: 0.0)
+    [model] = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
     folder = parent / ("prior" if prior else "bare")
-    folder.mkdir()
-    write_stiffness(cell, found, MeasuredRuns("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
+    identified(cell, model, runs, folder)
     return folder
 
 
@@ -138,18 +134,6 @@ def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(m
     assert head[1:7] == ["deflection, mm", "95 % half width, mm", "x, mm", "y, mm", "z, mm", "rotation, mrad"]
     assert head[7] == "least stiffness, N/um"
     assert [row[:-1] for row in found] == wanted
-
-
-def test_the_recording_shows_every_pose_the_farthest_first(made):
-    chunks, report = (
-        sound(made[0] / "recording.rrd", "Uncertain"),
-        json.loads((made[0] / "report.json").read_text()),
-    )
-    sizes = [row["deflection_mm"] for row in report["worst"]]
-    chart = "/charts/poses_of_the_file/how_far_the_tool_moves_in_each_pose_95_intervals_mm"
-    np.testing.assert_allclose(series(chunks, f"{chart}/tool"), sizes, rtol=1e-6)
-    arrows = columns(on(chunks, "typical_first"), "/world/poses_of_the_file/deflection")["Arrows3D:vectors"]
-    assert len(arrows) == 1 + POSES  # a typical one, then all
 
 
 def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):

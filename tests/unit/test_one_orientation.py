@@ -50,8 +50,8 @@ def rms(state, series):
     ("kind", "targets", "open_"),
     [
         ("line", 1, {"frame tracker 1", "mount mount 1"}),
-        ("surface", 3, {"mount mount 1"}),
-        ("curve", 1, {"mount mount 1"}),
+        pytest.param("surface", 3, {"mount mount 1"}, marks=pytest.mark.study),
+        pytest.param("curve", 1, {"mount mount 1"}, marks=pytest.mark.study),
     ],
 )
 def test_a_series_of_one_orientation_foretells_others_of_it(kr500, kind, targets, open_):

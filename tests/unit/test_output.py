@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-import testbench
 from testbench.errors import InputError
-from testbench.runs.manifest import PACKAGE, ROOT, git_commit, write_manifest
+from testbench.runs.manifest import git_commit, write_manifest
 from testbench.runs.whole import (
     PNG,
     check_file,
@@ -188,11 +187,6 @@ def test_the_commit_of_a_checkout_says_whether_it_was_changed(tmp_path):
     (tmp_path / "a.txt").write_text("two")
     assert git_commit(tmp_path) == f"{commit}-dirty"
     assert git_commit(tmp_path / "inside") == "unknown"
-
-
-def test_a_manifest_names_the_commit_of_this_checkout_and_counts_every_module():
-    assert Path(testbench.__file__).parent == PACKAGE
-    assert (ROOT / "pyproject.toml").is_file()
 
 
 def test_a_manifest_lists_files_of_inner_folders_too_each_with_its_checksum(tmp_path):

@@ -233,14 +233,8 @@ def test_several_targets_of_the_laboratorys_own_names_some_lost(tmp_path):
     assert one.seen.tolist() == [[True, True], [False, True], *[[True, True]] * 4]
     expected = np.nan_to_num(np.delete(places, 3, axis=0))
     np.testing.assert_allclose(one.position, expected, atol=SAME_PLACE)
+    np.testing.assert_allclose(one.precision[1], [np.zeros((3, 3)), np.eye(3) / one.sigma**2])
     assert "1 rows without a reading are left out, of line 5" in wide.notes
-
-
-def test_a_map_says_what_a_column_is_multiplied_by(tmp_path):
-    """U95 of a tracker is twice a standard deviation."""
-    toml = '[columns]\nsigma_mm = "U95 [mm]"\n[scale]\nsigma_mm = 0.5\n'
-    [s] = read(tmp_path, PLAIN | {"U95 [mm]": [0.08] * N}, toml).series
-    assert s.sigma == pytest.approx(40e-6)
 
 
 def test_pairs_as_readings_keep_their_orientations():
@@ -411,13 +405,6 @@ def test_a_number_is_what_the_file_holds_and_what_is_none_is_refused_by_row_and_
         assert found in line
     else:
         assert one_of(file).position[4, 0, 1] == found
-
-
-def test_dates_are_times_of_the_rows(tmp_path):
-    stamps = ["<c" + f' s="1"><v>{44000.25 + k / 86400!r}</v></c>' for k in range(N)]
-    rows = [[*own, s] for own, s in zip(ROWS, ["Timestamp", *stamps], strict=True)]
-    one = one_of(write(tmp_path, A=rows))
-    assert one.time == pytest.approx(np.arange(N), abs=1e-3)  # a millisecond is what days tell apart
 
 
 def test_a_map_of_the_same_export_as_text_serves(tmp_path):

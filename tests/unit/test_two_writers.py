@@ -33,12 +33,6 @@ COMMAND = "testbench identify"
 NAMES = {one: ["a.json", "b.png", f"{one}.csv", "meshes/c.stl"] for one in ("old", "one", "two")}
 
 
-@pytest.fixture(autouse=True)
-def _no_commit(monkeypatch):
-    """To ask git takes most of the time of a run as small as these."""
-    monkeypatch.setattr(files, "git_commit", lambda _: "unknown")
-
-
 def write(out, tag):
     """A run whose files all say whose they are."""
     with whole_folder(out) as folder:

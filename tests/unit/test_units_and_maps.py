@@ -92,7 +92,10 @@ def test_a_column_in_any_unit_is_its_factor_times_si_however_the_unit_is_written
     np.testing.assert_allclose(said(read(tmp_path, columns, mapped), unit.si), values, rtol=1e-9)
 
 
-COMBINED = list(product((1, -1), (1, 0.5), ("mm", "in"), (".", ","), (1, 3)))
+COMBINED = [
+    (sign, scale, unit, mark, shots)
+    for sign, (scale, mark), (unit, shots) in product((1, -1), ((1, "."), (0.5, ",")), (("mm", 3), ("in", 1)))
+]
 
 
 @pytest.mark.parametrize(("sign", "scale", "unit", "mark", "shots"), COMBINED)

@@ -1,20 +1,11 @@
 """Shares, powers of ten and places as readers see them."""
 
-import numpy as np
 import pytest
 
 from testbench.report.badge import share, wilson
 from testbench.report.markdown import place
 from testbench.report.schema import plain, show, written_out
-from testbench.runs.spread import Spread, median_interval
-
-
-def test_the_interval_of_a_median_is_that_of_the_sign_test():
-    """Of 100 values the 40th and the 61st: 39 or fewer of 100 tosses are heads in 1.8 %."""
-    values = np.random.default_rng(0).permutation(100.0 + np.arange(100))
-    assert median_interval(values) == (139.0, 160.0)
-    assert median_interval(np.arange(5.0)) is None
-    assert median_interval(np.arange(6.0)) == (0.0, 5.0)
+from testbench.runs.spread import Spread
 
 
 @pytest.mark.parametrize(
