@@ -193,7 +193,7 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         text: Its text.
 
     Returns:
-        Its root element.
+        Its root element; tags in the root's namespace are without it.
 
     Raises:
         InputError: When it is not well-formed, defines entities, or has an attribute that contains nan:
@@ -205,7 +205,10 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         root = ET.fromstring(text)
     except (ET.ParseError, LookupError, ValueError) as err:
         raise InputError(path, "", f"not well-formed XML: {err}") from err
+    space = root.tag.rpartition("}")[0]  # XML writes the namespace of the root before its tag
     for e in root.iter():
+        if space:
+            e.tag = e.tag.removeprefix(f"{space}}}")
         for key, value in e.attrib.items():
             if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
                 owner = next((own for own in root.iter() if e in own and own.get("name")), None)

@@ -78,9 +78,6 @@ def read_xml(file: Path) -> ET.Element:
     if "<xacro:" in said or "${" in said or file.suffix == ".xacro":
         raise InputError(file, "", f"this is xacro; expand it first: {_expand(file, text)}")
     root = parse_xml(file, text)
-    space = root.tag.rpartition("}")[0]  # of a robot whose elements are in a namespace, as XML calls it
-    for e in root.iter() if space else ():
-        e.tag = e.tag.removeprefix(f"{space}}}")
     level, count = [root], 0
     for _ in range(MAX_DEPTH):
         count += len(level)
