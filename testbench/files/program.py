@@ -675,9 +675,11 @@ def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     if not found:
         raise columns.lack(list(wanted))
     if rotation is None:
-        raise columns.lack(
-            list(columns_of("quaternion")), "; or rotation_x_deg ... of a rotation vector, rotation_11 ..."
+        angles = (
+            "rotation_1_deg ... in [columns] of a map for three angles, whose order is rotation in [series]"
         )
+        hint = f"; or rotation_x_deg ... of a rotation vector, rotation_11 ..., or {angles}"
+        raise columns.lack(list(columns_of("quaternion")), hint)
     name, blank = columns.all_of(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")
