@@ -139,8 +139,8 @@ class Language(Strict):
     refused: dict[str, Pattern]  #: Regular expressions of what is not read, by what it is.
     frames: dict[Literal["tool", "base"], list[Pattern]]  #: Statements of a frame, in a group.
     no_frame: str = ""  #: The frame of a statement that states none.
-    #: Statement with the numbers of a frame: groups `name` and `numbers`, of one pose or of two.
-    frame_data: Pattern = "(?!)"
+    #: Statements with the numbers of a frame: groups `name` and `numbers`, of one pose or of two.
+    frame_data: dict[Literal["tool", "base"], Pattern] = Field(default={})
     flags: TurnFlags | None = None
     names: NameSyntax
 

@@ -309,19 +309,21 @@ def _one_of_each_frame(program: ProgramText) -> dict[str, FrameText]:
                         at = found.start() + len(found[0]) - len(found[0].lstrip())
                         raise source.error(at, f"the {what} changes: {expected}")
                     if not first and not re.fullmatch(NO_FRAME, said, FLAGS):
-                        frames[what] = FrameText(said, _frame_numbers(program, k, found.start(group), said))
+                        data = program.language.frame_data.get(what, "(?!)")
+                        numbers = _frame_numbers(program, k, found.start(group), said, data)
+                        frames[what] = FrameText(said, numbers)
                     first = first or said
     return frames
 
 
-def _frame_numbers(program: ProgramText, k: int, at: int, name: str) -> tuple[float, ...]:
+def _frame_numbers(program: ProgramText, k: int, at: int, name: str, data: str) -> tuple[float, ...]:
     """The numbers of a frame that stands at a place of a file, or is declared by name; none if it is not."""
-    language, names = program.language, program.language.pose_names()
+    names = program.language.pose_names()
     for point in program.points:
         if (point.source, point.start) == (k, at) and all(own in point.numbers for own in names):
             return tuple(point.numbers[own].value for own in names)
     for source in program.sources:
-        for found in re.finditer(language.frame_data, source.code, FLAGS):
+        for found in re.finditer(data, source.code, FLAGS):
             numbers = tuple(float(own[0]) for own in NUMBER.finditer(found["numbers"]))
             if found["name"].casefold() == name.casefold() and len(numbers) % len(names) == 0:
                 return numbers

@@ -251,6 +251,8 @@ REFUSED = {
         "$BASE=BASE_DATA[1]:{X 0}\n$BASE=BASE_DATA[1]:{X 9}": r"the base changes: .*\{X 0\} and then",
         "BAS(#BASE,1)\n$BASE=BASE_DATA[2]": "the base changes: .* got 1 and then 2",
         "$BASE=EK(MACHINE_DEF[2].ROOT,2,{X 0})": "base that moves with an external axis is not read",
+        "$BASE.Z=$BASE.Z+9": r"tool or base that changes while the program runs is not read, got \$BASE",
+        "BASE_DATA[1].Z=9": "tool or base that changes while the program runs",
         "XP1=XP2": "point that changes while the program runs is not read, got XP1=XP2",
         "PTP {A1 12,A2 80,A3 95,A4 5,A5 30,A6 -10}": "joint_2: expected -130.* to 20.0000 deg, got 80",
     },
@@ -260,6 +262,7 @@ REFUSED = {
         "TriggL p20,v1,t1,fine,tDrill;": "process motion is not read, got TriggL",
         "MoveL Offs(p20,0,0,5),v1,fine,tDrill;": r"relative motion is not read, got Offs\(",
         "PDispSet pose1;": "shift of the program is not read",
+        "wFix.oframe:=pShift;": "that changes while the program runs",
         "jHome:=CJointT();": "point that changes while the program runs is not read, got jHome:=CJ",
         "PERS tooldata tFix:=[FALSE,[[0,0,9],[1,0,0,0]],load0];": "tool that does not move",
         "MoveL p{1},v1,fine,tDrill;": "expected a point whose numbers are in the program, got 'p{1}",
@@ -284,6 +287,7 @@ REFUSED = {
         "   8:L P[1] 100mm/sec FINE Offset,PR[2] ;": "shift of a point is not read",
         "   8:L P[1] 100mm/sec FINE\n    :  Tool_Offset,PR[2] ;": "shift of a point is not read",
         "   8:L P[1] 100mm/sec FINE RTCP ;": "motion about an external tool",
+        "   8:  UFRAME[1]=PR[3] ;": "tool or base that changes while the program runs",
         "   8:  P[1]=PR[4] ;": r"point that changes while the program runs is not read, got P\[1\]=PR",
         "   8:  UTOOL_NUM=2 ;": "the tool changes: .* 1 and then 2",
         "   8:L P[7] 100mm/sec FINE ;": r"got 'P\[7\]",
@@ -296,6 +300,7 @@ REFUSED = {
         "MOVJ C00000 BC00000 VJ=10.00": "position of base or station axes is not read",
         "MOVJ C00009 VJ=1.0": "expected a point whose numbers are in the program, got 'C00009",
         "MOVL C00000 V=1.0  +MOVL C00001 V=1.0": "motion of several robots",
+        "MFRAME UF#(1) C00000 C00001 C00002": "tool or base that changes while the program runs",
         "///TOOL 2": "the tool changes: .* 1 and then 2",
     },
 }
@@ -524,22 +529,29 @@ end
 
 
 WOBJ = 'PERS wobjdata wFix:=[FALSE,TRUE,"",[[900,200,0],[0.7071068,0,0,0.7071068]],[[0,-100,30],[1,0,0,0]]];'
+BASE_OF_KRL = "{FRAME: X 1000,Y 200,Z 30,A 90,B 0,C 0}"
 FRAMES = {
-    "krl": ("PTP  XHOME", "$BASE={X 1000,Y 200,Z 30,A 90,B 0,C 0}\nPTP  XHOME"),
+    "krl by number": (
+        "PTP  XHOME",
+        f"TOOL_DATA[2]={BASE_OF_KRL}".replace("30", "9")
+        + f"\nBASE_DATA[2]={BASE_OF_KRL}\n$BASE=BASE_DATA[2]\nPTP  XHOME",
+    ),
+    "krl": ("PTP  XHOME", f"$BASE={BASE_OF_KRL}\nPTP  XHOME"),
     "rapid": ("  PROC main", f"  {WOBJ}\n  PROC main"),
 }
 
 
-@pytest.mark.parametrize("name", FRAMES)
-def test_poses_count_in_the_base_whose_numbers_the_program_states(name, tmp_path):
+@pytest.mark.parametrize("form", FRAMES)
+def test_poses_count_in_the_base_whose_numbers_the_program_states(form, tmp_path):
     """The same as with that base in a map, which counts more."""
+    name = form.split()[0]
     files = {
         own: text.replace("wobj0", "wFix").replace("BASE_NO 0", "FRAME_NO 0")
         for own, text in PROGRAMS[name][0].items()
     }
     first = next(iter(files))
     plain = read(written(tmp_path, files))
-    old, new = FRAMES[name]
+    old, new = FRAMES[form]
     (tmp_path / "more").mkdir()
     path = written(tmp_path / "more", {**files, first: files[first].replace(old, new, 1)})
     base = [1000, 200, 30, *([90, 0, 0] if name == "krl" else [0.7071068, 0, 0, 0.7071068])]
