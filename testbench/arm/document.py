@@ -193,7 +193,7 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         text: Its text.
 
     Returns:
-        Its root element.
+        Its root element; tags in the root's namespace are without it.
 
     Raises:
         InputError: When it is not well-formed, defines entities, or has an attribute that contains nan:
@@ -205,14 +205,28 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         root = ET.fromstring(text)
     except (ET.ParseError, LookupError, ValueError) as err:
         raise InputError(path, "", f"not well-formed XML: {err}") from err
+    space = root.tag.rpartition("}")[0]  # XML writes the namespace of the root before its tag
     for e in root.iter():
+        if space:
+            e.tag = e.tag.removeprefix(f"{space}}}")
         for key, value in e.attrib.items():
             if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
-                raise InputError(path, place_of(e), f"{key}: expected numbers, got {value[:MAX_SHOWN]!r}")
+                owner = next((own for own in root.iter() if e in own and own.get("name")), None)
+                place = place_of(e, owner)
+                raise InputError(path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN]!r}")
     return root
 
 
-def place_of(e: ET.Element) -> str:
-    """Name an XML element for a message by its tag and name attribute, such as "<body name='link_2'>"."""
+def place_of(e: ET.Element, owner: ET.Element | None = None) -> str:
+    """Name an XML element for a message by its tag and name attribute, such as "<body name='link_2'>".
+
+    Args:
+        e: The element.
+        owner: An element around it that has a name; None if it needs none.
+
+    Returns:
+        The name, behind that of the owner if the element has no name.
+    """
     name = e.get("name", "")[:MAX_SHOWN]
-    return f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"
+    own = f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"
+    return own if name or owner is None or owner is e else f"{place_of(owner)}: {own}"

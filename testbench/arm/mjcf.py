@@ -168,7 +168,14 @@ def asset_paths(path: Path, root: ET.Element) -> list[str]:
     return sorted(paths)
 
 
-def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MAX_NUMBER) -> list[float]:
+def numbers(
+    path: Path,
+    e: ET.Element,
+    key: str,
+    count: int,
+    largest: float = MAX_NUMBER,
+    owner: ET.Element | None = None,
+) -> list[float]:
     """Read an attribute of an element as a fixed count of numbers.
 
     Args:
@@ -177,6 +184,7 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MA
         key: Name of the attribute.
         count: Count of numbers.
         largest: Largest absolute value of a number.
+        owner: An element around it that messages name; None for none.
 
     Returns:
         The numbers, in units of the file.
@@ -186,11 +194,11 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MA
     """
     text = e.get(key)
     if text is None:
-        raise InputError(path, place_of(e), f"expected an attribute {key} of {count} number(s)")
+        raise InputError(path, place_of(e, owner), f"expected an attribute {key} of {count} number(s)")
     values = _read_numbers(text, count, largest)
     if values is None or len(values) != count:
         problem = f"expected {count} number(s) up to {largest:g}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN]!r}"
-        raise InputError(path, place_of(e), f"{key}: {problem}")
+        raise InputError(path, place_of(e, owner), f"{key}: {problem}")
     return values
 
 

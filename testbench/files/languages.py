@@ -54,6 +54,11 @@ class MoveSyntax(Strict):
     linear: Pattern  #: Beginning of a move along a line, up to its point.
     point: Pattern  #: Name of a point, in the group `name`.
     elsewhere: Pattern = r"(?!)"  #: Points whose numbers are not in the program: they stay as they are.
+    others: Pattern = r"(?!)"  #: Axes of points that are not the robot's: they stay as they are.
+    #: What follows a point, up to joints that choose its configuration.
+    near: Pattern = r"(?!)"
+    #: Beginning of an assignment to a point, up to what is assigned; the group `name` is the point's name.
+    assigned: Pattern = r"(?!)"
 
 
 class TurnFlags(Strict):
@@ -134,6 +139,8 @@ class Language(Strict):
     refused: dict[str, Pattern]  #: Regular expressions of what is not read, by what it is.
     frames: dict[Literal["tool", "base"], list[Pattern]]  #: Statements of a frame, in a group.
     no_frame: str = ""  #: The frame of a statement that states none.
+    #: Statements with the numbers of a frame: groups `name` and `numbers`, of one pose or of two.
+    frame_data: dict[Literal["tool", "base"], Pattern] = Field(default={})
     flags: TurnFlags | None = None
     names: NameSyntax
 

@@ -14,7 +14,7 @@ import math
 import re
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -34,6 +34,7 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 COMPUTED = re.compile(r"\s*[-+*/^]")  #: Behind a number that is a part of a formula.
 SPLIT = re.compile(r"\s*,\s*[\d.]")  #: Behind a number with a decimal comma, where axes have names.
 MARK = "Corrected by testbench"  #: Remark of a program whose points were corrected.
+NO_FRAME = r"(?:tool|wobj|base)?0|\$NULLFRAME"  #: Name of a frame that is none.
 ANY = "Linear moves and moves of the joints to points in the program are read"
 
 
@@ -82,6 +83,7 @@ class PointText:
 
     source: int  #: Number of its file.
     start: int  #: Where it begins.
+    end: int  #: Where it ends.
     name: str  #: Its name; "" for one that stands in a move.
     posed: bool  #: Whether it is a pose, not joints.
     mode: str  #: Mode that was in force, in capitals.
@@ -97,6 +99,15 @@ class MoveText:
     start: int  #: Where it begins in the program.
     linear: bool
     point: PointText
+    near: PointText | None = None  #: Joints that choose the configuration of its pose.
+
+
+@dataclass(frozen=True)
+class FrameText:
+    """Hold the tool or the base that a program states."""
+
+    text: str  #: Its name, its number, or its numbers.
+    numbers: tuple[float, ...]  #: One pose, or two, the second one in the first; none if they are not known.
 
 
 @dataclass(frozen=True)
@@ -108,6 +119,7 @@ class ProgramText:
     points: tuple[PointText, ...]  #: All points with numbers, in the order of the text.
     moves: tuple[MoveText, ...]  #: All moves to such points, in their order.
     notes: tuple[str, ...]  #: How the program was read.
+    frames: Mapping[str, FrameText] = field(default_factory=dict)  #: What it states of `tool` and `base`.
     mark: tuple[Path, int] | None = None  #: File and line that say that it was corrected; None if none does.
 
     @property
@@ -151,13 +163,13 @@ def read_motions(path: Path, language: Language) -> ProgramText:
     moves, left = _moves(program)
     if not moves:
         raise InputError(path, "", f"expected moves in this {language.title} program, got none")
+    _refuse_assigned(program, moves)
     notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
-    if frames and any(move.point.posed for move in moves):
-        said = " and ".join(f"{what} {frame}" for what, frame in frames.items())
-        meant = "Its poses count as those of the arm's tool in the arm's world"
-        hint = "unless [controller] of a map says where its tool and base are"
-        notes += (f"The program states {said}. {meant}, {hint}",)
-    return ProgramText(language, program.sources, program.points, moves, notes, _mark(program))
+    every = (re.findall(language.moves.others, source.code, FLAGS) for source in program.sources)
+    if others := sorted({found.upper() for own in every for found in own}):
+        why = "they count as if they moved neither the arm nor its workpiece"
+        notes += (f"The axes of {', '.join(others)} stay as they are: {why}",)
+    return ProgramText(language, program.sources, program.points, moves, notes, frames, _mark(program))
 
 
 def _mark(program: ProgramText) -> tuple[Path, int] | None:
@@ -250,7 +262,7 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
                 kept = (
                     next((own[1] for own in reversed(same) if own.start() < match.end()), "") if posed else ""
                 )
-                point = PointText(k, match.start("target"), name, posed, mode, numbers, flags, kept)
+                point = PointText(k, *match.span("target"), name, posed, mode, numbers, flags, kept)
                 point_texts.append(point)
     yield from sorted(point_texts, key=lambda point: point.start)
 
@@ -259,17 +271,15 @@ def _numbers(
     match: re.Match[str], syntax: TargetSyntax, language: Language, source: Source
 ) -> dict[str, Number]:
     """The numbers of a point by axis; none where a part is no number."""
-    names = language.pose_names() if syntax.holds == "pose" else [*language.axes, *language.external]
+    names = language.pose_names() if syntax.holds == "pose" else language.axes
     if "named" in match.re.groupindex:
-        ours = {name.casefold(): name for name in names}
+        ours = {name.casefold(): name for name in (*names, *language.external)}
         pairs = re.finditer(r"\b([A-Za-z]\d?)\s*=?\s*(?=[-+.\d])", match["named"])
         own = [(ours.get(pair[1].casefold(), ""), match.start("named") + pair.end()) for pair in pairs]
     else:
-        groups = ("position", "orientation") if syntax.holds == "pose" else ("main", "external")
+        parts = {"main": language.axes, "position": names[:3], "orientation": names[3:]}
         own = []
-        for group, part in zip(groups, (names[:3], names[3:]), strict=True):
-            if syntax.holds == "joints":
-                part = language.axes if group == "main" else language.external
+        for group, part in {**parts, "external": language.external}.items():
             if group in match.re.groupindex:
                 places = [m.start() + match.start(group) for m in re.finditer(r"[^,\s]+", match[group])]
                 own += list(zip([*part, *[""] * len(places)], places, strict=False))
@@ -284,23 +294,52 @@ def _numbers(
     return found
 
 
-def _one_of_each_frame(program: ProgramText) -> dict[str, str]:
+def _one_of_each_frame(program: ProgramText) -> dict[str, FrameText]:
     """Find what a program says of tool and base, tool0 and the like left out; refuse it if they change."""
-    frames = dict[str, str]()
+    frames = dict[str, FrameText]()
     for what, patterns in program.language.frames.items():
         for pattern in patterns:
             first = ""
-            for source in program.sources:
+            for k, source in enumerate(program.sources):
                 for found in re.finditer(pattern, source.code, FLAGS):
-                    said = found[1] or program.language.no_frame
+                    group = next((n for n, own in enumerate(found.groups(), 1) if own), 0)
+                    said = " ".join(found[group].split()) if group else program.language.no_frame
                     if first and said.casefold() != first.casefold():
                         expected = f"expected one {what} in the program, got {first} and then {said}"
                         at = found.start() + len(found[0]) - len(found[0].lstrip())
                         raise source.error(at, f"the {what} changes: {expected}")
+                    if not first and not re.fullmatch(NO_FRAME, said, FLAGS):
+                        data = program.language.frame_data.get(what, "(?!)")
+                        numbers = _frame_numbers(program, k, found.start(group), said, data)
+                        frames[what] = FrameText(said, numbers)
                     first = first or said
-            if first and not re.fullmatch(r"(tool|wobj|base)?0", first, FLAGS):
-                frames[what] = " ".join(first.split())
     return frames
+
+
+def _frame_numbers(program: ProgramText, k: int, at: int, name: str, data: str) -> tuple[float, ...]:
+    """The numbers of a frame that stands at a place of a file, or is declared by name; none if it is not."""
+    names = program.language.pose_names()
+    for point in program.points:
+        if (point.source, point.start) == (k, at) and all(own in point.numbers for own in names):
+            return tuple(point.numbers[own].value for own in names)
+    for source in program.sources:
+        for found in re.finditer(data, source.code, FLAGS):
+            numbers = tuple(float(own[0]) for own in NUMBER.finditer(found["numbers"]))
+            if found["name"].casefold() == name.casefold() and len(numbers) % len(names) == 0:
+                return numbers
+    return ()
+
+
+def _refuse_assigned(program: ProgramText, moves: Sequence[MoveText]) -> None:
+    """Refuse a program that assigns anything but its numbers to a point to which it moves."""
+    places = {(move.point.source, move.point.start) for move in moves}
+    names = {move.point.name.casefold() for move in moves if move.point.name}
+    for k, source in enumerate(program.sources):
+        for found in re.finditer(program.language.moves.assigned, source.code, FLAGS):
+            if found["name"].casefold() in names and (k, found.end()) not in places:
+                got = re.split(r"[\n;]", source.text[found.start() :].strip())[0].strip()[:MAX_SHOWN]
+                problem = f"point that changes while the program runs is not read, got {got}. {ANY}"
+                raise source.error(found.start("name"), problem)
 
 
 def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
@@ -317,17 +356,26 @@ def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
         for linear, pattern in ((False, syntax.joint), (True, syntax.linear))
         for match in re.finditer(pattern, source.code, FLAGS)
     ]
+
+    def point_at(at: int, place: int) -> PointText | None:
+        """The point that stands at a place of the program, or is named there."""
+        name = re.compile(syntax.point, FLAGS).match(source.code, at)
+        if at in here or name is None:
+            return here.get(at)
+        if name["name"].casefold() in twice:
+            raise source.error(place, f"the point {name['name']} has its numbers twice in the program")
+        return named.get(name["name"].casefold())
+
     moves, left = list[MoveText](), dict[str, None]()
     for match, linear in sorted(starts, key=lambda own: own[0].start()):
         at = match.end()
         place = match.start() + len(match[0]) - len(match[0].lstrip())
-        goal = here.get(at)
-        if goal is None and (name := re.compile(syntax.point, FLAGS).match(source.code, at)):
-            goal = named.get(name["name"].casefold())
-            if name["name"].casefold() in twice:
-                raise source.error(place, f"the point {name['name']} has its numbers twice in the program")
-        if goal is not None:
-            moves.append(MoveText(place, linear, goal))
+        if (goal := point_at(at, place)) is not None:
+            behind = re.compile(syntax.near, FLAGS).match(
+                source.code, goal.end if at in here else at + len(goal.name)
+            )
+            near = point_at(behind.end(), place) if behind else None
+            moves.append(MoveText(place, linear, goal, None if near is None or near.posed else near))
         elif stays := re.compile(syntax.elsewhere, FLAGS).match(source.code, at):
             left[" ".join(stays[0].split())] = None
         else:

@@ -75,6 +75,9 @@ class RobotMotions:
     base: Pose  #: The program's base in the arm's world.
     tool: Pose  #: The program's tool in the arm's tool.
     pulses_per_deg: tuple[float, ...]  #: Of every motor; empty if none is stated.
+    near: Array  #: Joints of the chain that the program states for a pose, (points, n) [rad, m]; NaN if none.
+    notes: tuple[str, ...]  #: How the program was read.
+    unknown_frames: str  #: Its tool and base if nothing says where they are; "" for none.
 
     def to_world(self, position: Array, rotation: Array) -> tuple[Array, Array]:
         """Convert poses of the program to poses of the arm's tool.
@@ -134,33 +137,32 @@ def flags_agree(motions: RobotMotions, arm: Arm, points: Ids, q: Array) -> Mask:
 
 
 def refuse_other_configurations(motions: RobotMotions, *, started: bool) -> None:
-    """Refuse poses whose configuration is not read where it would choose between several.
+    """Refuse poses whose configuration is not known where it would choose between several.
 
     Args:
         motions: The program.
         started: Whether joints before the first pose are known.
 
     Raises:
-        InputError: If the program begins with such a pose and no joints are known; or if such configurations
-            differ.
+        InputError: If the program begins with such a pose, and neither joints nor flags are known; or if
+            configurations that are not read differ.
     """
-    text, turns, first = motions.text, motions.text.language.flags, ""
-    if turns is None or turns.read:
-        return
-    for k, move in enumerate(text.moves):
-        point, source = move.point, text.sources[move.point.source]
-        if not point.same:
-            continue
-        if k == 0 and not started:
-            problem = f"the configuration {turns.name} {point.same.strip()!r} is not read; "
-            problem += "begin with joints, or give compensate --start"
-            raise source.error(point.start, f"the program begins with a pose: {problem}")
-        if first and point.same.split() != first.split():
+    text, turns, same = motions.text, motions.text.language.flags, ""
+    unread = turns is not None and not turns.read
+    start = text.moves[0].point
+    if start.posed and not (started or start.flags or np.isfinite(motions.near[0]).all()):
+        problem = "nothing says in which configuration the arm is there"
+        if turns is not None and start.same:
+            problem = f"the configuration {turns.name} {start.same.strip()!r} is not read"
+        problem += "; begin with joints, or give compensate --start"
+        raise text.sources[start.source].error(start.start, f"the program begins with a pose: {problem}")
+    for point in (move.point for move in text.moves if unread and move.point.same):
+        if turns is not None and same and point.same.split() != same.split():
             problem = (
-                f"expected one configuration in all poses, got {first.strip()!r} and {point.same.strip()!r}"
+                f"expected one configuration in all poses, got {same.strip()!r} and {point.same.strip()!r}"
             )
-            raise source.error(point.start, f"{turns.name} is not read: {problem}")
-        first = first or point.same
+            raise text.sources[point.source].error(point.start, f"{turns.name} is not read: {problem}")
+        same = same or point.same
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,18 +194,30 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
     text = read_motions(path, language)
     points = [move.point for move in text.moves]
     posed = np.array([point.posed for point in points], dtype=bool)
-    count = len(points)
+    count, pulses = len(points), tuple(controller.pulses_per_deg)
+    q, near = np.full((2, count, arm.n_joints), np.nan)
+    if not posed.all():
+        q[~posed] = _program_joints(text, arm, [own for own in points if not own.posed], pulses)
+    if chosen := {k: move.near for k, move in enumerate(text.moves) if move.near is not None}:
+        near[list(chosen)] = _program_joints(text, arm, list(chosen.values()), pulses)
+    base, tool = (
+        _frame(path, language, getattr(controller, own), f"controller.{own}") for own in ("base", "tool")
+    )
+    stated = text.frames.get("base")
+    if stated and stated.numbers and not controller.base:
+        base = _stated_frame(language, stated.numbers)
+    frame_notes, unknown = _frame_notes(text, controller) if posed.any() else ((), "")
     motions = RobotMotions(
         text,
         linear=np.array([move.linear for move in text.moves], dtype=bool),
         posed=posed,
-        base=_frame(path, language, controller.base, "controller.base"),
-        tool=_frame(path, language, controller.tool, "controller.tool"),
-        pulses_per_deg=tuple(controller.pulses_per_deg),
+        base=base,
+        tool=tool,
+        pulses_per_deg=pulses,
+        near=near,
+        notes=(*text.notes, *frame_notes, *_external_notes(text, arm)),
+        unknown_frames=unknown,
     )
-    q = np.full((count, arm.n_joints), np.nan)
-    if not posed.all():
-        q[~posed] = _program_joints(motions, arm)
     position, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     if posed.any():
         axes = axes_of(language, arm.file_joints)
@@ -230,24 +244,62 @@ def _frame(path: Path, language: Language, numbers: list[float], place: str) -> 
     return language.rotations(values[:, 3:])[0], values[0, :3] / language.per_metre
 
 
-def _program_joints(motions: RobotMotions, arm: Arm) -> Array:
-    """Joints of the chain of all points that are no poses, (points, n) [rad, m], within limits."""
-    text, joints = motions.text, arm.file_joints
+def _stated_frame(language: Language, numbers: Sequence[float]) -> Pose:
+    """A frame by one pose in the language, or by two, the second one in the first."""
+    values = np.array(numbers).reshape(-1, len(language.pose_names()))
+    R, p = np.eye(3), np.zeros(3)
+    for R_own, p_own in zip(
+        language.rotations(values[:, 3:]), values[:, :3] / language.per_metre, strict=True
+    ):
+        R, p = R @ R_own, p + R @ p_own
+    return R, p
+
+
+def _frame_notes(text: ProgramText, controller: Controller) -> tuple[tuple[str, ...], str]:
+    """Say how the frames that a program states count where no map states them, and which are unknown."""
+    notes, unknown = list[str](), list[str]()
+    for what, frame in text.frames.items():
+        R, p = _stated_frame(text.language, frame.numbers)
+        if getattr(controller, what) or (frame.numbers and np.allclose(R, np.eye(3)) and np.allclose(p, 0)):
+            continue
+        if what == "base" and frame.numbers:
+            notes.append(f"The base that the program states, {frame.text}, counts in the arm's world")
+        else:
+            unknown.append(f"{what} {frame.text}")
+    if unknown:
+        meant = "Its poses count as those of the arm's tool" + " in the arm's world" * (not notes)
+        hint = "unless [controller] of a map says where its tool and base are"
+        notes.append(f"The program states {' and '.join(unknown)}. {meant}, {hint}")
+    return tuple(notes), " and ".join(unknown)
+
+
+def _external_notes(text: ProgramText, arm: Arm) -> tuple[str, ...]:
+    """Say which external axes move that the arm does not have."""
+    axes, moved = axes_of(text.language, arm.file_joints), list[str]()
+    for name in (name for name in text.language.external if name not in axes):
+        every = [own.point.numbers[name].value for own in text.moves if name in own.point.numbers]
+        values = [value for value in every if abs(value) < text.language.no_axis]
+        if any(values):
+            moved.append(f"{name} {min(values):g} to {max(values):g}")
+    if not moved:
+        return ()
+    why = f"{arm.name} has no such joint, so they count as if they moved neither the arm nor its workpiece"
+    return (f"External axes stay as they are: {', '.join(moved)}. {why}",)
+
+
+def _program_joints(
+    text: ProgramText, arm: Arm, points: Sequence[PointText], pulses_per_deg: Sequence[float]
+) -> Array:
+    """Joints of the chain of points that are no poses, (points, n) [rad, m], within limits."""
+    joints = arm.file_joints
     axes, language = axes_of(text.language, joints), text.language
-    points = [move.point for move in text.moves if not move.point.posed]
-    for point in points:
-        outer = [name for name in language.external if name in point.numbers and name not in axes]
-        moved = [name for name in outer if 0 < abs(point.numbers[name].value) < language.no_axis]
-        if moved:
-            problem = f"expected no external axis {moved[0]}: {arm.name} has {len(joints)} joints"
-            raise text.sources[point.source].error(point.start, problem)
     values = values_of(text, points, list(axes))
     scale = np.array([scale_of(language, joints[k]) for k in axes.values()])
     found = np.empty_like(values)
     found[:, list(axes.values())] = values / scale
     counted = np.array([bool(language.pulses) and point.mode == language.pulses for point in points])
     if counted.any():
-        per = motions.pulses_per_deg
+        per = pulses_per_deg
         if len(per) != len(joints):
             first = points[int(counted.argmax())]
             problem = (
@@ -256,7 +308,7 @@ def _program_joints(motions: RobotMotions, arm: Arm) -> Array:
             )
             raise text.sources[first.source].error(first.start, problem)
         found[counted] = np.radians(values[counted] / np.array(per))
-    _check_limits(motions, arm, points, found)
+    _check_limits(text, arm, points, found)
     q = arm.to_model(found)
     ends = arm.clip_to_limits(q)
     if (np.abs(q - ends) > ROUNDED).any():
@@ -266,7 +318,7 @@ def _program_joints(motions: RobotMotions, arm: Arm) -> Array:
     return np.asarray(np.where(np.abs(q - ends) > SAME_POSE, ends, q))
 
 
-def _check_limits(motions: RobotMotions, arm: Arm, points: Sequence[PointText], q: Array) -> None:
+def _check_limits(text: ProgramText, arm: Arm, points: Sequence[PointText], q: Array) -> None:
     """Refuse joints as files count them, (points, m) [rad, m], beyond their limits."""
     joints = arm.file_joints
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
@@ -274,7 +326,7 @@ def _check_limits(motions: RobotMotions, arm: Arm, points: Sequence[PointText], 
         joint, point = joints[k], points[row]
         low, high, got = (joint.shown * x for x in (joint.lower, joint.upper, q[row, k]))
         problem = f"{joint.name}: expected {low:.4f} to {high:.4f} {joint.shown_unit}, got {got:.4f}"
-        raise motions.text.sources[point.source].error(point.start, problem)
+        raise text.sources[point.source].error(point.start, problem)
 
 
 def changed_numbers(
@@ -448,7 +500,7 @@ def unread_columns(program: Program) -> tuple[str, ...]:
         Sentences, without full stop.
     """
     if not isinstance(program.content, Columns):
-        return program.content.text.notes
+        return program.content.notes
     like = {name: _load_like(name) for name in program.other}
     found = [
         f"Not used, although it looks like a load: {name}{near and f' ({near}?)'}"
@@ -623,9 +675,11 @@ def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     if not found:
         raise columns.lack(list(wanted))
     if rotation is None:
-        raise columns.lack(
-            list(columns_of("quaternion")), "; or rotation_x_deg ... of a rotation vector, rotation_11 ..."
+        angles = (
+            "rotation_1_deg ... in [columns] of a map for three angles, whose order is rotation in [series]"
         )
+        hint = f"; or rotation_x_deg ... of a rotation vector, rotation_11 ..., or {angles}"
+        raise columns.lack(list(columns_of("quaternion")), hint)
     name, blank = columns.all_of(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")

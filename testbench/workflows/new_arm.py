@@ -401,6 +401,11 @@ CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
     "density": "{0:.4g} kg in the file are {1:.0f} kg/m^3 inside of the shapes: check the masses",
+    "endless limits": "limits of {first} in the file, {2:g} to {3:g} rad, count as none: {deg[0]:.0f} to "
+    "{deg[1]:.0f} deg is assumed",
+    "endless limits of a slide": "limits of {first} in the file, {2:g} to {3:g} m, count as none (are they "
+    "mm?): {0:g} to {1:g} m is assumed",
+    "far limits of a slide": "limits beyond {0:g} m, whose numbers may be mm: {names}",
     "far limits": "limits beyond {deg[0]:.0f} deg, whose numbers may be degrees, not radians: {names}",
     "follow": "joints that follow others, as [joints] of elastic.toml says: {names}",
     "frozen": "off the arm, so held at zero: {names}",
@@ -421,6 +426,9 @@ WORDS = {
     "renamed": "names changed to allowed ones: {names}",
     "rods": "held at zero they do not follow the arm, so their collisions do not count: {names}; "
     "a balancer's spring is for [compensator] of elastic.toml",
+    "springs": "springs in the file are left out: {names}; a balancer's spring is for [compensator] of "
+    "elastic.toml",
+    "gravcomp": "gravcomp in the file is left out, so these bodies have their weight: {names}",
     "sites": "markers at the sites of the robot's file",
     "specks": "no mass in the file, nor any to estimate: {mg:g} mg is assumed for {names}",
     "tool": "tool at {first!r} of the robot's file",

@@ -30,6 +30,7 @@ from testbench.correct.predicted import (
 )
 from testbench.data.dataset import select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
+from testbench.files.columns import Columns
 from testbench.files.languages import known_languages, language_of
 from testbench.files.motion import (
     CSV,
@@ -153,21 +154,27 @@ def _refuse_far(program: Program, reached: Reached, points: Ids) -> None:
             for k in far[:NAMED]
         ]
         more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
-        raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}")
+        frames = program.content.unknown_frames if isinstance(program.content, RobotMotions) else ""
+        hint = f"; [controller] of a map says where the program's {frames} are" if frames else ""
+        raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}{hint}")
 
 
 def _robot_joints(model: ArmModel, program: Program, motions: RobotMotions, start: Array | None) -> Array:
     """Joints of a program in a robot language: each run of poses continues from the joints before it.
 
-    Where the flags of a joint move to a pose state another turn, its configuration is the one of these flags.
+    Joints that a move states for its configuration count instead. Where the flags of a joint move to
+    a pose state another turn, its configuration is the one of these flags.
     """
     assert program.position is not None
     assert program.rotation is not None
     refuse_other_configurations(motions, started=start is not None)
     q = np.full((program.points, model.arm.n_joints), np.nan) if program.q is None else program.q.copy()
-    ends = np.flatnonzero(np.diff(motions.posed)) + 1
+    stated = np.isfinite(motions.near[:, 0])
+    ends = np.flatnonzero(np.diff(motions.posed) | stated[1:]) + 1
     for run in np.split(np.arange(program.points), ends):
         near, chosen = q[run[0] - 1] if run[0] else start, False
+        if stated[run[0]]:
+            near = motions.near[run[0]]
         while len(run) and motions.posed[run[0]]:
             reached = joints_along(model.vjm, program.position[run], program.rotation[run], start=near)
             _refuse_far(program, reached, run)
@@ -378,6 +385,22 @@ def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
     return (f"Check {language.flags.name} of the poses in lines {lines}: a joint passes the limit of a turn",)
 
 
+def configuration_notes(program: Program, start: Array | None) -> tuple[str, ...]:
+    """Say which configuration of the arm was chosen where nothing states one.
+
+    Args:
+        program: The program.
+        start: Joints near those of its first pose, (n,) [rad, m]; None for none.
+
+    Returns:
+        A sentence, without full stop; none where the program or the user states a configuration.
+    """
+    if start is not None or program.q is not None or not isinstance(program.content, Columns):
+        return ()
+    chosen = "the configuration nearest to zero is used"
+    return (f"The table has no joints: {chosen}. Joints in the table, or compensate --start, choose another",)
+
+
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     """Collect what a corrected program says beside its joints, by column."""
     compensated, arm = corrected_program.found, corrected_program.model.arm
@@ -447,6 +470,7 @@ def read_pose_file(
         notes += ("The program was corrected before, so its points are used as they are",)
         if program.q is not None and not isinstance(program.content, RobotMotions):  # poses are commands, too
             program = replace(program, position=None, rotation=None)
+    notes += configuration_notes(program, None)
     program, said = with_payload(model, program, mass)
     q = _drawn_joints(model, program, aim, None)
     loads = _loads_of(model, program, aim, q)

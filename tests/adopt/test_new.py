@@ -310,7 +310,18 @@ WRONG = {
         'xyz="0.35 0 0.4" rpy="0 0 90"',
     ): "<joint name='joint_a2'>: rpy: expected radians, up to 4 pi",
     ("<geometry><box", "<geometry><torus"): "<torus>: expected box, sphere",
-    ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",
+    ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m, got 400: is it in mm?",
+    ('xyz="0.35 0 0.4"', 'xyz="0,35 0 0,4"'): (
+        "<joint name='joint_a2'>: <origin>: xyz: expected 3 number(s)"
+    ),
+    ('axis xyz="0 0 -1"', 'axis xyz="0, 0, -1"'): (
+        "<joint name='joint_a1'>: <axis>: xyz: expected 3 number(s)"
+    ),
+    ('xyz="0.35 0 0.4"', 'xyz="0.35 0 nan"'): (
+        "<joint name='joint_a2'>: <origin>: xyz: expected numbers, got '0.35 0 nan'"
+    ),
+    ('<robot name="heavy">', "ISO-10303-21; HEADER;"): "expected a URDF or MJCF, got a STEP file",
+    ('<robot name="heavy">', "version https://git-lfs.github.com/spec/v1"): "git lfs pull fetches it",
     ('name="joint_a4" type="revolute"', 'name="joint_a4" type="fixed"'): "",
     ("</robot>", "<!-- <xacro:arm/> --></robot>"): "",
     ("base_link", "world"): "",  # which is no link for MuJoCo
@@ -331,6 +342,52 @@ def test_two_arms_ask_for_a_tip_and_limits_in_another_unit_are_said(tmp_path):
     assert "limits beyond 1440 deg, whose numbers may be degrees, not radians: joint_a1" in words
 
 
+def test_limits_that_no_axis_can_have_are_said_with_their_numbers(tmp_path):
+    """Not as limits that the file does not state: those of a slide in mm are lost."""
+    text = heavy_urdf(tmp_path).read_text()
+    slide = text.replace('name="joint_a1" type="revolute"', 'name="joint_a1" type="prismatic"')
+    for numbers, said in (
+        (
+            'lower="0" upper="6500"',
+            "limits of joint_a1 in the file, 0 to 6500 m, count as none (are they mm?)",
+        ),
+        ('lower="0" upper="650"', "limits beyond 50 m, whose numbers may be mm: joint_a1"),
+    ):
+        (tmp_path / "rail.urdf").write_text(slide.replace('lower="-2" upper="1.5"', numbers, 1))
+        assert said in " ".join(map(sentence, read_chain(tmp_path / "rail.urdf").notes))
+    (tmp_path / "far.urdf").write_text(
+        text.replace('lower="-2" upper="1.5"', 'lower="-1e16" upper="1e16"', 1)
+    )
+    words = " ".join(map(sentence, read_chain(tmp_path / "far.urdf").notes))
+    assert "limits of joint_a1 in the file, -1e+16 to 1e+16 rad, count as none: -360 to 360 deg" in words
+    assert "no limits" not in words
+
+
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "UTF-16", "UTF-8"])
+def test_a_file_is_read_in_the_encoding_that_it_states_and_in_a_namespace(encoding, tmp_path):
+    text = heavy_urdf(tmp_path).read_text()
+    plain = read_chain(tmp_path / "heavy.urdf")
+    named = text.replace("joint_a2", "Hüfte").replace("<robot ", '<robot xmlns="http://www.ros.org" ', 1)
+    (file := tmp_path / "stated.urdf").write_bytes(
+        f'<?xml version="1.0" encoding="{encoding}"?>\n{named}'.encode(encoding)
+    )
+    chain = read_chain(file)
+    assert any("'Hüfte' is H_fte" in sentence(note) for note in chain.notes)
+    for own, other in zip(chain.parts, plain.parts, strict=True):
+        np.testing.assert_array_equal(own.pose, other.pose)
+    file.write_bytes(f"<!-- für -->{text}".encode("latin-1"))
+    assert "byte 7: expected UTF-8" in is_refused(do("new", tmp_path / "mine", "--from", file))
+
+
+def test_springs_and_compensated_gravity_of_an_mjcf_are_said(tmp_path):
+    file = classes_mjcf(tmp_path)
+    text = file.read_text().replace('<joint name="joint2"/>', '<joint name="joint2" stiffness="900"/>')
+    file.write_text(text.replace('<body name="link2"', '<body gravcomp="1" name="link2"'))
+    words = " ".join(map(sentence, read_chain(file).notes))
+    assert "springs in the file are left out: joint2; a balancer's spring is for [compensator]" in words
+    assert "gravcomp in the file is left out, so these bodies have their weight: link2" in words
+
+
 @pytest.mark.parametrize(
     ("links", "kind", "said"),
     [(20, "revolute", "expected 3 to 9 moving joints"), (600, "fixed", "<joint>: expected at most 500")],
@@ -342,6 +399,12 @@ def test_a_robot_of_more_links_than_any_has_is_one_line(tmp_path, links, kind, s
         text += f'<joint name="j{k}" type="{kind}">{ends}</joint>'
     (tmp_path / "long.urdf").write_text(f'<robot name="long">{text}</robot>')
     assert said in is_refused(do("new", tmp_path / "mine", "--from", tmp_path / "long.urdf"))
+
+
+def test_what_describes_no_links_is_no_urdf(tmp_path):
+    (tmp_path / "groups.srdf").write_text('<robot name="r"><group name="arm"/></robot>')
+    said = is_refused(do("new", tmp_path / "mine", "--from", tmp_path / "groups.srdf"))
+    assert "expected links in the URDF, got none; is it an SRDF" in said
 
 
 @pytest.mark.parametrize(("change", "said"), WRONG.items())
@@ -366,7 +429,9 @@ def test_a_wrong_urdf_is_one_line(tmp_path, change, said):
         ('<include file="rest.xml"/>', '<include file="classes.xml"/>'): "each included once",
         ("<worldbody>", '<worldbody><replicate count="9"/>'): "<replicate>: not read",
         ('"joint3"/>', '"joint3" type="ball" limited="false"/>'): "the joint of 'link3' is a ball",
-        ('mass="3"', 'mass="nan"'): "<inertial>: mass: expected numbers, got 'nan'",
+        ('gravity="0 0 0"', 'gravity="0 -9.81 0"'): "<option>: gravity: expected 0 0 -9.81 [m/s^2], or zeros",
+        ('gravity="0 0 0"', 'gravity="0 0 -9810"'): "scale the lengths to metres",
+        ('mass="3"', 'mass="nan"'): "<body name='link0'>: <inertial>: mass: expected numbers, got 'nan'",
         ('name="link0"', 'name="link1"'): "MuJoCo refuses it",
     }.items(),
 )

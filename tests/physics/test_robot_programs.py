@@ -247,8 +247,13 @@ REFUSED = {
         "LIN XP1:XP2": "got 'XP1:XP2'",
         "PTP {A1 12,5,A2 -80,A3 95,A4 5,A5 30,A6 -10}": "got '{A1 12,5,A2 -80",
         "PTP {A1 5}": "expected a number for each of A1, A2, A3, A4, A5, A6, got none for A2",
-        "$BASE=BASE_DATA[1]\n$BASE=BASE_DATA[2]": r"the base changes: .* got BASE_DATA\[1\] and then B",
-        "PTP {A1 12,A2 -80,A3 95,A4 5,A5 30,A6 -10,E1 5}": "expected no external axis E1",
+        "$BASE=BASE_DATA[1]\n$BASE=BASE_DATA[2]": r"the base changes: .* got 1 and then 2",
+        "$BASE=BASE_DATA[1]:{X 0}\n$BASE=BASE_DATA[1]:{X 9}": r"the base changes: .*\{X 0\} and then",
+        "BAS(#BASE,1)\n$BASE=BASE_DATA[2]": "the base changes: .* got 1 and then 2",
+        "$BASE=EK(MACHINE_DEF[2].ROOT,2,{X 0})": "base that moves with an external axis is not read",
+        "$BASE.Z=$BASE.Z+9": r"tool or base that changes while the program runs is not read, got \$BASE",
+        "BASE_DATA[1].Z=9": "tool or base that changes while the program runs",
+        "XP1=XP2": "point that changes while the program runs is not read, got XP1=XP2",
         "PTP {A1 12,A2 80,A3 95,A4 5,A5 30,A6 -10}": "joint_2: expected -130.* to 20.0000 deg, got 80",
     },
     "rapid": {
@@ -257,6 +262,9 @@ REFUSED = {
         "TriggL p20,v1,t1,fine,tDrill;": "process motion is not read, got TriggL",
         "MoveL Offs(p20,0,0,5),v1,fine,tDrill;": r"relative motion is not read, got Offs\(",
         "PDispSet pose1;": "shift of the program is not read",
+        "wFix.oframe:=pShift;": "that changes while the program runs",
+        "jHome:=CJointT();": "point that changes while the program runs is not read, got jHome:=CJ",
+        "PERS tooldata tFix:=[FALSE,[[0,0,9],[1,0,0,0]],load0];": "tool that does not move",
         "MoveL p{1},v1,fine,tDrill;": "expected a point whose numbers are in the program, got 'p{1}",
         "MoveL p20,v1,fine,tMill\\WObj:=wobj0;": "the tool changes: .* tDrill and then tMill",
         "MoveL p20,v1,fine,tDrill\\WObj:=wPart;": "the base changes: .* wobj0 and then wPart",
@@ -267,6 +275,8 @@ REFUSED = {
         "  movel(pose_trans(P2_p, p[0,0,0,0,0,0]))": "relative motion is not read, got pose_trans",
         "  movej([0.17+0.1, -1.4, 1.6, 0, 0.5, 0])": r"got '\[0.17\+0.1",
         "  set_tcp(p[0,0,0.1,0,0,0])": "the tool changes",
+        "  P1_q[0]=P1_q[0]+0.1": "point that changes while the program runs is not read, got P1_q",
+        "  path_offset_enable()": "motion is not read, got path_offset_enable",
         "  movel(other)": "expected a point whose numbers are in the program, got 'other",
         "  P1_q=[0,0,0,0,0,0]": "the point P1_q has its numbers twice",
     },
@@ -275,6 +285,10 @@ REFUSED = {
         "   8:S P[1] 100mm/sec FINE ;": "spline is not read",
         "   8:L P[1] 100mm/sec FINE INC ;": "relative motion is not read",
         "   8:L P[1] 100mm/sec FINE Offset,PR[2] ;": "shift of a point is not read",
+        "   8:L P[1] 100mm/sec FINE\n    :  Tool_Offset,PR[2] ;": "shift of a point is not read",
+        "   8:L P[1] 100mm/sec FINE RTCP ;": "motion about an external tool",
+        "   8:  UFRAME[1]=PR[3] ;": "tool or base that changes while the program runs",
+        "   8:  P[1]=PR[4] ;": r"point that changes while the program runs is not read, got P\[1\]=PR",
         "   8:  UTOOL_NUM=2 ;": "the tool changes: .* 1 and then 2",
         "   8:L P[7] 100mm/sec FINE ;": r"got 'P\[7\]",
     },
@@ -284,7 +298,9 @@ REFUSED = {
         "IMOV P001 V=1.0": "relative motion is not read, got IMOV",
         "SFTON P000": "shift of the program is not read",
         "MOVJ C00000 BC00000 VJ=10.00": "position of base or station axes is not read",
-        "MOVJ P001 VJ=1.0": "expected a point whose numbers are in the program, got 'P001",
+        "MOVJ C00009 VJ=1.0": "expected a point whose numbers are in the program, got 'C00009",
+        "MOVL C00000 V=1.0  +MOVL C00001 V=1.0": "motion of several robots",
+        "MFRAME UF#(1) C00000 C00001 C00002": "tool or base that changes while the program runs",
         "///TOOL 2": "the tool changes: .* 1 and then 2",
     },
 }
@@ -298,7 +314,9 @@ def test_what_is_no_plain_move_is_refused_with_its_line_and_its_name(name, state
     rows[lines[-1] - 1 : lines[-1] - 1] = statement.split("\n")
     path = written(tmp_path, {first: "\n".join(rows), **{own: files[own] for own in rest}})
     line = lines[-1] + statement.count("\n")
-    with pytest.raises(InputError, match=rf"cell\.\w+: line ({line}|5|6): .*{REFUSED[name][statement]}"):
+    with pytest.raises(
+        InputError, match=rf"cell\.\w+: line ({line}|{lines[-1]}|5|6): .*{REFUSED[name][statement]}"
+    ):
         read(path)
 
 
@@ -485,6 +503,101 @@ def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start
     path.write_text(text)
     with pytest.raises(InputError, match=rf"line \d+: {said} is not read: expected one configuration"):
         correct_program(model, read_program(path, model.arm), Aim(), start=q[0])
+
+
+def test_joints_beside_a_pose_choose_its_configuration(model, tmp_path):
+    """As Polyscope writes waypoints; without, and with no joints before, the configuration is not known."""
+    p, R = tool_pose(model.vjm, FLIPPED)
+    pose = ", ".join(map(repr, np.r_[p[1], Rotation.from_matrix(R[1]).as_rotvec()].tolist()))
+    text = f"""def way():
+  global W_q=[{", ".join(map(repr, FLIPPED[1].tolist()))}]
+  global W_p=p[{pose}]
+  movej(get_inverse_kin(W_p, qnear=W_q), a=1.4, v=1.05)
+  movel(p[{pose}], a=1.2)
+end
+"""
+    (path := tmp_path / "way.script").write_text(text)
+    program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+    found = correct_program(model, program, Aim())
+    np.testing.assert_allclose(found.found.start, FLIPPED[[1, 1]], rtol=0, atol=1e-6)
+    write_corrected(found, [tmp_path / "right.script"], "urscript")
+    before, after = (own.read_text().splitlines() for own in (path, tmp_path / "right.script"))
+    assert [k for k, line in enumerate(after[2:], 2) if line != before[k - 1]] == [3, 5]
+    path.write_text(text.replace(", qnear=W_q", ""))
+    with pytest.raises(InputError, match=r"line 3: the program begins with a pose: nothing says .*--start"):
+        correct_program(model, read_program(path, model.arm), Aim())
+
+
+WOBJ = 'PERS wobjdata wFix:=[FALSE,TRUE,"",[[900,200,0],[0.7071068,0,0,0.7071068]],[[0,-100,30],[1,0,0,0]]];'
+BASE_OF_KRL = "{FRAME: X 1000,Y 200,Z 30,A 90,B 0,C 0}"
+FRAMES = {
+    "krl by number": (
+        "PTP  XHOME",
+        f"TOOL_DATA[2]={BASE_OF_KRL}".replace("30", "9")
+        + f"\nBASE_DATA[2]={BASE_OF_KRL}\n$BASE=BASE_DATA[2]\nPTP  XHOME",
+    ),
+    "krl": ("PTP  XHOME", f"$BASE={BASE_OF_KRL}\nPTP  XHOME"),
+    "rapid": ("  PROC main", f"  {WOBJ}\n  PROC main"),
+}
+
+
+@pytest.mark.parametrize("form", FRAMES)
+def test_poses_count_in_the_base_whose_numbers_the_program_states(form, tmp_path):
+    """The same as with that base in a map, which counts more."""
+    name = form.split()[0]
+    files = {
+        own: text.replace("wobj0", "wFix").replace("BASE_NO 0", "FRAME_NO 0")
+        for own, text in PROGRAMS[name][0].items()
+    }
+    first = next(iter(files))
+    plain = read(written(tmp_path, files))
+    old, new = FRAMES[form]
+    (tmp_path / "more").mkdir()
+    path = written(tmp_path / "more", {**files, first: files[first].replace(old, new, 1)})
+    base = [1000, 200, 30, *([90, 0, 0] if name == "krl" else [0.7071068, 0, 0, 0.7071068])]
+    wanted = read(written(tmp_path, files), controller=Controller(base=base))
+    found, posed = read(path), plain.motions.posed
+    assert np.abs(found.position[posed] - plain.position[posed]).max() > 0.5
+    for own in (found, read(path, controller=Controller(base=base))):
+        np.testing.assert_allclose(own.position[posed], wanted.position[posed], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(own.rotation[posed], wanted.rotation[posed], rtol=0, atol=1e-6)
+    assert any(note.startswith("The base that the program states") for note in found.motions.notes)
+    at, turned = (np.nan_to_num(own) for own in (found.position, found.rotation))
+    for source, content in changed_texts(
+        found.motions.text, changed_numbers(found.motions, ARM, found.q, at, turned)
+    ):
+        before = source.path.read_bytes()
+        assert content.count(b"1000,Y 200") == before.count(b"1000,Y 200")
+        assert content.count(b"[900,200,0]") == before.count(b"[900,200,0]")
+
+
+RAIL = """\
+DEF CELL()
+PTP {A1 0,A2 -90,A3 90,A4 0,A5 30,A6 0,E1 0}
+LIN {X 2000,Y 0,Z 1500,A 0,B 90,C 0,E1 2500.5,E2 0}
+END
+"""
+TWO_GROUPS = "R =    10.000 deg,\tE1=  700.000 mm\n   GP2:\n\tUF : 0, UT : 1,\n\tJ1= 5.000 deg\n"
+MOVED = {
+    "krl": ({"cell.src": RAIL}, "E1 0 to 2500.5"),
+    "rapid": ({"cell.mod": MOD.replace("[9E9,", "[-250,", 1)}, "eax_a -250 to -250"),
+    "fanuc": ({"cell.ls": LS.replace("R =    10.000 deg\n", TWO_GROUPS)}, "E1 700 to 700"),
+}
+
+
+@pytest.mark.parametrize("name", MOVED)
+def test_external_axes_that_the_arm_does_not_have_stay_and_are_named(name, tmp_path):
+    files, said = MOVED[name]
+    path = written(tmp_path, files)
+    found = read(path)
+    [note] = [note for note in found.motions.notes if note.startswith("External axes stay as they are")]
+    assert f": {said}. kr500_l480 has no such joint" in note
+    q, p = np.nan_to_num(found.q) + 1e-3, np.nan_to_num(found.position) + 1e-3
+    [(_, content)] = changed_texts(
+        found.motions.text, changed_numbers(found.motions, ARM, q, p, np.nan_to_num(found.rotation))
+    )
+    for kept in (b"E1 2500.5", b"[-250,9E9", b"E1=  700.000 mm", b"J1= 5.000 deg"):
+        assert content.count(kept) == path.read_bytes().count(kept)
 
 
 def test_linear_moves_need_poses_where_the_language_has_no_other(tmp_path):

@@ -217,7 +217,7 @@ def test_poses_of_a_program_name_the_tool_and_base_that_it_states(kr500, tmp_pat
   movel(p[1.5, 0.1, 1.2, 0, 1.57, 0])
 end
 """)
-    [note] = read_program(file, kr500.arm).content.text.notes
+    [note] = read_program(file, kr500.arm).content.notes
     assert note.startswith("The program states tool p[0, 0, 0.1, 0, 0, 0]. Its poses count as those of the ")
     file.write_text(file.read_text().replace("movel(p[1.5, 0.1, 1.2, 0, 1.57, 0])", ""))
     assert read_program(file, kr500.arm).content.text.notes == ()

@@ -69,6 +69,10 @@ def read_robot(file: Path) -> Robot:
     root = read_xml(file)
     if root.tag not in READERS:
         raise InputError(file, "", f"expected URDF (<robot>) or MJCF (<mujoco>) at the top, got <{root.tag}>")
+    if root.tag == "robot" and root.find("link") is None:
+        raise InputError(
+            file, "", "expected links in the URDF, got none; is it an SRDF, or a part of a URDF?"
+        )
     return READERS[root.tag](file, root)
 
 
@@ -166,13 +170,14 @@ def _check_sizes(file: Path, robot: Robot) -> None:
     for body in robot.bodies:
         far = max(np.abs(body.pose[:3, 3]).max(), np.abs(body.com).max())
         inertia = np.abs(body.inertia).max()
-        for value, most, what in (
-            (far, MAX_BODY_DISTANCE, "m"),
-            (body.mass, HEAVIEST, "kg"),
-            (inertia, HEAVIEST * MAX_BODY_DISTANCE, "kg m^2"),
+        for value, most, unit, other in (
+            (far, MAX_BODY_DISTANCE, "m", "mm"),
+            (body.mass, HEAVIEST, "kg", "g"),
+            (inertia, HEAVIEST * MAX_BODY_DISTANCE, "kg m^2", "g mm^2"),
         ):
             if not value <= most:
-                raise InputError(file, body.name, f"expected at most {most:g} {what}, got {value:.3g}")
+                problem = f"expected at most {most:g} {unit}, got {value:.3g}: is it in {other}?"
+                raise InputError(file, body.name, problem)
 
 
 class Placed(NamedTuple):
@@ -275,11 +280,15 @@ def _became(
     }
     notes += [Note(kind, tuple(names)) for kind, names in named.items() if names]
     for joint in (part.joint for part in parts if part.joint and not part.joint.limited):
-        kind = "no limits of a slide" if joint.prismatic else "no limits"
-        notes.append(Note(kind, (joint.name,), (joint.lower, joint.upper)))
+        kind = "no limits" if joint.stated is None else "endless limits"
+        kind += " of a slide" if joint.prismatic else ""
+        notes.append(Note(kind, (joint.name,), (joint.lower, joint.upper, *(joint.stated or ()))))
     hinges = [part.joint for part in parts if part.joint and part.joint.limited and not part.joint.prismatic]
     if far := [joint.name for joint in hinges if max(-joint.lower, joint.upper) > FAR]:
         notes.append(Note("far limits", tuple(far), (FAR,)))
+    slides = [part.joint for part in parts if part.joint and part.joint.limited and part.joint.prismatic]
+    if far := [joint.name for joint in slides if max(-joint.lower, joint.upper) > MAX_BODY_DISTANCE]:
+        notes.append(Note("far limits of a slide", tuple(far), (MAX_BODY_DISTANCE,)))
     if hinges and all(joint.upper - joint.lower < NARROW for joint in hinges):
         notes.append(Note("narrow limits", tuple(joint.name for joint in hinges), (NARROW,)))
     if specks := [part.name for part in parts if part.mass == SPECK and not part.weighed]:

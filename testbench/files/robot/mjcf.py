@@ -9,14 +9,15 @@ import os
 import re
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from testbench.arm.document import path_inside
+from testbench.arm.document import path_inside, place_of
+from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import (
     MAX_ALL_FACES,
@@ -64,6 +65,8 @@ MAX_FACES = 200_000
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
 NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
 SLIDES = int(mujoco.mjtJoint.mjJNT_SLIDE)
+GRAVITY_RANGE = 9.5, 10.5
+"""Gravity that a file in metres may state [m/s^2]."""
 NOTHING = 1e-14
 """Mass below which a body counts as massless [kg]."""
 
@@ -82,6 +85,7 @@ def read_mjcf(file: Path, root: ET.Element) -> Robot:
         InputError: If the MJCF includes files from outside its folder, or elements that no arm can have.
     """
     _include(file, root)
+    _check_gravity(file, root)
     driven = {e.get("joint", "") for actuators in root.findall("actuator") for e in actuators} - {""}
     left_out = _keep(root) | {tag for tag in COUPLED if root.find(tag) is not None}
     meshes = Meshes()
@@ -99,6 +103,7 @@ def read_mjcf(file: Path, root: ET.Element) -> Robot:
         index[b] = len(bodies) - 1
     named = {j: _joint_name(model, j) for j in range(model.njnt)}
     notes = ((Note("left out", tuple(sorted(left_out))),) if left_out else ()) + tuple(meshes.notes())
+    notes += tuple(_springs(model))
     couplings = tuple(couplings_of(model, named, index))
     return Robot(root.get("model") or file.stem, tuple(bodies), notes, couplings, frozenset(driven))
 
@@ -121,6 +126,30 @@ def _include(file: Path, root: ET.Element) -> None:
     if refused := [e.tag for e in root.iter() if e.tag in REFUSED_TAGS]:
         problem = "not read; save the compiled model as one MJCF file first"
         raise InputError(file, f"<{refused[0]}>", problem)
+
+
+def _check_gravity(file: Path, root: ET.Element) -> None:
+    """Refuse gravity that is not along -z of the world, or is in another unit; zero is accepted."""
+    stated = [e for e in root.findall("option") if "gravity" in e.attrib]
+    if not stated:
+        return
+    x, y, z = numbers(file, stated[-1], "gravity", 3)
+    if (x or y or z) and not (x == y == 0 and GRAVITY_RANGE[0] <= -z <= GRAVITY_RANGE[1]):
+        problem = f"gravity: expected 0 0 -9.81 [m/s^2], or zeros, got {stated[-1].get('gravity')!r}"
+        hint = "turn the body of the base instead, or scale the lengths to metres"
+        raise InputError(file, place_of(stated[-1]), f"{problem}; {hint}")
+
+
+def _springs(model: mujoco.MjModel) -> Iterator[Note]:
+    """Note what carries weight in the file, and is left out: springs, and gravity that is compensated."""
+    joints = [_joint_name(model, j) for j in np.flatnonzero(model.jnt_stiffness).tolist()]
+    tendons = [
+        model.tendon(k).name or f"tendon_{k + 1}" for k in np.flatnonzero(model.tendon_stiffness).tolist()
+    ]
+    if joints or tendons:
+        yield Note("springs", (*joints, *tendons))
+    if floating := [body_name(model, b) for b in np.flatnonzero(model.body_gravcomp).tolist()]:
+        yield Note("gravcomp", tuple(floating))
 
 
 def _keep(root: ET.Element) -> set[str]:

@@ -6,6 +6,7 @@ All are linear equations between joints. Solved for the joints of the arm they a
 loops and nonlinear equations are refused, unless they concern only branches off the arm.
 """
 
+import codecs
 import math
 import os
 import re
@@ -22,7 +23,7 @@ import numpy as np
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import ArmJoint, JointMap, build_map
-from testbench.errors import Array, BenchError, Ids, InputError, read_text, shell_word
+from testbench.errors import Array, BenchError, Ids, InputError, read_bytes, read_text, shell_word
 from testbench.plant.shapes import Kind
 
 # --- XML of a robot's file, whatever its format: limited in size, well-formed, with finite numbers ----------
@@ -36,6 +37,19 @@ MAX_PACKAGE = 1_000_000
 """Largest package.xml [byte]."""
 UP = 8
 """Folders above the URDF in which a package is searched."""
+ENCODING = re.compile(rb"""(?:\xef\xbb\xbf)?\s*<\?xml\s[^>]{0,200}?encoding\s*=\s*["']([\w.-]{1,40})["']""")
+"""Encoding that an XML file states."""
+OTHER_KINDS = {
+    b"ISO-10303": "a STEP file, which has no joints",
+    b"#usda": "USD: export the robot as URDF or MJCF",
+    b"PXR-USDC": "USD: export the robot as URDF or MJCF",
+    b"#VRML": "a model of Webots or VRML: export the robot as URDF",
+    b"PK": "a zip file or a workbook",
+    b"%PDF": "a PDF",
+    b"solid": "a mesh (STL), which has no joints",
+    b"version https://git-lfs": "a pointer of Git LFS in place of the file: git lfs pull fetches it",
+}
+"""Beginnings of files that are often taken for a robot's file."""
 HTML = re.compile("<!doctype html|<html", re.IGNORECASE)
 FIND = re.compile(r"\$\(find ([\w-]+)\)")
 """Reference to a package in xacro."""
@@ -53,10 +67,11 @@ def read_xml(file: Path) -> ET.Element:
     Raises:
         InputError: If the file is missing, too large, not well-formed, or has more elements than a robot can.
     """
-    text = read_text(file, MAX_BYTES)
-    if (start := text.strip("\ufeff \t\r\n")) and not start.startswith("<"):
+    text = _text(file)
+    start = text.strip("\ufeff \t\r\n")
+    if not start.startswith("<"):
         problem = "expected a URDF or MJCF, which begin with <; how to write a DH table as URDF is in"
-        raise InputError(file, "", f"{problem} docs/robot_files.md")
+        raise InputError(file, "", f"{problem} docs/robot_files.md" if start else "the file is empty")
     said = re.sub("<!--.*?-->", "", text, flags=re.DOTALL)
     if HTML.match(start):
         raise InputError(file, "", "expected a URDF or MJCF, got a web page: save the raw file")
@@ -73,6 +88,24 @@ def read_xml(file: Path) -> ET.Element:
         if (count := sum(1 for _ in root.iter(tag))) > most:
             raise InputError(file, f"<{tag}>", f"expected at most {most} in a robot, got {count}")
     return root
+
+
+def _text(file: Path) -> str:
+    """Read the text of an XML file in the encoding that it states; name what other files are."""
+    content = read_bytes(file, MAX_BYTES)
+    for begins, kind in OTHER_KINDS.items():
+        if content.startswith(begins):
+            raise InputError(file, "", f"expected a URDF or MJCF, got {kind}")
+    stated = ENCODING.match(content)
+    try:
+        if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            return content.decode("utf-16")
+        return content.decode(stated[1].decode() if stated else "utf-8-sig").removeprefix("\ufeff")
+    except UnicodeDecodeError as err:
+        expected = f"expected {stated[1].decode() if stated else 'UTF-8'}"
+        raise InputError(file, f"byte {err.start + 1}", f"{expected}: {err.reason}") from err
+    except (LookupError, UnicodeError) as err:
+        raise InputError(file, "", f"not well-formed XML: {err}") from err
 
 
 def _expand(file: Path, text: str) -> str:
@@ -300,6 +333,7 @@ class ImportedJoint:
     lower: float  #: Lower limit [rad or m].
     upper: float  #: Upper limit [rad or m].
     limited: bool  #: Whether the file states the limits; otherwise they are defaults.
+    stated: tuple[float, float] | None = None  #: Limits of the file that are too large to count [rad or m].
 
 
 @dataclass(frozen=True, eq=False)

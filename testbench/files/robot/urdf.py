@@ -62,7 +62,7 @@ FORMS: dict[Kind, dict[str, int]] = {
 THINNEST = 1e-6
 """Size below which a shape has no extent [m]."""
 ENDLESS = 1000.0
-"""Limit beyond which a joint counts as unlimited [rad, m]."""
+"""Limit beyond which a joint counts as unlimited, which is noted [rad, m]."""
 MAX_NUMBER = 1e9
 """Largest number that is read; limits of an arm are checked on the whole tree."""
 MAX_TURN = 4 * np.pi  #: Largest angle of an origin [rad].
@@ -155,10 +155,16 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
         if kind not in (*MOVING, *ODD, "fixed"):
             problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
             raise InputError(file, place_of(joint), problem)
-        turn = np.abs(_numbers(file, joint.find("origin"), "rpy", [0.0] * 3)).max()
+        place = joint.find("origin")
+        turn = np.abs(_numbers(file, place, "rpy", [0.0] * 3, joint)).max()
         if turn > MAX_TURN:
             problem = f"rpy: expected radians, up to 4 pi, got {turn:g}: is it in degrees?"
             raise InputError(file, place_of(joint), problem)
+        for e, key in (
+            (place, "xyz"),
+            (joint.find("axis"), "xyz"),
+        ):  # Pinocchio does not say which joint is wrong
+            _numbers(file, e, key, [0.0] * 3, joint)
         kind = "prismatic" if kind == "prismatic" else "revolute"
         e = ET.SubElement(bare, "joint", name=joint.get("name", ""), type=kind)
         e.extend(child for child in joint if child.tag in PLACED)
@@ -196,11 +202,13 @@ def _standard_error() -> Iterator[BinaryIO]:
             os.close(real)
 
 
-def _numbers(file: Path, e: ET.Element | None, key: str, default: Sequence[float]) -> Array:
+def _numbers(
+    file: Path, e: ET.Element | None, key: str, default: Sequence[float], owner: ET.Element
+) -> Array:
     """Read an attribute as numbers, as many as the default has, which replaces a missing attribute."""
     if e is None or key not in e.attrib:
         return np.array(default, dtype=float)
-    return np.array(numbers(file, e, key, len(default), MAX_NUMBER))
+    return np.array(numbers(file, e, key, len(default), MAX_NUMBER, owner))
 
 
 def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
@@ -208,9 +216,14 @@ def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
     inertial = link.find("inertial")
     if inertial is None:
         return []
-    mass = float(_numbers(file, inertial.find("mass"), "value", [0.0])[0])
+    mass = float(_numbers(file, inertial.find("mass"), "value", [0.0], link)[0])
     if mass < 0:
         raise InputError(file, place_of(link), f"mass: expected more than 0 kg, got {mass}")
+    for key in ("xyz", "rpy"):
+        _numbers(file, inertial.find("origin"), key, [0.0] * 3, link)
+    if (tensor := inertial.find("inertia")) is not None:
+        for key in INERTIA:
+            numbers(file, tensor, key, 1, np.inf, link)
     found = ET.Element("inertial")
     found.extend(e for e in inertial if e.tag in ("origin", "mass", "inertia"))
     if found.find("inertia") is None:
@@ -223,9 +236,10 @@ def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
     limit = e.find("limit")
     if limit is None or not {"lower", "upper"} & limit.attrib.keys() or e.get("type") == "continuous":
         return None
-    lower, upper = (float(_numbers(file, limit, key, [0.0])[0]) for key in ("lower", "upper"))
-    if max(abs(lower), abs(upper)) > ENDLESS:
-        return None
+    ends = {"lower": "0", "upper": "0"} | limit.attrib
+    lower, upper = (
+        numbers(file, ET.Element("limit", ends), key, 1, np.inf, e)[0] for key in ("lower", "upper")
+    )
     if not lower < upper and (lower or upper):
         raise InputError(file, place_of(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
     return lower, upper
@@ -244,9 +258,10 @@ def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] |
     axis = np.ravel(axis)[:3] if slides else np.ravel(axis)[3:]
     if not abs(np.linalg.norm(axis) - 1) < THINNEST:
         raise InputError(file, place_of(e), "axis: expected a direction, got zero")
-    limited = limits is not None and limits != (0, 0)
+    endless = limits is not None and max(map(abs, limits)) > ENDLESS
+    limited = limits is not None and limits != (0, 0) and not endless
     lower, upper = limits if limits and limited else substitute_limits(prismatic=slides)
-    return ImportedJoint(e.get("name", ""), axis, slides, lower, upper, limited)
+    return ImportedJoint(e.get("name", ""), axis, slides, lower, upper, limited, limits if endless else None)
 
 
 def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[str]) -> list[Coupling]:
@@ -261,8 +276,8 @@ def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[st
             raise InputError(file, place_of(e), "it mimics itself")
         terms = {name: 1.0}
         if other in moving or other not in joints:  # one that is not there is refused where an arm has it
-            terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0])[0])
-        offset = float(_numbers(file, mimic, "offset", [0.0])[0])
+            terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0], e)[0])
+        offset = float(_numbers(file, mimic, "offset", [0.0], e)[0])
         couplings.append(Coupling(f"joint {name!r} mimics {other!r}", terms, offset, name))
     return couplings
 
@@ -272,7 +287,7 @@ def _shapes(
 ) -> tuple[ImportedShape, ...]:
     """Read the shapes of a link; collision shapes are drawn if no visual shape can be read."""
     visual, collision = (
-        [s for e in link.findall(tag) if (s := _shape(file, e, colours, meshes))]
+        [s for e in link.findall(tag) if (s := _shape(file, link, e, colours, meshes))]
         for tag in ("visual", "collision")
     )
     if link.find("visual") is not None and not visual:
@@ -282,7 +297,7 @@ def _shapes(
 
 
 def _shape(
-    file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
+    file: Path, link: ET.Element, e: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
 ) -> ImportedShape | None:
     """Read a shape; None if it has no extent or its mesh cannot be read, which is noted."""
     form, origin = next(iter(e.findall("geometry/*")), None), e.find("origin")
@@ -290,11 +305,13 @@ def _shape(
         return None
     kind: Kind = next((kind for kind in FORMS if kind == form.tag), "mesh")
     size = _size(file, form, kind)
-    mesh = _mesh(file, form, meshes) if kind == "mesh" else primitive(kind, size) if size.any() else None
+    mesh = (
+        _mesh(file, link, form, meshes) if kind == "mesh" else primitive(kind, size) if size.any() else None
+    )
     if mesh is None:
         return None
-    turn = pin.rpy.rpyToMatrix(*_numbers(file, origin, "rpy", [0.0] * 3))
-    pose = pose_of(turn, _numbers(file, origin, "xyz", [0.0] * 3))
+    turn = pin.rpy.rpyToMatrix(*_numbers(file, origin, "rpy", [0.0] * 3, link))
+    pose = pose_of(turn, _numbers(file, origin, "xyz", [0.0] * 3, link))
     return ImportedShape(kind, size, pose, mesh, _colour(file, e, colours, mesh), visual=True, collides=False)
 
 
@@ -315,10 +332,10 @@ def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
     return size
 
 
-def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> ImportedMesh | None:
+def _mesh(file: Path, link: ET.Element, form: ET.Element, meshes: Meshes) -> ImportedMesh | None:
     """Read a mesh in metres; None if it cannot be read, which is noted."""
     name = form.get("filename", "")
-    scale = _numbers(file, form, "scale", [1.0] * 3)
+    scale = _numbers(file, form, "scale", [1.0] * 3, link)
     try:
         mesh = meshes.load(find_mesh(file, name))
         check_size(mesh.vertices * scale)
