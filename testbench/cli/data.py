@@ -215,6 +215,7 @@ def _show_series(
     export = read_series(dataset, cell.arm, mapping, load=load)
     rows = [Row(row, values=written(row)) for row in column_rows(export.columns)]
     notes = [
+        f"columns not read: {', '.join(export.columns.ignored) or 'none'}",
         *(f"- {note}" for note in export.notes),
         f"{sum(series.rows for series in export.series)} readings",
     ]

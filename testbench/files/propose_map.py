@@ -30,9 +30,11 @@ from testbench.files.beside import (
     unclear,
 )
 from testbench.files.columns import listed
+from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
 from testbench.files.mapping import FileLayout, Log, Map, Named, read_map
 from testbench.files.names import (
+    BRACKETS,
     KNOWN_EXPORTS,
     NUMBER,
     ROTATIONS,
@@ -78,10 +80,6 @@ SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
-HANGS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b", re.IGNORECASE)
-"""A mass in a text, such as "with 150 kg"."""
-THOUSANDS = re.compile(r"(?<![\d.,])[1-9][.,' \u00a0\u202f]\d{3}(?:[.,]\d+)?\s*(?:kg|lb)", re.IGNORECASE)
-"""A mass that may be one or a thousand: "1,000 lb"."""
 WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
 UNREADABLE = (
     (
@@ -154,7 +152,7 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         lines = [] if readings else list(_lines(table))
         yield from lines or (markers if readings else [_position_cells(table, arm, length)])
         _refuse_twice(table, [k for columns in readings.values() for k in columns])
-    yield from _mass(table, known.get("mass", []) or _weighed(table) if "mass" not in said else [])
+    yield from _mass(table, mass_columns(table) if "mass" not in said else [])
     others = SCATTER | {"temperature": "temperature"}
     kinds = dict.fromkeys(SCATTER, "deviation")
     others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
@@ -221,15 +219,18 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
         if unclear := next(filter(THOUSANDS.search, texts), ""):
             problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
             raise table.header_error(problem, name)
-        if masses := masses_in(texts):
+        if masses := _masses(table, k):
             yield from _massive(name, masses, left)
             return
+        if unit is None and (other := BRACKETS.match(name)) and all(map(is_decimal, texts)):
+            raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
         weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
         units = {own["unit"].casefold()[:2] for own in weighed.values() if own["unit"]}
         said = "" if unit else f"_{min(units, default='kg')}"
         if len({*units, *([unit.name] if unit and units else [])}) > 1:
             raise table.header_error(f"expected masses in one unit, got {' and '.join(sorted(units))}", name)
-        why = "; ".join(filter(None, ["" if unit else "no unit", left and f"not {left}"]))
+        told = "" if column_meaning(name) == "mass" else "its unit is of a mass"
+        why = "; ".join(filter(None, [told if unit else "no unit", left and f"not {left}"]))
         yield Entry("columns", f"mass{said}", name, why)
         for text, own in weighed.items():
             if own["unit"]:
@@ -248,35 +249,44 @@ def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]
         yield Entry("words", number, [text for text, own in numbers.items() if own == number])
 
 
-def masses_in(texts: Sequence[str]) -> dict[str, str]:
-    """Find the masses of texts such as "no load" and "with 240 kg", all in one unit.
+def mass_columns(table: TableCells) -> list[int]:
+    """Find the columns that say what hangs: by their names, else by their cells or by a unit of mass.
 
     Args:
-        texts: The texts of a column, or the names of sheets.
+        table: The export, with what the log adds.
 
     Returns:
-        The mass of each text, as "240 kg" or "0"; empty unless each has one or says that none hangs.
+        Places of the columns; empty if none says it.
     """
-    found = dict[str, str]()
-    for text in dict.fromkeys(texts):
-        masses, state = [*HANGS.finditer(text)], state_of(text)
-        number = masses[0]["number"].replace(",", ".") if masses else "0"
-        unclear = len(masses) > 1 or THOUSANDS.search(text)
-        if unclear or (not masses and state != "before") or (state == "before" and float(number)):
-            return {}
-        found[text] = f"{number} {masses[0]['unit'].casefold()[:2]}" if float(number) else "0"
-    units = {mass.partition(" ")[2] for mass in found.values()} - {""}
-    return found if len(units) == 1 else {}
+    kinds = {k: column_meaning(name) for k, name in enumerate(table.names)}
+    named = [k for k, kind in kinds.items() if kind == "mass"]
+    others = [k for k, kind in kinds.items() if kind in ("state", "")]
+    return (
+        named
+        or [k for k in others if _masses(table, k)]
+        or [k for k in others if _weighs(table, k)]
+    )
 
 
-def _weighed(table: TableCells) -> list[int]:
-    """Columns of states, and names of sheets or sections, that say the mass too."""
-    return [
-        k
-        for k, name in enumerate(table.names)
-        if name in (SECTION, SHEETS) or column_meaning(name) == "state"
-        if masses_in(table.texts(k))
-    ]
+def _masses(table: TableCells, k: int) -> dict[str, str]:
+    """The mass that each text of a column says, itself or by a legend of the file; empty of other columns."""
+    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
+    if masses := masses_in(texts):
+        return masses
+    if len(texts) > MAX_CODES or any(map(is_decimal, texts)):
+        return {}
+    meant = explained(texts, read_letters(table.path, None, ".")[0])
+    masses = masses_in([*meant.values()])
+    return {code: masses[text] for code, text in meant.items()} if masses else {}
+
+
+def _weighs(table: TableCells, k: int) -> bool:
+    """Whether a column has a unit of mass, and some of its cells say that nothing hangs."""
+    unit = unit_of(table, k)
+    if unit is None or unit.si != "kg":
+        return False
+    values = {float(own or 0) for text in table.texts(k) if is_decimal(own := text.replace(",", ".")) or not own}
+    return 0 in values and len(values) > 1
 
 
 def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
@@ -506,7 +516,8 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         name for name, kind in kinds.items() if kind == "mass" or STATE_OF_WORD.get(plain(name)) == "after"
     ]
     names += [name for name in others if name not in names and _of_states(table, name)]
-    weighed = _weighed(table) if "mass" not in {*kinds.values(), *said.values()} else []
+    names += _told_by_cells(table, arm, [name for name, kind in kinds.items() if not kind], names)
+    weighed = [] if "mass" in {*kinds.values(), *said.values()} else mass_columns(table)
     massive = [table.names[k] for k in weighed[:1]]
     names = [name for name in names if name not in massive]
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
@@ -545,14 +556,37 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         yield Entry("file", "average", True, shots)
 
 
+def _told_by_cells(
+    table: TableCells, arm: Arm, unknown: Sequence[str], names: Sequence[str]
+) -> Iterator[str]:
+    """Columns that hold the arm's markers, or states, whatever they are called; where none is called so."""
+    markers = {*map(squeeze, arm.markers)}
+
+    def of_markers(name: str) -> bool:
+        return {*map(squeeze, keys_of(table, [name]))} <= markers
+
+    def of_states(name: str) -> set[str]:
+        words = {squeeze(text).strip("0123456789") for text in keys_of(table, [name])}
+        return {STATE_OF_WORD.get(word, "") for word in words}
+
+    if not any(map(of_markers, names)):
+        yield from [name for name in unknown if of_markers(name)][:1]
+    if not any(_of_states(table, name) for name in names):
+        both = [name for name in unknown if of_states(name) == {*STATES}]
+        yield from [name for name in both if _of_states(table, name)][:1]
+
+
 def _of_states(table: TableCells, name: str) -> bool:
-    """Whether every cell of a column is a word for a state."""
+    """Whether every cell of a column is a word for a state, one word for all loaded readings.
+
+    "Loaded 1" and "Loaded 2" are two loads; of "under load" and "after", one may be unloaded again.
+    """
     texts = {*keys_of(table, [name])}
-    if column_meaning(name) == "name":
-        return {*map(squeeze, texts)} <= {*STATE_OF_CELL} and not any(map(is_decimal, texts))
-    steps = {(state_of(text), *NUMBER.findall(text)) for text in texts}
-    states = {state for state, *_ in steps}  # "Loaded 1" and "Loaded 2" are two loads
-    return unit_of(table, table.names.index(name)) is None and "" not in states and len(steps) == len(states)
+    if column_meaning(name) == "name" and not {*map(squeeze, texts)} <= {*STATE_OF_CELL} - {"0", "1"}:
+        return False
+    states = [state_of(text) for text in {*map(squeeze, texts)}]
+    alike = "" not in states and (states.count("after") == 1 or len(states) == 1)
+    return alike and unit_of(table, table.names.index(name)) is None
 
 
 @dataclass(frozen=True)
