@@ -18,6 +18,7 @@ from testbench.files.names import (
     our_names,
     placeholders,
     recognise,
+    series_names,
     split_unit,
     squeeze,
 )
@@ -245,13 +246,14 @@ def read_map(
     if found.series.markers and quantities is not our_names:
         arm = replace(arm, markers=tuple(found.series.markers))
     ours = quantities(arm)
+    others = series_names(arm) if quantities is our_names else {}  # one map reads a file either way
     where = path or Path()
     words, ignored, lost = _words(where, found, arm)
     said = {name: (name,) for name in arm.markers} | STATES
     return Names(
         path=path,
         ours=ours,
-        theirs=_columns(where, found, ours, placeholders(arm, words)),
+        theirs=_columns(where, found, ours, others, placeholders(arm, words)),
         words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
@@ -305,8 +307,13 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
 
 
 def _columns(
-    path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
+    path: Path,
+    found: Map,
+    ours: Mapping[str, Slot],
+    others: Mapping[str, Slot],
+    choices: Mapping[str, list[tuple[str, Words]]],
 ) -> dict[str, Named]:
+    """The columns that a map names, but for those of other quantities, which this kind of file has not."""
     if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
         keys = ", ".join({**found.columns, **found.optional}) or "none"
         raise InputError(path, f"scale.{lost[0]}", f"expected a key of columns or optional, which are {keys}")
@@ -319,6 +326,8 @@ def _columns(
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
                 known = recognise(our, ours)
+                if known is None and "{" not in their and recognise(our, others):
+                    continue
                 if known is None or "{" in their:
                     problem = (
                         f"expected one of our quantities, with the same {{...}} in both names, got {name!r}"

@@ -225,7 +225,7 @@ def our_names(arm: Arm) -> dict[str, Slot]:
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE_NUMBER)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
         found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
-    for what in ("force", "moment", "point", "covariance", "direction", "fixed"):
+    for what in ("force", "moment", "point", "covariance", "deviation", "direction", "fixed"):
         found |= _without_unit(columns_of(what))
     found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma")}
     for when, words in STATES.items():
@@ -266,7 +266,7 @@ def series_names(arm: Arm) -> dict[str, Slot]:
         found |= {f"temperature{unit}": Slot("temperature")}
     for unit in ("", "_s", "[s]", "(s)"):
         found |= {f"time{unit}": Slot("time", int(bool(unit)))}
-    for what in ("reading", "rotation", "quaternion", "matrix", "deviation", "turn_deviation", "spread"):
+    for what in ("reading", "rotation", "quaternion", "matrix", "turn_deviation", "spread"):
         found |= _without_unit(columns_of(what))
     found |= {f"rotation_{k}": Slot("rotation", 2 + k) for k in (1, 2, 3)}
     for k, part in enumerate("wxyz"):
@@ -507,7 +507,8 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
     """Find the columns of an arm's joints by their names, such as A1 to A6.
 
     All of them belong to one family of names, numbered from 1 or from 0. A family with exactly as many
-    members as the arm has joints is preferred.
+    members as the arm has joints is preferred. Without one, a known order of words counts, such as S, L, U,
+    R, B, T.
 
     Args:
         names: Names of all columns.
@@ -527,6 +528,10 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
         first = 1 if {*range(1, n + 1)} <= {*found} else 0
         if {*range(first, n + first)} <= {*found}:
             whole.append((len(found) > n, [found[k] for k in range(first, n + first)]))
+    place = {plain(name): column for column, name in reversed([*enumerate(names)])}
+    for words in (own.split() for own in KNOWN_EXPORTS["joints"]["orders"]):
+        if not whole and len(words) == n and {*words} <= {*place}:
+            whole.append((False, [place[word] for word in words]))
     return min(whole, key=lambda own: own[0])[1] if whole else []
 
 

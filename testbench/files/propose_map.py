@@ -35,6 +35,7 @@ from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_
 from testbench.files.mapping import FileLayout, Log, Map, Named, read_map
 from testbench.files.names import (
     BRACKETS,
+    DEFLECTION,
     KNOWN_EXPORTS,
     NUMBER,
     ROTATIONS,
@@ -143,9 +144,9 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         known.setdefault(column_meaning(name), []).append(k)
     if "joint" not in said:
         yield from _joints(table, arm)
-    readings = dict[str, list[int]]()
+    readings, stated = dict[str, list[int]](), ""
     if "reading" not in said:
-        readings, markers = _positions(table, arm)
+        readings, markers, stated = _positions(table, arm)
         if not readings and "axis" in known:
             of_axes = {"position": known["position"]} if "position" in known else _states_by_axis(table)
             readings = {"axis": known["axis"]} | of_axes if of_axes else {}
@@ -163,7 +164,8 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
         unit, why = length_unit(table, columns[0], alike, kind, length)
         left = ", ".join(repr(table.names[k]) for k in columns[1:])
-        why = "; ".join(filter(None, [why, left and f"not {left}"]))
+        told = stated if our in readings else ""
+        why = "; ".join(filter(None, [told, why, left and f"not {left}"]))
         yield Entry("columns", our + unit, table.names[columns[0]], why)
         if kind.startswith("u95"):
             yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
@@ -285,7 +287,8 @@ def _weighs(table: TableCells, k: int) -> bool:
     unit = unit_of(table, k)
     if unit is None or unit.si != "kg":
         return False
-    values = {float(own or 0) for text in table.texts(k) if is_decimal(own := text.replace(",", ".")) or not own}
+    texts = [str(text).replace(",", ".") for text in table.texts(k)]
+    values = {float(text or 0) for text in texts if is_decimal(text) or not text}
     return 0 in values and len(values) > 1
 
 
@@ -383,15 +386,17 @@ def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
     return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
 
 
-def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
-    """The columns of positions by our names for them, and what the map says of their targets.
+def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry], str]:
+    """The columns of positions by our names for them, what the map says of their targets, and what is guessed.
 
     Names that say a state come before those that do not, names of several targets before those of none.
     """
-    place, found = places(arm), dict[Place, list[int]]()
+    place, found, why = places(arm), dict[Place, list[int]](), ""
     for k, name in enumerate(table.names):
         if at := place(name):
             found.setdefault(at, []).append(k)
+    if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
+        found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
     whole = [p for p in whole if p.when] or whole
     targets = list(dict.fromkeys(p.target for p in whole if p.target))
@@ -410,7 +415,25 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         names = dict(zip(own, markers, strict=True))
         said = [Entry("series", "markers", markers, why)]
     kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
-    return {p.ours(names): found[p] for p in kept}, said
+    return {p.ours(names): found[p] for p in kept}, said, why
+
+
+def _counted_states(
+    table: TableCells, arm: Arm, found: Mapping[Place, list[int]]
+) -> dict[Place, list[int]]:
+    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
+    markers = {*map(squeeze, arm.markers)}
+    texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
+    if len(markers) > 1 and not any(len(own) > 1 and own <= markers for own in texts):
+        return {}
+    own = {at: columns for at, columns in found.items() if at.target in ("0", "1") and not at.when}
+    if {at.target for at in own} == {"0"}:
+        names = {plain(name): k for k, name in enumerate(table.names)}
+        moved = {axis: names.get(f"d{axis}", names.get(f"delta{axis}")) for axis in XYZ}
+        own |= {Place("", DEFLECTION, axis): [k] for axis, k in moved.items() if k is not None}
+    states = {"0": "before", "1": "after", "": DEFLECTION}
+    named = {at._replace(target="", when=states[at.target]): columns for at, columns in own.items()}
+    return named if len(named) == 2 * len(XYZ) else {}
 
 
 def _joint_cells(table: TableCells, arm: Arm) -> Entry:
@@ -524,34 +547,40 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
-    lined = any(_lines(table))
-    told, parted, posed = _told(table, arm, said), list[str](), "pose" in said.values()
+    lined, marked = any(_lines(table)), "marker" in said.values()
+    told, parted, own = _told(table, arm, said), list[str](), {"pose"} & {*said.values()}
     for name in names:
         texts = keys_of(table, [name])
         distinct = list(dict.fromkeys(texts))
         if _of_states(table, name):
             yield Entry("columns", "state", name)
             yield from _states(distinct)
-        elif len(distinct) > 1 and _parts_of(texts, arm, told, posed=posed):
+        elif len(distinct) > 1 and _parts_of(texts, arm, told, own):
             parted.append(name)
         elif column_meaning(name) == "state":
             continue  # in words that nobody knows
         elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
             yield Entry("columns", "marker", name)
             yield from _targets(distinct, arm)
-        elif len(distinct) > 1 and not posed:
-            posed = True
+            marked = True
+        elif len(distinct) > 1 and "pose" not in own:
+            _refuse_unknown_words(table, name, texts, arm)
+            own.add("pose")
             yield Entry("columns", "pose", name)
+    own |= {"marker"} if marked else set()
     yield from _sections(table, arm, massive)
     for name in parted:  # beside columns that hold nothing else
         texts = keys_of(table, [name])
-        if parts := _parts_of(texts, arm, told, posed=posed):
+        if parts := _parts_of(texts, arm, told, own):
             yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
             shots = "the last number of a name counts shots" if parts.shots else shots
             words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
-            yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
+            if masses := masses_in(parts.loads):
+                yield from (Entry("words", mass.partition(" ")[0], word) for word, mass in masses.items())
+            else:
+                yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
             yield from _targets(parts.targets, arm)
-            posed = posed or "{pose}" in parts.pattern
+            own |= {part for part in ("pose", "marker") if f"{{{part}}}" in parts.pattern}
     if shots:
         yield Entry("file", "average", True, shots)
 
@@ -585,7 +614,8 @@ def _of_states(table: TableCells, name: str) -> bool:
     if column_meaning(name) == "name" and not {*map(squeeze, texts)} <= {*STATE_OF_CELL} - {"0", "1"}:
         return False
     states = [state_of(text) for text in {*map(squeeze, texts)}]
-    alike = "" not in states and (states.count("after") == 1 or len(states) == 1)
+    steps = {tuple(NUMBER.findall(text)) for text in texts}
+    alike = "" not in states and (states.count("after") == 1 or {*states} == {"before"} and len(steps) == 1)
     return alike and unit_of(table, table.names.index(name)) is None
 
 
@@ -654,6 +684,10 @@ def _sections(table: TableCells, arm: Arm, massive: Collection[str]) -> Iterator
         if name in (SECTION, SHEETS) and all(map(state_of, texts)):
             yield Entry("columns", "state", name)
             yield from _states(texts)
+        elif name == SECTION and _marked(texts, arm):
+            yield Entry("columns", "marker", name)
+            both = zip(texts, parts_in(texts, arm.markers), strict=True)
+            yield from (Entry("words", arm.markers[k], text) for text, k in both)
         elif name == SHEETS:
             yield Entry("columns", "marker", name)
             yield from _targets(texts, arm)
@@ -665,50 +699,84 @@ def _states(words: Sequence[str]) -> Iterator[Entry]:
             yield Entry("words", state, own)
 
 
+def _refuse_unknown_words(table: TableCells, name: str, texts: Sequence[str], arm: Arm) -> None:
+    """Refuse names of several parts that differ in nothing but a word that nobody knows, as P1_U and P1_L."""
+    rows = [WORD.findall(text) for text in texts]
+    columns = list(zip(*rows, strict=True)) if {*map(len, rows)} - {1} and len({*map(len, rows)}) == 1 else []
+    unknown = list[list[str]]()
+    for k, words in enumerate(columns):
+        kinds = list(dict.fromkeys(words))
+        others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
+        again = len({*others}) < len({*zip(words, others, strict=True)})
+        known = {*map(squeeze, kinds)} <= {*map(squeeze, arm.markers)} or any(map(is_decimal, kinds))
+        if again and not known and 1 < len(kinds) <= SHOTS:
+            unknown.append(kinds)
+    if unknown:
+        words = " and ".join(map(repr, min(unknown, key=len)[:3]))
+        hint = f'say it in a map, as [cells] {json.dumps(name)} = "{{pose}}_{{when}}", [words] before = "..."'
+        raise table.header_error(f"nobody knows what {words} mean in names as {texts[0]!r}; {hint}", name)
+
+
 class _Parts(NamedTuple):
     """Describe names of several parts."""
 
     pattern: str  #: Such as "P{pose}_{marker}_*".
     targets: list[str]  #: Names of the targets in them, each once.
+    loads: list[str]  #: Words in them that say a mass, each once.
     shots: bool  #: Whether a part counts shots.
 
 
-def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, *, posed: bool) -> _Parts | None:
-    """Find what names of several parts hold; None where fewer than two parts differ."""
+def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str]) -> _Parts | None:
+    """Find what names of several parts hold; None where fewer than two parts differ.
+
+    Args:
+        texts: The names, one per row.
+        arm: The arm, with the names of its markers.
+        told: Joints and positions of the rows.
+        own: Quantities, of pose and marker, that other columns say.
+    """
     between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
     if len(between) > 1:
         return None
-    columns, parts, targets, shots = list(zip(*rows, strict=True)), list[str](), list[str](), False
+    columns, parts, shots = list(zip(*rows, strict=True)), list[str](), False
+    targets, loads = list[str](), list[str]()
     for k, words in enumerate(columns):
         kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
         others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
-        free, of_poses = not posed and "{pose}" not in parts, told.poses(words)
+        free, of_poses = not {"pose", "{pose}"} & {*own, *parts}, told.poses(words)
+        of_targets = len(kinds) <= TARGETS and told.apart(others)
+        masses = masses_in(words)
+        unit = next(iter({mass.partition(" ")[2] for mass in masses.values()} - {""}), "")
+        counts = all(word.isdecimal() for word in words)
         holes = [
             (words[0], len(kinds) == 1),
+            ("*", "marker" in own and kinds <= {*map(squeeze, arm.markers)}),
             ("{marker}", kinds <= {*map(squeeze, arm.markers)}),
             ("{when}", kinds <= {*STATE_OF_WORD}),
             (f"{{mass_{after}}}", after in ("kg", "lb")),
-            ("{mass_kg}kg", all(re.fullmatch(r"\d+kg", kind) for kind in kinds)),
+            (f"{{mass_{unit}}}", bool(masses)),
             ("{pose}" if free else "*", of_poses),
-            ("{marker}", len(kinds) <= TARGETS and "{marker}" not in parts and told.apart(others)),
+            ("{marker}", of_targets and not {"marker", "{marker}"} & {*own, *parts}),
             ("{pose}", free),
-            ("*", len(kinds) <= SHOTS),
+            ("*", len(kinds) <= SHOTS and (counts or len({*others}) == len({*zip(words, others, strict=True)}))),
         ]
         part = next((hole for hole, fits in holes if fits), "")
         targets = list(dict.fromkeys(words)) if part == "{marker}" else targets
-        shots = shots or (part == "*" and not of_poses)
+        loads = list(dict.fromkeys(words)) if masses and part == f"{{mass_{unit}}}" else loads
+        shots = shots or (part == "*" and counts and not of_poses)
         parts.append(part)
     if "" in parts or sum(part == "*" or "{" in part for part in parts) < 2:
         return None
     [ends] = between
     pattern = "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))
-    return _Parts(pattern, targets, shots)
+    return _Parts(pattern, targets, loads, shots)
 
 
 # --- A map proposed for an export: by the layout that fits it, else by the names of its columns -------------
 
 LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
 WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
+MAX_HEADER = 3  #: Most lines of a header.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
 LONGEST = 2_000  #: Letters of a line above a table that is looked at.
 
@@ -910,15 +978,24 @@ def _read(
     except InputError:
         with contextlib.suppress(InputError):
             table = read_log(path, own, file.model_copy(update={"sections": True}))
-            if all(map(state_of, table.texts(len(table.names) - 1))):
+            titles = list(dict.fromkeys(table.texts(len(table.names) - 1)))
+            if all(map(state_of, titles)) or masses_in(titles) or _marked(titles, arm):
                 return table, fits
         raise
-    if not fits and len({*filter(place, table.names)}) < len([*filter(place, table.names)]):
-        with contextlib.suppress(InputError):  # merged cells in a line above may say which is which
-            wide = read_log(path, own, file.model_copy(update={"header": 2}))
-            if len({*filter(place, wide.names)}) == len([*filter(place, table.names)]):
+    axes, lines = [*filter(place, table.names)], 1
+    while not fits and len({*filter(place, table.names)}) < len(axes) and lines < MAX_HEADER:
+        lines += 1  # merged cells in lines above may say which is which
+        with contextlib.suppress(InputError):
+            wide = read_log(path, own, file.model_copy(update={"header": lines}))
+            if len({*filter(place, wide.names)}) == len(axes):
                 return wide, fits
     return table, fits
+
+
+def _marked(titles: Sequence[str], arm: Arm) -> bool:
+    """Whether lines of words are those of the arm's markers, such as "Marker P1", each once."""
+    rows = parts_in(titles, arm.markers)
+    return bool((rows >= 0).all()) and len({*rows.tolist()}) == len(titles) > 1
 
 
 def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
@@ -1133,7 +1210,8 @@ def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Lo
         own = [*map(squeeze, keys_of(table, [ours]))]
         alone = np.array([text not in texts for text in own], dtype=bool)
         if alone.mean() < 0.5 and len({*own}) > 1:
-            same = {column_meaning(ours), column_meaning(theirs)} == {"name"} and {*own} == texts
+            called = squeeze(ours) == squeeze(theirs) or {*map(column_meaning, (ours, theirs))} == {"name"}
+            same = called and {*own} <= texts and all(text.isdecimal() for text in texts)
             if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
     for ours, (theirs, _) in product(dict.fromkeys(table.names), once.items()):
