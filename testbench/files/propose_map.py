@@ -32,7 +32,7 @@ from testbench.files.beside import (
 from testbench.files.columns import listed
 from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
-from testbench.files.mapping import FileLayout, Log, Map, Named, read_map
+from testbench.files.mapping import LOAD, FileLayout, Log, Map, Named, read_map, without_load
 from testbench.files.names import (
     BRACKETS,
     DEFLECTION,
@@ -67,11 +67,20 @@ from testbench.files.rearranged import (
     numbers_in,
     parts_in,
     read_log,
+    stack_loads,
     times_of,
     with_loaded,
 )
 from testbench.files.table import SECTION, SHEETS, TableCells
-from testbench.files.text import BLANK, read_letters, sheets_with_tables
+from testbench.files.text import (
+    BLANK,
+    DELIMITERS,
+    SHEET,
+    even_rows,
+    read_letters,
+    sheets_with_tables,
+    split_lines,
+)
 
 # --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
 
@@ -776,6 +785,8 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
 
 LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
 WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
+MASS = re.compile(r"(?<![\d.,])\d+(?:[.,]\d+)?\s*(?P<unit>kg|lbs?)(?![^\W_])", re.IGNORECASE)
+"""A mass in the name of a column, such as "X 150 kg [mm]"."""
 MAX_HEADER = 3  #: Most lines of a header.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
 LONGEST = 2_000  #: Letters of a line above a table that is looked at.
@@ -870,12 +881,17 @@ def propose(
         entries.append(Entry("file", "sheets", sheets))
     if table.names[-1:] == (SECTION,):
         entries.append(Entry("file", "sections", True))
+    if table.transposed:
+        entries.append(Entry("file", "transposed", True, "the first column names the joints"))
     if table.head > 1:
         entries.append(Entry("file", "header", table.head))
     if loaded is not None:
         table = with_loaded(table, _read(loaded, arm, layout)[0])
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
     above = fits.above if fits else _lines_above(table)
+    patterns, loads = _loads_in_names(table, arm)
+    if patterns:
+        table = stack_loads(table, patterns, loads)
     if log is None:
         joint = joints_of(arm)
         joints = [k for k, name in enumerate(table.names) if joint(name)]
@@ -897,6 +913,8 @@ def propose(
             stated.order(one, source, arm)
     entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
     entries += names_by_cells(table, arm, stated.names)
+    named = {without_load(pattern): pattern for pattern in patterns}
+    entries = [own._replace(value=named[own.value]) if own.value in [*named] else own for own in entries]
     asked = ""
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
@@ -970,6 +988,8 @@ def _read(
     def known(name: str) -> bool:
         return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
+    if _lies(path, arm):
+        return read_log(path, known, FileLayout(transposed=True, sheets=[*sheets])), None
     fits = fitting(path, arm, layout)
     file = (fits.file if fits else FileLayout()).model_copy(update={"sheets": [*sheets]})
     own = bool if fits else known
@@ -987,9 +1007,39 @@ def _read(
         lines += 1  # merged cells in lines above may say which is which
         with contextlib.suppress(InputError):
             wide = read_log(path, own, file.model_copy(update={"header": lines}))
-            if len({*filter(place, wide.names)}) == len(axes):
+            if len({name for name in wide.names if place(MASS.sub(" ", name))}) == len(axes):
                 return wide, fits
     return table, fits
+
+
+def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
+    """Find columns of positions that differ in nothing but a load in their names.
+
+    Returns:
+        Their names with the place of the load, such as "X {mass_kg} [mm]", and the loads.
+    """
+    place, loads = places(arm), set[str]()
+    patterns = dict[str, None]()
+    for name in table.names:
+        masses = [*MASS.finditer(name)]
+        if len(masses) == 1 and place(MASS.sub(" ", name)):
+            unit = masses[0]["unit"].casefold()[:2]
+            patterns[MASS.sub(f"{{mass_{unit}}}", name)] = None
+            loads.add(squeeze(masses[0][0]))
+    for pattern in patterns:
+        before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
+        for name in map(squeeze, table.names):
+            word = name.removeprefix(before).removesuffix(after)
+            if f"{before}{word}{after}" == name and STATE_OF_WORD.get(word) == "before":
+                loads.add(word)
+    return ([*patterns], sorted(loads)) if len(loads) > 1 else ([], [])
+
+
+def _lies(path: Path, arm: Arm) -> bool:
+    """Whether the first cells of a file's lines name the joints: its rows are columns."""
+    text, how = read_letters(path, None, ".")
+    rows = even_rows(split_lines(path, text), ["\t"] if how.startswith(SHEET) else DELIMITERS[:4])
+    return bool(joint_family([row[0] for row in rows], arm))
 
 
 def _marked(titles: Sequence[str], arm: Arm) -> bool:

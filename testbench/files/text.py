@@ -6,6 +6,7 @@ import functools
 import io
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
@@ -31,6 +32,8 @@ WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 """First bytes of the files: zip, and old .xls."""
 SHEET = "sheet "
 """Prefix of a sheet's name where an encoding is stated for text files."""
+UNIT_LABEL = re.compile("units?|einheit(en)?|unités?|unidad(es)?|unità|单位|単位", re.IGNORECASE)
+"""First cell of a line of units."""
 RULE = re.compile(r"[\s|+]*[-=_:]{2}[-=_:\s|+]*")  #: A line that only divides the rows of a drawn table.
 DAY_0 = datetime(1899, 12, 30)
 """First day of a spreadsheet's dates."""
@@ -279,6 +282,26 @@ def split_lines(path: Path, text: str) -> list[str]:
     if first >= 0:
         raise InputError(path, f"line {first + 1}", "not a table: quotes without an end")
     return lines
+
+
+def even_rows(lines: Sequence[str], delimiters: Sequence[str] = DELIMITERS[:4]) -> list[list[str]]:
+    """Divide lines into rows of equally many cells, by the delimiter that leaves the fewest lines out.
+
+    Args:
+        lines: The lines of a file.
+        delimiters: What may separate the cells.
+
+    Returns:
+        The cells of every row; lines with another number of cells, blank lines and comments are left out.
+    """
+    said = [line for line in lines if line.strip(BLANK) and not is_comment(line)]
+    best: list[list[str]] = []
+    for mark in delimiters:
+        rows = [row for row in (cells_in(line, mark) for line in said) if len(row) > 1]
+        counts = Counter(map(len, rows))
+        rows = [row for row in rows if len(row) == max(counts, key=lambda count: counts[count])]
+        best = rows if len(rows) > len(best) else best
+    return best
 
 
 class UnevenRows(InputError):
@@ -537,6 +560,7 @@ def units_in(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
         The unit of every column, None for a blank cell; None for a line with other words.
     """
     words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
+    words[:1] = [word for word in words[:1] if not UNIT_LABEL.fullmatch(word)] or [""]
     units = [find_unit(word) for word in words]
     other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]
     if other or not any(units):
