@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 from testbench.files.names import state_of
 
@@ -37,7 +38,7 @@ def _mass_in(text: str) -> str:
     terms = [*TERM.finditer(text)]
     if not terms:
         return "0" if state_of(text) == "before" else ""
-    between = [text[a.end() : b.start()].strip() for a, b in zip(terms, terms[1:], strict=False)]
+    between = [text[a.end() : b.start()].strip() for a, b in pairwise(terms)]
     units = {term["unit"].casefold()[:2] for term in terms}
     unclear = len(units) > 1 or {*between} - {"+"} or THOUSANDS.search(text)
     if unclear or COUNTED.search(text[: terms[0].start()]) or ALONE.search(text[terms[-1].end() :]):

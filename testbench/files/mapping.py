@@ -129,7 +129,9 @@ class Map(Strict):
     scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
 
 
-LOAD = re.compile(r"\{(mass_[a-z]+)\}")  #: In the name of a column, in place of the load that the name states.
+LOAD = re.compile(
+    r"\{(mass_[a-z]+)\}"
+)  #: In the name of a column, in place of the load that the name states.
 
 
 def without_load(name: str) -> str:

@@ -60,6 +60,8 @@ OTHERS = {
 OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
 """What files write for these, in small letters; both micro signs become the Greek letter."""
 UNITS_BY_NAME = {unit.name.lower(): unit for unit in (*UNITS, GRAD)}
+PART = re.compile(r"(?P<under>1/)?(?P<number>\d+([.,]\d+)?)(?P<unit>[^\W\d]+)")
+"""A part of a unit that an instrument counts by, such as 0.01 mm or 1/100 mm."""
 MAX_NAME_LENGTH = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
@@ -75,6 +77,11 @@ def find_unit(word: str) -> Unit | None:
         The unit; None for any other word.
     """
     small = "".join(word.casefold().split()).replace("²", "2")
+    if part := PART.fullmatch(small):
+        unit, number = find_unit(part["unit"]), float(part["number"].replace(",", "."))
+        if unit is None or unit.si != "m" or not number:
+            return None
+        return Unit(word, "m", unit.scale / number if part["under"] else unit.scale * number)
     return UNITS_BY_NAME.get(OTHER_NAMES.get(small, small))
 
 

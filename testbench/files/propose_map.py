@@ -30,8 +30,8 @@ from testbench.files.beside import (
     unclear,
 )
 from testbench.files.columns import listed
-from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
+from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
 from testbench.files.mapping import LOAD, FileLayout, Log, Map, Named, read_map, without_load
 from testbench.files.names import (
     BRACKETS,
@@ -47,6 +47,7 @@ from testbench.files.names import (
     Place,
     Unit,
     column_meaning,
+    find_unit,
     joint_family,
     joints_of,
     looks_like,
@@ -59,7 +60,9 @@ from testbench.files.names import (
 )
 from testbench.files.read_series import read_series
 from testbench.files.rearranged import (
+    DIRECTION,
     NUMBERS,
+    SIGNED_AXIS,
     clock,
     join_log,
     keys_of,
@@ -76,6 +79,7 @@ from testbench.files.text import (
     BLANK,
     DELIMITERS,
     SHEET,
+    UNIT_LABEL,
     even_rows,
     read_letters,
     sheets_with_tables,
@@ -88,6 +92,7 @@ WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
 GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
+AXES = re.compile(r"[(\[]?\bx *[/,; |] *y *[/,; |] *z\b[)\]]?", re.IGNORECASE)  #: Of a cell, as "P1 (x/y/z)".
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
 WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
@@ -97,9 +102,17 @@ UNREADABLE = (
         "of deflections alone the targets' places are not known: add the unloaded positions, as before_x_mm",
     ),
     (
-        re.compile(r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*"),
+        re.compile(
+            r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*|direction[xyz]|reading|travel"
+        ),
         "a gauge's readings are travel_before_mm and travel_after_mm, with direction_x, direction_y and "
-        "direction_z of the face (docs/formats.md, Gauges and distances)",
+        "direction_z of the face; the map's [scale] converts volts or counts to mm "
+        "(docs/formats.md, Gauges and distances)",
+    ),
+    (
+        re.compile(".*(wire|ballbar).*|(fixed|anchor|outlet|ball)[xyz]"),
+        "distances to a fixed point are distance_before_mm and distance_after_mm, with fixed_x_mm, "
+        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm (docs/formats.md, Gauges and distances)",
     ),
 )
 """Names of columns that hold no positions, and what to do."""
@@ -160,7 +173,7 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
             of_axes = {"position": known["position"]} if "position" in known else _states_by_axis(table)
             readings = {"axis": known["axis"]} | of_axes if of_axes else {}
         lines = [] if readings else list(_lines(table))
-        yield from lines or (markers if readings else [_position_cells(table, arm, length)])
+        yield from lines or (markers if readings else _position_cells(table, arm, length))
         _refuse_twice(table, [k for columns in readings.values() for k in columns])
     yield from _mass(table, mass_columns(table) if "mass" not in said else [])
     others = SCATTER | {"temperature": "temperature"}
@@ -190,21 +203,48 @@ def _states_by_axis(table: TableCells) -> dict[str, list[int]]:
 def _lines(table: TableCells) -> Iterator[Entry]:
     """The columns of gauges, or of distances to a fixed point, by their names; none unless a set is whole."""
     names = {plain(name): name for name in table.names}
+    letters = next((name for name in table.names if _of_directions(table, name)), "")
     for what, own in KNOWN_EXPORTS["lines"].items():
+        where = "direction" if what == "travel" else "fixed"
         states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
         reading = re.compile(rf"(?:{own['reading']})?(?P<when>{states})(?:{own['reading']})?")
+        bare = what == "travel" and letters
         read = {
             STATE_OF_WORD[match["when"]]: name
             for text, name in names.items()
-            if (match := reading.fullmatch(text)) and match["when"] != text
+            if (match := reading.fullmatch(text)) and (bare or match["when"] != text)
+            if column_meaning(name) != "mass"
         }
+        why = ""
+        if what == "travel" and not read and not _by_states(table):
+            alone = [name for text, name in names.items() if text and re.fullmatch(own["reading"], text)]
+            read, why = {"after": alone[0]} if len(alone) == 1 else {}, "the gauge is at zero unloaded"
         beside = re.compile(own["beside"])
         axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
-        if {*read} == {*STATES} and {*axes} == {*XYZ}:
-            where = "direction" if what == "travel" else "fixed"
-            yield from (Entry("columns", f"{what}_{when}", name) for when, name in read.items())
-            yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
+        if ({*read} == {*STATES} or (why and read)) and ({*axes} == {*XYZ} or bare):
+            yield from (Entry("columns", f"{what}_{when}", name, why) for when, name in read.items())
+            if {*axes} == {*XYZ}:
+                yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
+            else:
+                said = "world axes, along which readings grow"
+                yield Entry("cells", letters, f"{{{DIRECTION}}}", said)
             return
+
+
+def _by_states(table: TableCells) -> bool:
+    """Whether rows are unloaded or loaded: by a column of states, or by loads of which some are zero."""
+    hung = [str(text).replace(",", ".") for k in mass_columns(table)[:1] for text in table.texts(k)]
+    idle = any(
+        not text or (is_decimal(text) and float(text) == 0) or state_of(text) == "before" for text in hung
+    )
+    return idle or any(column_meaning(name) == "state" for name in table.names)
+
+
+def _of_directions(table: TableCells, name: str) -> bool:
+    """Whether a column holds axes of the world, such as -Z, that its name calls directions of gauges."""
+    called = re.fullmatch(KNOWN_EXPORTS["lines"]["travel"]["letters"], plain(name))
+    texts = {text for text in table.texts(table.names.index(name)) if text}
+    return bool(called and texts) and all(map(SIGNED_AXIS.fullmatch, texts))
 
 
 def _refuse_twice(table: TableCells, columns: Sequence[int]) -> None:
@@ -227,14 +267,10 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
             down = all(not text.startswith("-") for text in texts)
             yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
             return
-        if unclear := next(filter(THOUSANDS.search, texts), ""):
-            problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
-            raise table.header_error(problem, name)
+        _refuse_unclear_mass(table, name, texts)
         if masses := _masses(table, k):
             yield from _massive(name, masses, left)
             return
-        if unit is None and (other := BRACKETS.match(name)) and all(map(is_decimal, texts)):
-            raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
         weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
         units = {own["unit"].casefold()[:2] for own in weighed.values() if own["unit"]}
         said = "" if unit else f"_{min(units, default='kg')}"
@@ -249,6 +285,16 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
         words = (text for text in texts if not NUMBER.search(text))
         if none := [text for text in words if STATE_OF_CELL.get(squeeze(text)) == "before"]:
             yield Entry("words", "0", none)
+
+
+def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:
+    """Refuse masses that may be one or a thousand, and numbers in a unit that is none of masses."""
+    if unclear := next(filter(THOUSANDS.search, texts), ""):
+        problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
+        raise table.header_error(problem, name)
+    numbers = all(is_decimal(text.replace(",", ".")) for text in texts)
+    if numbers and (other := BRACKETS.match(name)) and unit_of(table, table.names.index(name)) is None:
+        raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
 
 
 def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]:
@@ -272,11 +318,7 @@ def mass_columns(table: TableCells) -> list[int]:
     kinds = {k: column_meaning(name) for k, name in enumerate(table.names)}
     named = [k for k, kind in kinds.items() if kind == "mass"]
     others = [k for k, kind in kinds.items() if kind in ("state", "")]
-    return (
-        named
-        or [k for k in others if _masses(table, k)]
-        or [k for k in others if _weighs(table, k)]
-    )
+    return named or [k for k in others if _masses(table, k)] or [k for k in others if _weighs(table, k)]
 
 
 def _masses(table: TableCells, k: int) -> dict[str, str]:
@@ -381,11 +423,8 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
 
 def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
     if what != "a position":
-        beside = table.texts(0) if table.rows else []
         hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
         hint += f"one that never moves goes into [values], as {what}_deg = 0"
-        if joint_family(beside, arm):
-            hint = "the first column names the joints: exchange rows and columns"
         return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
     hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
@@ -396,7 +435,7 @@ def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
 
 
 def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry], str]:
-    """The columns of positions by our names for them, what the map says of their targets, and what is guessed.
+    """The columns of positions by our names for them, what the map says of their targets, and why.
 
     Names that say a state come before those that do not, names of several targets before those of none.
     """
@@ -404,6 +443,20 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
     for k, name in enumerate(table.names):
         if at := place(name):
             found.setdefault(at, []).append(k)
+    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
+    if (hung := _one_load(table, arm)) and not mass_columns(table):
+        loaded = {
+            at: [k]
+            for k, name in enumerate(table.names)
+            if (at := place(MASS.sub(" ", name))) and MASS.search(name)
+        }
+        both = {at: found[at] for at in loaded if at in found}
+        found = {at._replace(when="before"): own for at, own in both.items()}
+        found |= {at._replace(when="after"): loaded[at] for at in both}
+        why, said = (
+            f"{hung[0]} {hung[1]} in the names of some columns alone",
+            [Entry("values", f"mass_{hung[1]}", hung[0])],
+        )
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
         found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
@@ -414,22 +467,30 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         targets = [""]
     elif bare:
         whole = [p for p in whole if p.target]
-    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
     if not {*targets} <= {*names}:
         own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
         markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
-        why = "no markers of the arm"
+        because = "no markers of the arm"
         if len(own) == len(arm.markers):
-            markers, why = list(arm.markers), "targets are numbered as the markers of the arm"
+            markers, because = list(arm.markers), "targets are numbered as the markers of the arm"
         names = dict(zip(own, markers, strict=True))
-        said = [Entry("series", "markers", markers, why)]
+        said.append(Entry("series", "markers", markers, because))
     kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
     return {p.ours(names): found[p] for p in kept}, said, why
 
 
-def _counted_states(
-    table: TableCells, arm: Arm, found: Mapping[Place, list[int]]
-) -> dict[Place, list[int]]:
+def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
+    """The load that some names of positions state while others state none, with its unit; else None."""
+    place = places(arm)
+    masses = {
+        (float(own["number"].replace(",", ".")), own["unit"].casefold()[:2])
+        for name in table.names
+        if (own := MASS.search(name)) and place(MASS.sub(" ", name))
+    }
+    return masses.pop() if len(masses) == 1 else None
+
+
+def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
     """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
     markers = {*map(squeeze, arm.markers)}
     texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
@@ -457,15 +518,24 @@ def _joint_cells(table: TableCells, arm: Arm) -> Entry:
     raise _unlike(table, arm.file_joints[0].name, arm)
 
 
-def _position_cells(table: TableCells, arm: Arm, length: str) -> Entry:
-    """The column that holds x, y, z in one cell; InputError where none does."""
-    for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
-        if len(values := _cells_of(table, k, len(XYZ))):
-            said, (guessed, why) = unit_of(table, k), _length(values, "", length)
-            return Entry(
-                "cells", table.names[k], f"{{position_{said.name if said else guessed}}}", "" if said else why
-            )
-    raise _unlike(table, "a position", arm)
+def _position_cells(table: TableCells, arm: Arm, length: str) -> Iterator[Entry]:
+    """The columns that hold x, y, z in one cell, of one target or of several; InputError where none does."""
+    place, found = places(arm), dict[Place, Entry]()
+    markers = {plain(marker): marker for marker in arm.markers}
+    for k, name in enumerate(table.names):
+        if looks_like(name, "joints") or not len(values := _cells_of(table, k, len(XYZ))):
+            continue
+        said, (guessed, why) = unit_of(table, k), _length(values, "", length)
+        bare = AXES.sub(" ", (split_unit(name) or (name,))[0])
+        at = place(f"{bare} x") or Place("", "", "x")
+        whose = "_".join(
+            filter(None, (markers.get(at.target, ""), at.when, f"position_{said.name if said else guessed}"))
+        )
+        found.setdefault(at, Entry("cells", name, f"{{{whose}}}", "" if said else why))
+    if not found:
+        raise _unlike(table, "a position", arm)
+    several = [own for at, own in found.items() if at.target in markers or at.when]
+    yield from several or [*found.values()][:1]
 
 
 def _cells_of(table: TableCells, k: int, count: int) -> Array:
@@ -556,8 +626,8 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
-    lined, marked = any(_lines(table)), "marker" in said.values()
-    told, parted, own = _told(table, arm, said), list[str](), {"pose"} & {*said.values()}
+    lined = any(_lines(table))
+    told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
     for name in names:
         texts = keys_of(table, [name])
         distinct = list(dict.fromkeys(texts))
@@ -571,27 +641,31 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
             yield Entry("columns", "marker", name)
             yield from _targets(distinct, arm)
-            marked = True
+            own.add("marker")
         elif len(distinct) > 1 and "pose" not in own:
             _refuse_unknown_words(table, name, texts, arm)
             own.add("pose")
             yield Entry("columns", "pose", name)
-    own |= {"marker"} if marked else set()
     yield from _sections(table, arm, massive)
     for name in parted:  # beside columns that hold nothing else
         texts = keys_of(table, [name])
         if parts := _parts_of(texts, arm, told, own):
             yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
             shots = "the last number of a name counts shots" if parts.shots else shots
-            words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
-            if masses := masses_in(parts.loads):
-                yield from (Entry("words", mass.partition(" ")[0], word) for word, mass in masses.items())
-            else:
-                yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
-            yield from _targets(parts.targets, arm)
+            yield from _words_of_parts(parts, texts, arm)
             own |= {part for part in ("pose", "marker") if f"{{{part}}}" in parts.pattern}
     if shots:
         yield Entry("file", "average", True, shots)
+
+
+def _words_of_parts(parts: "_Parts", texts: Sequence[str], arm: Arm) -> Iterator[Entry]:
+    """What the words in names of several parts mean: masses, else states; and targets."""
+    words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
+    masses = masses_in(parts.loads)
+    yield from (Entry("words", mass.partition(" ")[0], word) for word, mass in masses.items())
+    if not masses:
+        yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
+    yield from _targets(parts.targets, arm)
 
 
 def _told_by_cells(
@@ -624,7 +698,7 @@ def _of_states(table: TableCells, name: str) -> bool:
         return False
     states = [state_of(text) for text in {*map(squeeze, texts)}]
     steps = {tuple(NUMBER.findall(text)) for text in texts}
-    alike = "" not in states and (states.count("after") == 1 or {*states} == {"before"} and len(steps) == 1)
+    alike = "" not in states and (states.count("after") == 1 or ({*states} == {"before"} and len(steps) == 1))
     return alike and unit_of(table, table.names.index(name)) is None
 
 
@@ -721,9 +795,9 @@ def _refuse_unknown_words(table: TableCells, name: str, texts: Sequence[str], ar
         if again and not known and 1 < len(kinds) <= SHOTS:
             unknown.append(kinds)
     if unknown:
-        words = " and ".join(map(repr, min(unknown, key=len)[:3]))
+        few = " and ".join(map(repr, min(unknown, key=len)[:3]))
         hint = f'say it in a map, as [cells] {json.dumps(name)} = "{{pose}}_{{when}}", [words] before = "..."'
-        raise table.header_error(f"nobody knows what {words} mean in names as {texts[0]!r}; {hint}", name)
+        raise table.header_error(f"nobody knows what {few} mean in names as {texts[0]!r}; {hint}", name)
 
 
 class _Parts(NamedTuple):
@@ -767,7 +841,10 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
             ("{pose}" if free else "*", of_poses),
             ("{marker}", of_targets and not {"marker", "{marker}"} & {*own, *parts}),
             ("{pose}", free),
-            ("*", len(kinds) <= SHOTS and (counts or len({*others}) == len({*zip(words, others, strict=True)}))),
+            (
+                "*",
+                len(kinds) <= SHOTS and (counts or len({*others}) == len({*zip(words, others, strict=True)})),
+            ),
         ]
         part = next((hole for hole, fits in holes if fits), "")
         targets = list(dict.fromkeys(words)) if part == "{marker}" else targets
@@ -785,7 +862,7 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
 
 LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
 WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
-MASS = re.compile(r"(?<![\d.,])\d+(?:[.,]\d+)?\s*(?P<unit>kg|lbs?)(?![^\W_])", re.IGNORECASE)
+MASS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)(?![^\W_])", re.IGNORECASE)
 """A mass in the name of a column, such as "X 150 kg [mm]"."""
 MAX_HEADER = 3  #: Most lines of a header.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
@@ -876,15 +953,7 @@ def propose(
     """
     sheets = sheets_of(path, arm, layout) if loaded is None else []
     table, fits = _read(path, arm, layout, sheets)
-    entries, every = _layout_entries("file", fits), [(fits, table)]
-    if sheets:
-        entries.append(Entry("file", "sheets", sheets))
-    if table.names[-1:] == (SECTION,):
-        entries.append(Entry("file", "sections", True))
-    if table.transposed:
-        entries.append(Entry("file", "transposed", True, "the first column names the joints"))
-    if table.head > 1:
-        entries.append(Entry("file", "header", table.head))
+    entries, every = [*_layout_entries("file", fits), *_file_entries(table, sheets)], [(fits, table)]
     if loaded is not None:
         table = with_loaded(table, _read(loaded, arm, layout)[0])
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
@@ -905,7 +974,7 @@ def propose(
         table, points, of_log, read = _joined(table, log, arm, fits, beside)
         entries += of_log
         every.append(read)
-    length = stated_length_unit(above) or (fits and fits.layout.length) or ""
+    length = stated_length_unit(above) or _unit_in_cells(table) or (fits and fits.layout.length) or ""
     stated = Stated()
     for one, source in every:
         if one:
@@ -914,7 +983,10 @@ def propose(
     entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
     entries += names_by_cells(table, arm, stated.names)
     named = {without_load(pattern): pattern for pattern in patterns}
-    entries = [own._replace(value=named[own.value]) if own.value in [*named] else own for own in entries]
+    entries = [
+        own._replace(value=named[own.value]) if isinstance(own.value, str) and own.value in named else own
+        for own in entries
+    ]
     asked = ""
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
@@ -1083,10 +1155,37 @@ def _alike(first: TableCells, path: Path, arm: Arm, layout: str | None) -> bool:
     return False
 
 
+def _unit_in_cells(table: TableCells) -> str:
+    """The unit of lengths that every cell of a column of units says; "" without such a column."""
+    for name in (name for name in table.names if UNIT_LABEL.fullmatch(name)):
+        units = {
+            unit.name
+            for text in table.texts(table.names.index(name))
+            if (unit := find_unit(text)) and unit.si == "m"
+        }
+        if len(units) > 1:
+            raise table.header_error(f"expected one unit of length, got {' and '.join(sorted(units))}", name)
+        if units:
+            return units.pop()
+    return ""
+
+
 def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
     """Where the table of a layout is, and how it is written."""
     said = fits.file.model_dump(exclude_defaults=True, exclude_none=True) if fits else {}
     return [Entry(table, key, value) for key, value in said.items() if (key, value) != ("skip", 0)]
+
+
+def _file_entries(table: TableCells, sheets: Sequence[str]) -> Iterator[Entry]:
+    """How a table was read where no layout says it."""
+    if sheets:
+        yield Entry("file", "sheets", [*sheets])
+    if table.names[-1:] == (SECTION,):
+        yield Entry("file", "sections", True)
+    if table.transposed:
+        yield Entry("file", "transposed", True, "the first column names the joints")
+    if table.head > 1:
+        yield Entry("file", "header", table.head)
 
 
 @dataclass

@@ -452,7 +452,7 @@ CONDITIONS = ("run", "pose", "marker", "station", "state", "loading", "mass", "f
 
 
 def refuse_untold(columns: Columns) -> None:
-    """Refuse readings of one point under one load that only a column of words, which is not read, tells apart.
+    """Refuse readings of one point under one load that only a column which is not read tells apart.
 
     The words may be loads, states or targets in a language that nobody knows here.
 
@@ -476,15 +476,20 @@ def refuse_untold(columns: Columns) -> None:
             continue
         if (repeats(code, number_rows(np.array(table.texts(k)))) == 0).all():
             few = ", ".join(map(repr, texts[:3])) + ", ..." * (len(texts) > 3)
-            force = (parts := split_unit(name)) and parts[1].si == "N"
-            what = f'force_z = "{name}", or "-{name}" of weights' if force else f'mass_kg, state or marker = "{name}"'
+            unit = table.units[k] or (split_unit(name) or ("", None))[1]
+            force = unit is not None and unit.si == "N"
+            what = (
+                f'force_z = "{name}", or "-{name}" of weights'
+                if force
+                else f'mass_kg, state or marker = "{name}"'
+            )
             hint = f"{what}; if rows are repeated readings say average = true in [file]"
             problem = f"only this column, {few}, tells readings of one point apart, and it is not read"
             raise table.header_error(f"{problem}; say what it is in [columns] of a map, as {hint}", name)
 
 
 def _counts(texts: Sequence[str]) -> bool:
-    """Whether texts are the whole numbers from 0 or 1 on, as of repeated readings, numbers without 0, or times."""
+    """Whether texts are numbers that count from 0 or 1, numbers without 0, or times."""
     own = [text.replace(",", ".") for text in texts]
     numbers = {float(text) for text in own if is_decimal(text)}
     counted = numbers in ({*map(float, range(len(own)))}, {*map(float, range(1, len(own) + 1))})

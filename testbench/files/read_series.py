@@ -145,6 +145,8 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     fit = _fitted_notation(columns, arm, conditions, read)
     whole, first, lost, more = _assembled(columns, arm, (conditions, read, scatter), fit)
     fixed = read_fixed_points(columns) if meters else None
+    aside = [] if meters else [c.name for c in columns.all_of("distance", "fixed")]
+    notes += [f"warning: these columns are not read beside positions: {', '.join(aside)}"] * bool(aside)
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
     notes += [] if fixed is None else fixed.notes
     if columns.names.map.frame == "base":

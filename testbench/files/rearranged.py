@@ -122,8 +122,13 @@ def _text(source: Source, point: PointText, axis: str) -> str:
 # --- Tables rearranged: cells of several quantities become columns, three rows of a point become one --------
 
 MAX_STARS = 2  #: Wildcards in a pattern: more take long to match.
-WHOLE_CELL = re.compile(r"\{(?P<what>joints|position)_(?P<unit>[a-z]+)(?:_(?P<slide>[a-z]+))?\}")
+WHOLE_CELL = re.compile(
+    r"\{(?:(?P<marker>\w+?)_)??(?:(?P<when>before|after)_)?(?P<what>joints|position)_(?P<unit>[a-z]+)(?:_(?P<slide>[a-z]+))?\}"
+)
 """Of several numbers in a cell: their unit, and that of joints that slide."""
+DIRECTION = "direction"  #: Of a cell that holds an axis of the world with its sign.
+SIGNED_AXIS = re.compile(r"(?P<sign>[+-]?) ?(?P<axis>[xyz]) ?(?P<behind>[+-]?)", re.IGNORECASE)
+"""An axis of the world with its sign, such as -Z or X+."""
 NUMBERS = [
     re.compile(rf"(?<![\w{mark}])[-+]?(?:\d+(?:[{mark}]\d*)?|[{mark}]\d+)(?:[eE][-+]?\d+)?(?!\w)")
     for mark in (".", ",")
@@ -156,7 +161,7 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
         The table with one column per pattern, called as it without the load, and the column of the loads.
 
     Raises:
-        InputError: If the columns of a pattern are not there, or are not of the same loads as those of others.
+        InputError: If the columns of a pattern are not there, or are of other loads than others.
     """
     names, stacked = [squeeze(name) for name in table.names], dict[str, dict[str, int]]()
     known = {*map(squeeze, words)}
@@ -174,12 +179,12 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
     whole = table.take(np.tile(np.arange(table.rows), len(loads)))
     gone = {k for found in stacked.values() for k in found.values()}
     kept = [k for k in range(len(names)) if k not in gone]
-    first = [found[loads[0]] for found in stacked.values()]
+    firsts = [found[loads[0]] for found in stacked.values()]
     hole = next(match[1] for pattern in patterns if (match := LOAD.search(pattern)))
     return replace(
         whole,
         names=(*(table.names[k] for k in kept), *map(without_load, stacked), hole),
-        units=(*(table.units[k] for k in (*kept, *first)), None),
+        units=(*(table.units[k] for k in (*kept, *firsts)), None),
         cells=[
             *(whole.cells[k] for k in kept),
             *(pa.concat_arrays([table.cells[found[load]] for load in loads]) for found in stacked.values()),
@@ -203,8 +208,8 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     Raises:
         InputError: If a pattern is invalid, or a cell fits none of its patterns.
     """
-    patterns = [own for theirs in names.map.columns.values() for own in as_tuple(theirs) if LOAD.search(own)]
-    table = stack_loads(table, patterns, names.loads) if patterns else table
+    loaded = [own for theirs in names.map.columns.values() for own in as_tuple(theirs) if LOAD.search(own)]
+    table = stack_loads(table, loaded, names.loads) if loaded else table
     read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
         place, wholes = f"cells.{header}", []
@@ -213,6 +218,15 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
             raise names.error(table.path, place, f"no such column; columns are {have}")
         if len(patterns) == 1 and (whole := WHOLE_CELL.fullmatch(patterns[0])):
             table, parts = _numbers_apart(table, header, whole, names)
+            read_as += parts
+            read_as[table.names.index(header)] = ""
+            continue
+        if patterns == (f"{{{DIRECTION}}}",):
+            parts, wanted = (
+                [f"{DIRECTION}_{axis}" for axis in XYZ],
+                "an axis of the world with its sign, as -Z",
+            )
+            table = table.with_parts(table.names.index(header), parts, _direction, wanted)
             read_as += parts
             read_as[table.names.index(header)] = ""
             continue
@@ -245,12 +259,22 @@ def _parted_by(wholes: Sequence[re.Pattern[str]]) -> Callable[[str], Mapping[str
     return parts
 
 
+def _direction(text: str) -> dict[str, str] | None:
+    """The unit vector of an axis such as -Z, blank for a blank cell; None for anything else."""
+    own = SIGNED_AXIS.fullmatch(text)
+    if own is None or (own["sign"] and own["behind"]):
+        return None if text else {}
+    number = "-1" if "-" in (own["sign"], own["behind"]) else "1"
+    return {f"{DIRECTION}_{axis}": number if axis == own["axis"].casefold() else "0" for axis in XYZ}
+
+
 def _numbers_apart(
     table: TableCells, header: str, pattern: re.Match[str], names: Names
 ) -> tuple[TableCells, list[str]]:
     """Joints, or a position, whose numbers stand in one cell with anything between them."""
     what: What = "joint" if pattern["what"] == "joints" else "reading"
-    slots = {slot.index: key for key, slot in names.ours.items() if slot == Slot(what, slot.index)}
+    of = pattern["marker"] or "", pattern["when"] or ""
+    slots = {slot.index: key for key, slot in names.ours.items() if slot == Slot(what, slot.index, *of)}
     keys = [slots[n] for n in sorted(slots) if n != WHOLE_NUMBER]
     slides = names.slides if what == "joint" else frozenset()
     units = [pattern["slide"] or "m" if n in slides else pattern["unit"] for n in range(len(keys))]

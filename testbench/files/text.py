@@ -357,7 +357,7 @@ def find_header(
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
     others = [k for k in rows if _is_statistic(lines[k], delimiter)]
-    others = _without_names(lines, others, [k for k in rows if k not in {*others}], delimiter)
+    others = _summaries(lines, others, [k for k in rows if k not in {*others}], delimiter)
     rows = [k for k in rows if k not in {*others}]
     while len(rows) > 1 and not layout.sections and _is_remark(lines[rows[-1]], delimiter, len(names)):
         others.append(rows.pop())
@@ -427,14 +427,21 @@ def _is_statistic(line: str, delimiter: str) -> bool:
     )
 
 
-def _without_names(lines: Sequence[str], some: Sequence[int], rows: Sequence[int], delimiter: str) -> list[int]:
-    """Those of some rows that name nothing that other rows name too: a pose called Max has targets."""
-    if not some:
-        return []
+def _summaries(lines: Sequence[str], some: Sequence[int], rows: Sequence[int], delimiter: str) -> list[int]:
+    """Those of some rows that sum others up: a pose called Max is as full, and has targets or rows below."""
+    if not some or not rows:
+        return [*some]
     every = [cells_in(lines[k], delimiter) for k in rows]
     words = {(n, cell) for row in every for n, cell in enumerate(row) if cell}
     named = {(n, cell) for n, cell in words if not is_decimal(cell.replace(",", "."))}
-    return [k for k in some if not {*enumerate(cells_in(lines[k], delimiter))} & named]
+    full = max(sum(map(bool, row)) for row in every)
+    found = []
+    for k in some:
+        cells = cells_in(lines[k], delimiter)
+        whole = sum(map(bool, cells)) >= full and k < rows[-1]
+        if not whole and not {*enumerate(cells)} & named:
+            found.append(k)
+    return found
 
 
 def _first_word(line: str, delimiter: str) -> str:
