@@ -16,6 +16,7 @@ from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
 from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose, sheets_of
 from testbench.files.read_series import read_series
+from testbench.files.text import UnevenRows
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.readings import column_lines, draw_runs, file_lines, report, written
 from testbench.report.table import Row
@@ -82,7 +83,7 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
         except InputError as err:
             if _shown_as_poses(console, filed, runs.dataset, mapping):
                 return
-            if mapping is not None or not isinstance(err, UnknownColumns):
+            if mapping is not None or not isinstance(err, (UnknownColumns, UnevenRows)):
                 raise
             mapping = _map_by_names(console, filed, runs, err)
             if not _pairs(runs, filed, mapping):
@@ -128,12 +129,12 @@ def _map_of_layout(
     return proposal.map()
 
 
-def _map_by_names(console: Console, cell: Cell, runs: ReadingOptions, unknown: UnknownColumns) -> Map:
+def _map_by_names(console: Console, cell: Cell, runs: ReadingOptions, unknown: InputError) -> Map:
     """The map that the names of columns suggest, which is printed; the error if they suggest none."""
     try:
         proposal = propose(runs.dataset, cell.arm, None, runs.dataset.parent)
     except InputError as err:
-        raise (unknown if unknown.joints else err) from err
+        raise (unknown if isinstance(unknown, UnknownColumns) and unknown.joints else err) from err
     _print_map(console, runs.dataset, proposal)
     return proposal.map()
 
@@ -215,6 +216,7 @@ def _show_series(
     export = read_series(dataset, cell.arm, mapping, load=load)
     rows = [Row(row, values=written(row)) for row in column_rows(export.columns)]
     notes = [
+        f"columns not read: {', '.join(export.columns.ignored) or 'none'}",
         *(f"- {note}" for note in export.notes),
         f"{sum(series.rows for series in export.series)} readings",
     ]

@@ -371,7 +371,10 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
             slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
         if slot in found:
             both = " and ".join(map(repr, (found[slot].name, table.names[k])))
-            raise table.header_error(f"expected every column once, got {both} for the same quantity")
+            problem = f"expected every column once, got {both} for the same quantity"
+            raise UnknownColumns(
+                table, problem, joints=any(own.slot.what == "joint" for own in named.values())
+            )
         if slot in names.values:
             problem = f"expected no value in the map for {table.names[k]!r}, which the file has"
             raise names.error(table.path, "values", problem)

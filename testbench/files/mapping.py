@@ -1,5 +1,6 @@
 """A map: how somebody's export names our quantities, as TOML of a few lines."""
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from testbench.files.names import (
     our_names,
     placeholders,
     recognise,
+    series_names,
     split_unit,
     squeeze,
 )
@@ -48,6 +50,7 @@ class FileLayout(Strict):
     footer: int = Field(default=0, ge=0, le=10_000)  #: Lines behind the table.
     names: list[Text] = Field(default=[], max_length=1000)  #: Of the columns, where the file has no header.
     header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
+    transposed: bool = False  #: Whether a row of the file is a column, and each of its columns a row.
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
     #: Whether lines of words name the rows below them, as "Loaded"; they become the column `section`.
     sections: bool = False
@@ -124,6 +127,23 @@ class Map(Strict):
     words: dict[Text, Word | list[Word]] = Field(default_factory=dict, max_length=200)
     values: dict[Text, float] = Field(default_factory=dict, max_length=50)
     scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
+
+
+LOAD = re.compile(
+    r"\{(mass_[a-z]+)\}"
+)  #: In the name of a column, in place of the load that the name states.
+
+
+def without_load(name: str) -> str:
+    """Remove the place of a load from the name of columns that differ in nothing else.
+
+    Args:
+        name: The name, such as "X {mass_kg} [mm]".
+
+    Returns:
+        The name without it, such as "X [mm]".
+    """
+    return " ".join(LOAD.sub(" ", name).split())
 
 
 @dataclass(frozen=True)
@@ -245,17 +265,18 @@ def read_map(
     if found.series.markers and quantities is not our_names:
         arm = replace(arm, markers=tuple(found.series.markers))
     ours = quantities(arm)
+    others = series_names(arm) if quantities is our_names else {}  # one map reads a file either way
     where = path or Path()
     words, ignored, lost = _words(where, found, arm)
     said = {name: (name,) for name in arm.markers} | STATES
     return Names(
         path=path,
         ours=ours,
-        theirs=_columns(where, found, ours, placeholders(arm, words)),
+        theirs=_columns(where, found, ours, others, placeholders(arm, words)),
         words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
-        cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
+        cells={header: as_tuple(patterns) for header, patterns in found.cells.items()},
         lost=dict.fromkeys(lost, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
         markers=arm.markers,
@@ -289,7 +310,15 @@ def _read(path: Path) -> Map:
         raise InputError(path, place, f"{problem}, got {str(first['input'])[:80]!r}") from err
 
 
-def _tuple(words: str | list[str]) -> tuple[str, ...]:
+def as_tuple(words: str | list[str]) -> tuple[str, ...]:
+    """List the words of an entry of a map.
+
+    Args:
+        words: One word, or a list.
+
+    Returns:
+        The words.
+    """
     return (words,) if isinstance(words, str) else tuple(words)
 
 
@@ -298,15 +327,20 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
     for key in found.words:
         if key not in known and not is_decimal(key):
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
-    words = {key: _tuple(value) for key, value in found.words.items()}
+    words = {key: as_tuple(value) for key, value in found.words.items()}
     if blank := [key for key, own in words.items() if "" in own and key != LOST]:
         raise InputError(path, f"words.{blank[0]}", "expected words, got ''; a blank cell may only be `lost`")
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
 
 
 def _columns(
-    path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
+    path: Path,
+    found: Map,
+    ours: Mapping[str, Slot],
+    others: Mapping[str, Slot],
+    choices: Mapping[str, list[tuple[str, Words]]],
 ) -> dict[str, Named]:
+    """The columns that a map names, but for those of other quantities, which this kind of file has not."""
     if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
         keys = ", ".join({**found.columns, **found.optional}) or "none"
         raise InputError(path, f"scale.{lost[0]}", f"expected a key of columns or optional, which are {keys}")
@@ -315,10 +349,12 @@ def _columns(
     both = [(key, names, "columns") for key, names in found.columns.items()]
     both += [(key, names, "optional") for key, names in found.optional.items()]
     for key, names, section in sorted(both, key=lambda item: "{" in item[0]):  # patterns say less
-        for name in _tuple(names):
+        for name in as_tuple(names):
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
-                known = recognise(our, ours)
+                known, their = recognise(our, ours), without_load(their)
+                if known is None and "{" not in their and recognise(our, others):
+                    continue
                 if known is None or "{" in their:
                     problem = (
                         f"expected one of our quantities, with the same {{...}} in both names, got {name!r}"

@@ -60,6 +60,8 @@ OTHERS = {
 OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
 """What files write for these, in small letters; both micro signs become the Greek letter."""
 UNITS_BY_NAME = {unit.name.lower(): unit for unit in (*UNITS, GRAD)}
+PART = re.compile(r"(?P<under>1/)?(?P<number>\d+([.,]\d+)?)(?P<unit>[^\W\d]+)")
+"""A part of a unit that an instrument counts by, such as 0.01 mm or 1/100 mm."""
 MAX_NAME_LENGTH = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
@@ -75,6 +77,11 @@ def find_unit(word: str) -> Unit | None:
         The unit; None for any other word.
     """
     small = "".join(word.casefold().split()).replace("²", "2")
+    if part := PART.fullmatch(small):
+        unit, number = find_unit(part["unit"]), float(part["number"].replace(",", "."))
+        if unit is None or unit.si != "m" or not number:
+            return None
+        return Unit(word, "m", unit.scale / number if part["under"] else unit.scale * number)
     return UNITS_BY_NAME.get(OTHER_NAMES.get(small, small))
 
 
@@ -225,7 +232,7 @@ def our_names(arm: Arm) -> dict[str, Slot]:
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE_NUMBER)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
         found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
-    for what in ("force", "moment", "point", "covariance", "direction", "fixed"):
+    for what in ("force", "moment", "point", "covariance", "deviation", "direction", "fixed"):
         found |= _without_unit(columns_of(what))
     found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma")}
     for when, words in STATES.items():
@@ -266,7 +273,7 @@ def series_names(arm: Arm) -> dict[str, Slot]:
         found |= {f"temperature{unit}": Slot("temperature")}
     for unit in ("", "_s", "[s]", "(s)"):
         found |= {f"time{unit}": Slot("time", int(bool(unit)))}
-    for what in ("reading", "rotation", "quaternion", "matrix", "deviation", "turn_deviation", "spread"):
+    for what in ("reading", "rotation", "quaternion", "matrix", "turn_deviation", "spread"):
         found |= _without_unit(columns_of(what))
     found |= {f"rotation_{k}": Slot("rotation", 2 + k) for k in (1, 2, 3)}
     for k, part in enumerate("wxyz"):
@@ -507,7 +514,8 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
     """Find the columns of an arm's joints by their names, such as A1 to A6.
 
     All of them belong to one family of names, numbered from 1 or from 0. A family with exactly as many
-    members as the arm has joints is preferred.
+    members as the arm has joints is preferred. Without one, a known order of words counts, such as S, L, U,
+    R, B, T.
 
     Args:
         names: Names of all columns.
@@ -527,6 +535,10 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
         first = 1 if {*range(1, n + 1)} <= {*found} else 0
         if {*range(first, n + first)} <= {*found}:
             whole.append((len(found) > n, [found[k] for k in range(first, n + first)]))
+    place = {plain(name): column for column, name in reversed([*enumerate(names)])}
+    for words in (own.split() for own in KNOWN_EXPORTS["joints"]["orders"]):
+        if not whole and len(words) == n and {*words} <= {*place}:
+            whole.append((False, [place[word] for word in words]))
     return min(whole, key=lambda own: own[0])[1] if whole else []
 
 

@@ -31,8 +31,11 @@ from testbench.files.beside import (
 )
 from testbench.files.columns import listed
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
-from testbench.files.mapping import FileLayout, Log, Map, Named, read_map
+from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
+from testbench.files.mapping import LOAD, FileLayout, Log, Map, Named, read_map, without_load
 from testbench.files.names import (
+    BRACKETS,
+    DEFLECTION,
     KNOWN_EXPORTS,
     NUMBER,
     ROTATIONS,
@@ -44,6 +47,7 @@ from testbench.files.names import (
     Place,
     Unit,
     column_meaning,
+    find_unit,
     joint_family,
     joints_of,
     looks_like,
@@ -56,7 +60,9 @@ from testbench.files.names import (
 )
 from testbench.files.read_series import read_series
 from testbench.files.rearranged import (
+    DIRECTION,
     NUMBERS,
+    SIGNED_AXIS,
     clock,
     join_log,
     keys_of,
@@ -64,11 +70,21 @@ from testbench.files.rearranged import (
     numbers_in,
     parts_in,
     read_log,
+    stack_loads,
     times_of,
     with_loaded,
 )
 from testbench.files.table import SECTION, SHEETS, TableCells
-from testbench.files.text import BLANK, read_letters, sheets_with_tables
+from testbench.files.text import (
+    BLANK,
+    DELIMITERS,
+    SHEET,
+    UNIT_LABEL,
+    even_rows,
+    read_letters,
+    sheets_with_tables,
+    split_lines,
+)
 
 # --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
 
@@ -76,12 +92,9 @@ WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
 GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
+AXES = re.compile(r"[(\[]?\bx *[/,; |] *y *[/,; |] *z\b[)\]]?", re.IGNORECASE)  #: Of a cell, as "P1 (x/y/z)".
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
-HANGS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b", re.IGNORECASE)
-"""A mass in a text, such as "with 150 kg"."""
-THOUSANDS = re.compile(r"(?<![\d.,])[1-9][.,' \u00a0\u202f]\d{3}(?:[.,]\d+)?\s*(?:kg|lb)", re.IGNORECASE)
-"""A mass that may be one or a thousand: "1,000 lb"."""
 WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
 UNREADABLE = (
     (
@@ -89,9 +102,17 @@ UNREADABLE = (
         "of deflections alone the targets' places are not known: add the unloaded positions, as before_x_mm",
     ),
     (
-        re.compile(r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*"),
+        re.compile(
+            r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*|direction[xyz]|reading|travel"
+        ),
         "a gauge's readings are travel_before_mm and travel_after_mm, with direction_x, direction_y and "
-        "direction_z of the face (docs/formats.md, Gauges and distances)",
+        "direction_z of the face; the map's [scale] converts volts or counts to mm "
+        "(docs/formats.md, Gauges and distances)",
+    ),
+    (
+        re.compile(".*(wire|ballbar).*|(fixed|anchor|outlet|ball)[xyz]"),
+        "distances to a fixed point are distance_before_mm and distance_after_mm, with fixed_x_mm, "
+        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm (docs/formats.md, Gauges and distances)",
     ),
 )
 """Names of columns that hold no positions, and what to do."""
@@ -145,16 +166,16 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         known.setdefault(column_meaning(name), []).append(k)
     if "joint" not in said:
         yield from _joints(table, arm)
-    readings = dict[str, list[int]]()
+    readings, stated = dict[str, list[int]](), ""
     if "reading" not in said:
-        readings, markers = _positions(table, arm)
+        readings, markers, stated = _positions(table, arm)
         if not readings and "axis" in known:
             of_axes = {"position": known["position"]} if "position" in known else _states_by_axis(table)
             readings = {"axis": known["axis"]} | of_axes if of_axes else {}
         lines = [] if readings else list(_lines(table))
-        yield from lines or (markers if readings else [_position_cells(table, arm, length)])
+        yield from lines or (markers if readings else _position_cells(table, arm, length))
         _refuse_twice(table, [k for columns in readings.values() for k in columns])
-    yield from _mass(table, known.get("mass", []) or _weighed(table) if "mass" not in said else [])
+    yield from _mass(table, mass_columns(table) if "mass" not in said else [])
     others = SCATTER | {"temperature": "temperature"}
     kinds = dict.fromkeys(SCATTER, "deviation")
     others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
@@ -165,7 +186,8 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
         unit, why = length_unit(table, columns[0], alike, kind, length)
         left = ", ".join(repr(table.names[k]) for k in columns[1:])
-        why = "; ".join(filter(None, [why, left and f"not {left}"]))
+        told = stated if our in readings else ""
+        why = "; ".join(filter(None, [told, why, left and f"not {left}"]))
         yield Entry("columns", our + unit, table.names[columns[0]], why)
         if kind.startswith("u95"):
             yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
@@ -181,21 +203,48 @@ def _states_by_axis(table: TableCells) -> dict[str, list[int]]:
 def _lines(table: TableCells) -> Iterator[Entry]:
     """The columns of gauges, or of distances to a fixed point, by their names; none unless a set is whole."""
     names = {plain(name): name for name in table.names}
+    letters = next((name for name in table.names if _of_directions(table, name)), "")
     for what, own in KNOWN_EXPORTS["lines"].items():
+        where = "direction" if what == "travel" else "fixed"
         states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
         reading = re.compile(rf"(?:{own['reading']})?(?P<when>{states})(?:{own['reading']})?")
+        bare = what == "travel" and letters
         read = {
             STATE_OF_WORD[match["when"]]: name
             for text, name in names.items()
-            if (match := reading.fullmatch(text)) and match["when"] != text
+            if (match := reading.fullmatch(text)) and (bare or match["when"] != text)
+            if column_meaning(name) != "mass"
         }
+        why = ""
+        if what == "travel" and not read and not _by_states(table):
+            alone = [name for text, name in names.items() if text and re.fullmatch(own["reading"], text)]
+            read, why = {"after": alone[0]} if len(alone) == 1 else {}, "the gauge is at zero unloaded"
         beside = re.compile(own["beside"])
         axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
-        if {*read} == {*STATES} and {*axes} == {*XYZ}:
-            where = "direction" if what == "travel" else "fixed"
-            yield from (Entry("columns", f"{what}_{when}", name) for when, name in read.items())
-            yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
+        if ({*read} == {*STATES} or (why and read)) and ({*axes} == {*XYZ} or bare):
+            yield from (Entry("columns", f"{what}_{when}", name, why) for when, name in read.items())
+            if {*axes} == {*XYZ}:
+                yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
+            else:
+                said = "world axes, along which readings grow"
+                yield Entry("cells", letters, f"{{{DIRECTION}}}", said)
             return
+
+
+def _by_states(table: TableCells) -> bool:
+    """Whether rows are unloaded or loaded: by a column of states, or by loads of which some are zero."""
+    hung = [str(text).replace(",", ".") for k in mass_columns(table)[:1] for text in table.texts(k)]
+    idle = any(
+        not text or (is_decimal(text) and float(text) == 0) or state_of(text) == "before" for text in hung
+    )
+    return idle or any(column_meaning(name) == "state" for name in table.names)
+
+
+def _of_directions(table: TableCells, name: str) -> bool:
+    """Whether a column holds axes of the world, such as -Z, that its name calls directions of gauges."""
+    called = re.fullmatch(KNOWN_EXPORTS["lines"]["travel"]["letters"], plain(name))
+    texts = {text for text in table.texts(table.names.index(name)) if text}
+    return bool(called and texts) and all(map(SIGNED_AXIS.fullmatch, texts))
 
 
 def _refuse_twice(table: TableCells, columns: Sequence[int]) -> None:
@@ -218,10 +267,8 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
             down = all(not text.startswith("-") for text in texts)
             yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
             return
-        if unclear := next(filter(THOUSANDS.search, texts), ""):
-            problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
-            raise table.header_error(problem, name)
-        if masses := masses_in(texts):
+        _refuse_unclear_mass(table, name, texts)
+        if masses := _masses(table, k):
             yield from _massive(name, masses, left)
             return
         weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
@@ -229,7 +276,8 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
         said = "" if unit else f"_{min(units, default='kg')}"
         if len({*units, *([unit.name] if unit and units else [])}) > 1:
             raise table.header_error(f"expected masses in one unit, got {' and '.join(sorted(units))}", name)
-        why = "; ".join(filter(None, ["" if unit else "no unit", left and f"not {left}"]))
+        told = "" if column_meaning(name) == "mass" else "its unit is of a mass"
+        why = "; ".join(filter(None, [told if unit else "no unit", left and f"not {left}"]))
         yield Entry("columns", f"mass{said}", name, why)
         for text, own in weighed.items():
             if own["unit"]:
@@ -237,6 +285,16 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
         words = (text for text in texts if not NUMBER.search(text))
         if none := [text for text in words if STATE_OF_CELL.get(squeeze(text)) == "before"]:
             yield Entry("words", "0", none)
+
+
+def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:
+    """Refuse masses that may be one or a thousand, and numbers in a unit that is none of masses."""
+    if unclear := next(filter(THOUSANDS.search, texts), ""):
+        problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
+        raise table.header_error(problem, name)
+    numbers = all(is_decimal(text.replace(",", ".")) for text in texts)
+    if numbers and (other := BRACKETS.match(name)) and unit_of(table, table.names.index(name)) is None:
+        raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
 
 
 def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]:
@@ -248,35 +306,41 @@ def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]
         yield Entry("words", number, [text for text, own in numbers.items() if own == number])
 
 
-def masses_in(texts: Sequence[str]) -> dict[str, str]:
-    """Find the masses of texts such as "no load" and "with 240 kg", all in one unit.
+def mass_columns(table: TableCells) -> list[int]:
+    """Find the columns that say what hangs: by their names, else by their cells or by a unit of mass.
 
     Args:
-        texts: The texts of a column, or the names of sheets.
+        table: The export, with what the log adds.
 
     Returns:
-        The mass of each text, as "240 kg" or "0"; empty unless each has one or says that none hangs.
+        Places of the columns; empty if none says it.
     """
-    found = dict[str, str]()
-    for text in dict.fromkeys(texts):
-        masses, state = [*HANGS.finditer(text)], state_of(text)
-        number = masses[0]["number"].replace(",", ".") if masses else "0"
-        unclear = len(masses) > 1 or THOUSANDS.search(text)
-        if unclear or (not masses and state != "before") or (state == "before" and float(number)):
-            return {}
-        found[text] = f"{number} {masses[0]['unit'].casefold()[:2]}" if float(number) else "0"
-    units = {mass.partition(" ")[2] for mass in found.values()} - {""}
-    return found if len(units) == 1 else {}
+    kinds = {k: column_meaning(name) for k, name in enumerate(table.names)}
+    named = [k for k, kind in kinds.items() if kind == "mass"]
+    others = [k for k, kind in kinds.items() if kind in ("state", "")]
+    return named or [k for k in others if _masses(table, k)] or [k for k in others if _weighs(table, k)]
 
 
-def _weighed(table: TableCells) -> list[int]:
-    """Columns of states, and names of sheets or sections, that say the mass too."""
-    return [
-        k
-        for k, name in enumerate(table.names)
-        if name in (SECTION, SHEETS) or column_meaning(name) == "state"
-        if masses_in(table.texts(k))
-    ]
+def _masses(table: TableCells, k: int) -> dict[str, str]:
+    """The mass that each text of a column says, itself or by a legend of the file; empty of other columns."""
+    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
+    if masses := masses_in(texts):
+        return masses
+    if len(texts) > MAX_CODES or any(map(is_decimal, texts)):
+        return {}
+    meant = explained(texts, read_letters(table.path, None, ".")[0])
+    masses = masses_in([*meant.values()])
+    return {code: masses[text] for code, text in meant.items()} if masses else {}
+
+
+def _weighs(table: TableCells, k: int) -> bool:
+    """Whether a column has a unit of mass, and some of its cells say that nothing hangs."""
+    unit = unit_of(table, k)
+    if unit is None or unit.si != "kg":
+        return False
+    texts = [str(text).replace(",", ".") for text in table.texts(k)]
+    values = {float(text or 0) for text in texts if is_decimal(text) or not text}
+    return 0 in values and len(values) > 1
 
 
 def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
@@ -359,11 +423,8 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
 
 def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
     if what != "a position":
-        beside = table.texts(0) if table.rows else []
         hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
         hint += f"one that never moves goes into [values], as {what}_deg = 0"
-        if joint_family(beside, arm):
-            hint = "the first column names the joints: exchange rows and columns"
         return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
     hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
@@ -373,15 +434,31 @@ def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
     return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
 
 
-def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
-    """The columns of positions by our names for them, and what the map says of their targets.
+def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry], str]:
+    """The columns of positions by our names for them, what the map says of their targets, and why.
 
     Names that say a state come before those that do not, names of several targets before those of none.
     """
-    place, found = places(arm), dict[Place, list[int]]()
+    place, found, why = places(arm), dict[Place, list[int]](), ""
     for k, name in enumerate(table.names):
         if at := place(name):
             found.setdefault(at, []).append(k)
+    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
+    if (hung := _one_load(table, arm)) and not mass_columns(table):
+        loaded = {
+            at: [k]
+            for k, name in enumerate(table.names)
+            if (at := place(MASS.sub(" ", name))) and MASS.search(name)
+        }
+        both = {at: found[at] for at in loaded if at in found}
+        found = {at._replace(when="before"): own for at, own in both.items()}
+        found |= {at._replace(when="after"): loaded[at] for at in both}
+        why, said = (
+            f"{hung[0]} {hung[1]} in the names of some columns alone",
+            [Entry("values", f"mass_{hung[1]}", hung[0])],
+        )
+    if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
+        found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
     whole = [p for p in whole if p.when] or whole
     targets = list(dict.fromkeys(p.target for p in whole if p.target))
@@ -390,17 +467,43 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         targets = [""]
     elif bare:
         whole = [p for p in whole if p.target]
-    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
     if not {*targets} <= {*names}:
         own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
         markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
-        why = "no markers of the arm"
+        because = "no markers of the arm"
         if len(own) == len(arm.markers):
-            markers, why = list(arm.markers), "targets are numbered as the markers of the arm"
+            markers, because = list(arm.markers), "targets are numbered as the markers of the arm"
         names = dict(zip(own, markers, strict=True))
-        said = [Entry("series", "markers", markers, why)]
+        said.append(Entry("series", "markers", markers, because))
     kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
-    return {p.ours(names): found[p] for p in kept}, said
+    return {p.ours(names): found[p] for p in kept}, said, why
+
+
+def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
+    """The load that some names of positions state while others state none, with its unit; else None."""
+    place = places(arm)
+    masses = {
+        (float(own["number"].replace(",", ".")), own["unit"].casefold()[:2])
+        for name in table.names
+        if (own := MASS.search(name)) and place(MASS.sub(" ", name))
+    }
+    return masses.pop() if len(masses) == 1 else None
+
+
+def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
+    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
+    markers = {*map(squeeze, arm.markers)}
+    texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
+    if len(markers) > 1 and not any(len(own) > 1 and own <= markers for own in texts):
+        return {}
+    own = {at: columns for at, columns in found.items() if at.target in ("0", "1") and not at.when}
+    if {at.target for at in own} == {"0"}:
+        names = {plain(name): k for k, name in enumerate(table.names)}
+        moved = {axis: names.get(f"d{axis}", names.get(f"delta{axis}")) for axis in XYZ}
+        own |= {Place("", DEFLECTION, axis): [k] for axis, k in moved.items() if k is not None}
+    states = {"0": "before", "1": "after", "": DEFLECTION}
+    named = {at._replace(target="", when=states[at.target]): columns for at, columns in own.items()}
+    return named if len(named) == 2 * len(XYZ) else {}
 
 
 def _joint_cells(table: TableCells, arm: Arm) -> Entry:
@@ -415,15 +518,24 @@ def _joint_cells(table: TableCells, arm: Arm) -> Entry:
     raise _unlike(table, arm.file_joints[0].name, arm)
 
 
-def _position_cells(table: TableCells, arm: Arm, length: str) -> Entry:
-    """The column that holds x, y, z in one cell; InputError where none does."""
-    for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
-        if len(values := _cells_of(table, k, len(XYZ))):
-            said, (guessed, why) = unit_of(table, k), _length(values, "", length)
-            return Entry(
-                "cells", table.names[k], f"{{position_{said.name if said else guessed}}}", "" if said else why
-            )
-    raise _unlike(table, "a position", arm)
+def _position_cells(table: TableCells, arm: Arm, length: str) -> Iterator[Entry]:
+    """The columns that hold x, y, z in one cell, of one target or of several; InputError where none does."""
+    place, found = places(arm), dict[Place, Entry]()
+    markers = {plain(marker): marker for marker in arm.markers}
+    for k, name in enumerate(table.names):
+        if looks_like(name, "joints") or not len(values := _cells_of(table, k, len(XYZ))):
+            continue
+        said, (guessed, why) = unit_of(table, k), _length(values, "", length)
+        bare = AXES.sub(" ", (split_unit(name) or (name,))[0])
+        at = place(f"{bare} x") or Place("", "", "x")
+        whose = "_".join(
+            filter(None, (markers.get(at.target, ""), at.when, f"position_{said.name if said else guessed}"))
+        )
+        found.setdefault(at, Entry("cells", name, f"{{{whose}}}", "" if said else why))
+    if not found:
+        raise _unlike(table, "a position", arm)
+    several = [own for at, own in found.items() if at.target in markers or at.when]
+    yield from several or [*found.values()][:1]
 
 
 def _cells_of(table: TableCells, k: int, count: int) -> Array:
@@ -506,7 +618,8 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         name for name, kind in kinds.items() if kind == "mass" or STATE_OF_WORD.get(plain(name)) == "after"
     ]
     names += [name for name in others if name not in names and _of_states(table, name)]
-    weighed = _weighed(table) if "mass" not in {*kinds.values(), *said.values()} else []
+    names += _told_by_cells(table, arm, [name for name, kind in kinds.items() if not kind], names)
+    weighed = [] if "mass" in {*kinds.values(), *said.values()} else mass_columns(table)
     massive = [table.names[k] for k in weighed[:1]]
     names = [name for name in names if name not in massive]
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
@@ -514,45 +627,79 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
     lined = any(_lines(table))
-    told, parted, posed = _told(table, arm, said), list[str](), "pose" in said.values()
+    told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
     for name in names:
         texts = keys_of(table, [name])
         distinct = list(dict.fromkeys(texts))
         if _of_states(table, name):
             yield Entry("columns", "state", name)
             yield from _states(distinct)
-        elif len(distinct) > 1 and _parts_of(texts, arm, told, posed=posed):
+        elif len(distinct) > 1 and _parts_of(texts, arm, told, own):
             parted.append(name)
         elif column_meaning(name) == "state":
             continue  # in words that nobody knows
         elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
             yield Entry("columns", "marker", name)
             yield from _targets(distinct, arm)
-        elif len(distinct) > 1 and not posed:
-            posed = True
+            own.add("marker")
+        elif len(distinct) > 1 and "pose" not in own:
+            _refuse_unknown_words(table, name, texts, arm)
+            own.add("pose")
             yield Entry("columns", "pose", name)
     yield from _sections(table, arm, massive)
     for name in parted:  # beside columns that hold nothing else
         texts = keys_of(table, [name])
-        if parts := _parts_of(texts, arm, told, posed=posed):
+        if parts := _parts_of(texts, arm, told, own):
             yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
             shots = "the last number of a name counts shots" if parts.shots else shots
-            words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
-            yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
-            yield from _targets(parts.targets, arm)
-            posed = posed or "{pose}" in parts.pattern
+            yield from _words_of_parts(parts, texts, arm)
+            own |= {part for part in ("pose", "marker") if f"{{{part}}}" in parts.pattern}
     if shots:
         yield Entry("file", "average", True, shots)
 
 
+def _words_of_parts(parts: "_Parts", texts: Sequence[str], arm: Arm) -> Iterator[Entry]:
+    """What the words in names of several parts mean: masses, else states; and targets."""
+    words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
+    masses = masses_in(parts.loads)
+    yield from (Entry("words", mass.partition(" ")[0], word) for word, mass in masses.items())
+    if not masses:
+        yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
+    yield from _targets(parts.targets, arm)
+
+
+def _told_by_cells(
+    table: TableCells, arm: Arm, unknown: Sequence[str], names: Sequence[str]
+) -> Iterator[str]:
+    """Columns that hold the arm's markers, or states, whatever they are called; where none is called so."""
+    markers = {*map(squeeze, arm.markers)}
+
+    def of_markers(name: str) -> bool:
+        return {*map(squeeze, keys_of(table, [name]))} <= markers
+
+    def of_states(name: str) -> set[str]:
+        words = {squeeze(text).strip("0123456789") for text in keys_of(table, [name])}
+        return {STATE_OF_WORD.get(word, "") for word in words}
+
+    if not any(map(of_markers, names)):
+        yield from [name for name in unknown if of_markers(name)][:1]
+    if not any(_of_states(table, name) for name in names):
+        both = [name for name in unknown if of_states(name) == {*STATES}]
+        yield from [name for name in both if _of_states(table, name)][:1]
+
+
 def _of_states(table: TableCells, name: str) -> bool:
-    """Whether every cell of a column is a word for a state."""
+    """Whether every cell of a column is a word for a state, one word for all loaded readings.
+
+    "Loaded 1" and "Loaded 2" are two loads; of "under load" and "after", one may be unloaded again.
+    """
     texts = {*keys_of(table, [name])}
-    if column_meaning(name) == "name":
-        return {*map(squeeze, texts)} <= {*STATE_OF_CELL} and not any(map(is_decimal, texts))
-    steps = {(state_of(text), *NUMBER.findall(text)) for text in texts}
-    states = {state for state, *_ in steps}  # "Loaded 1" and "Loaded 2" are two loads
-    return unit_of(table, table.names.index(name)) is None and "" not in states and len(steps) == len(states)
+    if column_meaning(name) == "name" and not {*map(squeeze, texts)} <= {*STATE_OF_CELL} - {"0", "1"}:
+        return False
+    states = [state_of(text) for text in {*map(squeeze, texts)}]
+    steps = {tuple(NUMBER.findall(text)) for text in texts}
+    alike = "" not in states and (states.count("after") == 1 or ({*states} == {"before"} and len(steps) == 1))
+    return alike and unit_of(table, table.names.index(name)) is None
 
 
 @dataclass(frozen=True)
@@ -620,6 +767,10 @@ def _sections(table: TableCells, arm: Arm, massive: Collection[str]) -> Iterator
         if name in (SECTION, SHEETS) and all(map(state_of, texts)):
             yield Entry("columns", "state", name)
             yield from _states(texts)
+        elif name == SECTION and _marked(texts, arm):
+            yield Entry("columns", "marker", name)
+            both = zip(texts, parts_in(texts, arm.markers), strict=True)
+            yield from (Entry("words", arm.markers[k], text) for text, k in both)
         elif name == SHEETS:
             yield Entry("columns", "marker", name)
             yield from _targets(texts, arm)
@@ -631,50 +782,89 @@ def _states(words: Sequence[str]) -> Iterator[Entry]:
             yield Entry("words", state, own)
 
 
+def _refuse_unknown_words(table: TableCells, name: str, texts: Sequence[str], arm: Arm) -> None:
+    """Refuse names of several parts that differ in nothing but a word that nobody knows, as P1_U and P1_L."""
+    rows = [WORD.findall(text) for text in texts]
+    columns = list(zip(*rows, strict=True)) if {*map(len, rows)} - {1} and len({*map(len, rows)}) == 1 else []
+    unknown = list[list[str]]()
+    for k, words in enumerate(columns):
+        kinds = list(dict.fromkeys(words))
+        others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
+        again = len({*others}) < len({*zip(words, others, strict=True)})
+        known = {*map(squeeze, kinds)} <= {*map(squeeze, arm.markers)} or any(map(is_decimal, kinds))
+        if again and not known and 1 < len(kinds) <= SHOTS:
+            unknown.append(kinds)
+    if unknown:
+        few = " and ".join(map(repr, min(unknown, key=len)[:3]))
+        hint = f'say it in a map, as [cells] {json.dumps(name)} = "{{pose}}_{{when}}", [words] before = "..."'
+        raise table.header_error(f"nobody knows what {few} mean in names as {texts[0]!r}; {hint}", name)
+
+
 class _Parts(NamedTuple):
     """Describe names of several parts."""
 
     pattern: str  #: Such as "P{pose}_{marker}_*".
     targets: list[str]  #: Names of the targets in them, each once.
+    loads: list[str]  #: Words in them that say a mass, each once.
     shots: bool  #: Whether a part counts shots.
 
 
-def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, *, posed: bool) -> _Parts | None:
-    """Find what names of several parts hold; None where fewer than two parts differ."""
+def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str]) -> _Parts | None:
+    """Find what names of several parts hold; None where fewer than two parts differ.
+
+    Args:
+        texts: The names, one per row.
+        arm: The arm, with the names of its markers.
+        told: Joints and positions of the rows.
+        own: Quantities, of pose and marker, that other columns say.
+    """
     between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
     if len(between) > 1:
         return None
-    columns, parts, targets, shots = list(zip(*rows, strict=True)), list[str](), list[str](), False
+    columns, parts, shots = list(zip(*rows, strict=True)), list[str](), False
+    targets, loads = list[str](), list[str]()
     for k, words in enumerate(columns):
         kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
         others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
-        free, of_poses = not posed and "{pose}" not in parts, told.poses(words)
+        free, of_poses = not {"pose", "{pose}"} & {*own, *parts}, told.poses(words)
+        of_targets = len(kinds) <= TARGETS and told.apart(others)
+        masses = masses_in(words)
+        unit = next(iter({mass.partition(" ")[2] for mass in masses.values()} - {""}), "")
+        counts = all(word.isdecimal() for word in words)
         holes = [
             (words[0], len(kinds) == 1),
+            ("*", "marker" in own and kinds <= {*map(squeeze, arm.markers)}),
             ("{marker}", kinds <= {*map(squeeze, arm.markers)}),
             ("{when}", kinds <= {*STATE_OF_WORD}),
             (f"{{mass_{after}}}", after in ("kg", "lb")),
-            ("{mass_kg}kg", all(re.fullmatch(r"\d+kg", kind) for kind in kinds)),
+            (f"{{mass_{unit}}}", bool(masses)),
             ("{pose}" if free else "*", of_poses),
-            ("{marker}", len(kinds) <= TARGETS and "{marker}" not in parts and told.apart(others)),
+            ("{marker}", of_targets and not {"marker", "{marker}"} & {*own, *parts}),
             ("{pose}", free),
-            ("*", len(kinds) <= SHOTS),
+            (
+                "*",
+                len(kinds) <= SHOTS and (counts or len({*others}) == len({*zip(words, others, strict=True)})),
+            ),
         ]
         part = next((hole for hole, fits in holes if fits), "")
         targets = list(dict.fromkeys(words)) if part == "{marker}" else targets
-        shots = shots or (part == "*" and not of_poses)
+        loads = list(dict.fromkeys(words)) if masses and part == f"{{mass_{unit}}}" else loads
+        shots = shots or (part == "*" and counts and not of_poses)
         parts.append(part)
     if "" in parts or sum(part == "*" or "{" in part for part in parts) < 2:
         return None
     [ends] = between
     pattern = "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))
-    return _Parts(pattern, targets, shots)
+    return _Parts(pattern, targets, loads, shots)
 
 
 # --- A map proposed for an export: by the layout that fits it, else by the names of its columns -------------
 
 LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
 WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
+MASS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)(?![^\W_])", re.IGNORECASE)
+"""A mass in the name of a column, such as "X 150 kg [mm]"."""
+MAX_HEADER = 3  #: Most lines of a header.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
 LONGEST = 2_000  #: Letters of a line above a table that is looked at.
 
@@ -763,17 +953,14 @@ def propose(
     """
     sheets = sheets_of(path, arm, layout) if loaded is None else []
     table, fits = _read(path, arm, layout, sheets)
-    entries, every = _layout_entries("file", fits), [(fits, table)]
-    if sheets:
-        entries.append(Entry("file", "sheets", sheets))
-    if table.names[-1:] == (SECTION,):
-        entries.append(Entry("file", "sections", True))
-    if table.head > 1:
-        entries.append(Entry("file", "header", table.head))
+    entries, every = [*_layout_entries("file", fits), *_file_entries(table, sheets)], [(fits, table)]
     if loaded is not None:
         table = with_loaded(table, _read(loaded, arm, layout)[0])
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
     above = fits.above if fits else _lines_above(table)
+    patterns, loads = _loads_in_names(table, arm)
+    if patterns:
+        table = stack_loads(table, patterns, loads)
     if log is None:
         joint = joints_of(arm)
         joints = [k for k, name in enumerate(table.names) if joint(name)]
@@ -787,7 +974,7 @@ def propose(
         table, points, of_log, read = _joined(table, log, arm, fits, beside)
         entries += of_log
         every.append(read)
-    length = stated_length_unit(above) or (fits and fits.layout.length) or ""
+    length = stated_length_unit(above) or _unit_in_cells(table) or (fits and fits.layout.length) or ""
     stated = Stated()
     for one, source in every:
         if one:
@@ -795,6 +982,11 @@ def propose(
             stated.order(one, source, arm)
     entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
     entries += names_by_cells(table, arm, stated.names)
+    named = {without_load(pattern): pattern for pattern in patterns}
+    entries = [
+        own._replace(value=named[own.value]) if isinstance(own.value, str) and own.value in named else own
+        for own in entries
+    ]
     asked = ""
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
@@ -868,6 +1060,8 @@ def _read(
     def known(name: str) -> bool:
         return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
+    if _lies(path, arm):
+        return read_log(path, known, FileLayout(transposed=True, sheets=[*sheets])), None
     fits = fitting(path, arm, layout)
     file = (fits.file if fits else FileLayout()).model_copy(update={"sheets": [*sheets]})
     own = bool if fits else known
@@ -876,15 +1070,54 @@ def _read(
     except InputError:
         with contextlib.suppress(InputError):
             table = read_log(path, own, file.model_copy(update={"sections": True}))
-            if all(map(state_of, table.texts(len(table.names) - 1))):
+            titles = list(dict.fromkeys(table.texts(len(table.names) - 1)))
+            if all(map(state_of, titles)) or masses_in(titles) or _marked(titles, arm):
                 return table, fits
         raise
-    if not fits and len({*filter(place, table.names)}) < len([*filter(place, table.names)]):
-        with contextlib.suppress(InputError):  # merged cells in a line above may say which is which
-            wide = read_log(path, own, file.model_copy(update={"header": 2}))
-            if len({*filter(place, wide.names)}) == len([*filter(place, table.names)]):
+    axes, lines = [*filter(place, table.names)], 1
+    while not fits and len({*filter(place, table.names)}) < len(axes) and lines < MAX_HEADER:
+        lines += 1  # merged cells in lines above may say which is which
+        with contextlib.suppress(InputError):
+            wide = read_log(path, own, file.model_copy(update={"header": lines}))
+            if len({name for name in wide.names if place(MASS.sub(" ", name))}) == len(axes):
                 return wide, fits
     return table, fits
+
+
+def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
+    """Find columns of positions that differ in nothing but a load in their names.
+
+    Returns:
+        Their names with the place of the load, such as "X {mass_kg} [mm]", and the loads.
+    """
+    place, loads = places(arm), set[str]()
+    patterns = dict[str, None]()
+    for name in table.names:
+        masses = [*MASS.finditer(name)]
+        if len(masses) == 1 and place(MASS.sub(" ", name)):
+            unit = masses[0]["unit"].casefold()[:2]
+            patterns[MASS.sub(f"{{mass_{unit}}}", name)] = None
+            loads.add(squeeze(masses[0][0]))
+    for pattern in patterns:
+        before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
+        for name in map(squeeze, table.names):
+            word = name.removeprefix(before).removesuffix(after)
+            if f"{before}{word}{after}" == name and STATE_OF_WORD.get(word) == "before":
+                loads.add(word)
+    return ([*patterns], sorted(loads)) if len(loads) > 1 else ([], [])
+
+
+def _lies(path: Path, arm: Arm) -> bool:
+    """Whether the first cells of a file's lines name the joints: its rows are columns."""
+    text, how = read_letters(path, None, ".")
+    rows = even_rows(split_lines(path, text), ["\t"] if how.startswith(SHEET) else DELIMITERS[:4])
+    return bool(joint_family([row[0] for row in rows], arm))
+
+
+def _marked(titles: Sequence[str], arm: Arm) -> bool:
+    """Whether lines of words are those of the arm's markers, such as "Marker P1", each once."""
+    rows = parts_in(titles, arm.markers)
+    return bool((rows >= 0).all()) and len({*rows.tolist()}) == len(titles) > 1
 
 
 def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
@@ -922,10 +1155,37 @@ def _alike(first: TableCells, path: Path, arm: Arm, layout: str | None) -> bool:
     return False
 
 
+def _unit_in_cells(table: TableCells) -> str:
+    """The unit of lengths that every cell of a column of units says; "" without such a column."""
+    for name in (name for name in table.names if UNIT_LABEL.fullmatch(name)):
+        units = {
+            unit.name
+            for text in table.texts(table.names.index(name))
+            if (unit := find_unit(text)) and unit.si == "m"
+        }
+        if len(units) > 1:
+            raise table.header_error(f"expected one unit of length, got {' and '.join(sorted(units))}", name)
+        if units:
+            return units.pop()
+    return ""
+
+
 def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
     """Where the table of a layout is, and how it is written."""
     said = fits.file.model_dump(exclude_defaults=True, exclude_none=True) if fits else {}
     return [Entry(table, key, value) for key, value in said.items() if (key, value) != ("skip", 0)]
+
+
+def _file_entries(table: TableCells, sheets: Sequence[str]) -> Iterator[Entry]:
+    """How a table was read where no layout says it."""
+    if sheets:
+        yield Entry("file", "sheets", [*sheets])
+    if table.names[-1:] == (SECTION,):
+        yield Entry("file", "sections", True)
+    if table.transposed:
+        yield Entry("file", "transposed", True, "the first column names the joints")
+    if table.head > 1:
+        yield Entry("file", "header", table.head)
 
 
 @dataclass
@@ -1099,7 +1359,8 @@ def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Lo
         own = [*map(squeeze, keys_of(table, [ours]))]
         alone = np.array([text not in texts for text in own], dtype=bool)
         if alone.mean() < 0.5 and len({*own}) > 1:
-            same = {column_meaning(ours), column_meaning(theirs)} == {"name"} and {*own} == texts
+            called = squeeze(ours) == squeeze(theirs) or {*map(column_meaning, (ours, theirs))} == {"name"}
+            same = called and {*own} <= texts and all(text.isdecimal() for text in texts)
             if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
     for ours, (theirs, _) in product(dict.fromkeys(table.names), once.items()):

@@ -9,11 +9,13 @@ Several shots of a point are averaged, and their standard deviation gives the no
 Noise of readings: one standard deviation for a file, one per row, or a covariance of each.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, along_lines, select_rows
 from testbench.errors import Array, Ids, Mask, check_type
@@ -43,8 +45,10 @@ from testbench.files.names import (
     What,
     columns_of,
     plain,
+    split_unit,
     squeeze,
 )
+from testbench.files.rearranged import clock
 from testbench.files.table import TableCells, table_of
 
 # --- Positions of targets: readings of one target in one state each; a row of a file may hold several -------
@@ -442,6 +446,56 @@ def average_shots(columns: Columns) -> tuple[Columns, list[str]]:
     return replace(columns, names=names, table=table), [words]
 
 
+MAX_KINDS = 12  #: Most different texts of a column that tells loads, states or targets apart.
+CONDITIONS = ("run", "pose", "marker", "station", "state", "loading", "mass", "force", "moment", "joint")
+"""Quantities that tell the readings of a file apart."""
+
+
+def refuse_untold(columns: Columns) -> None:
+    """Refuse readings of one point under one load that only a column which is not read tells apart.
+
+    The words may be loads, states or targets in a language that nobody knows here.
+
+    Args:
+        columns: The columns of the file.
+
+    Raises:
+        InputError: Names that column and its words.
+    """
+    table, kinds = columns.table, (*CONDITIONS, "series", "fixed", "direction")
+    told = [np.array(table.texts(c.index)) for c in columns.all_of(*kinds)]
+    code = number_rows(*told) if told else np.zeros(table.rows, dtype=int)
+    shared = np.bincount(code)[code] > 1
+    if columns.names.map.file.average or 2 * shared.sum() < table.rows:
+        return
+    for k, name in enumerate(table.names):
+        if name not in columns.ignored:
+            continue
+        texts = list(dict.fromkeys(table.texts(k)))
+        if not 1 < len(texts) <= MAX_KINDS or _counts(texts):
+            continue
+        if (repeats(code, number_rows(np.array(table.texts(k)))) == 0).all():
+            few = ", ".join(map(repr, texts[:3])) + ", ..." * (len(texts) > 3)
+            unit = table.units[k] or (split_unit(name) or ("", None))[1]
+            force = unit is not None and unit.si == "N"
+            what = (
+                f'force_z = "{name}", or "-{name}" of weights'
+                if force
+                else f'mass_kg, state or marker = "{name}"'
+            )
+            hint = f"{what}; if rows are repeated readings say average = true in [file]"
+            problem = f"only this column, {few}, tells readings of one point apart, and it is not read"
+            raise table.header_error(f"{problem}; say what it is in [columns] of a map, as {hint}", name)
+
+
+def _counts(texts: Sequence[str]) -> bool:
+    """Whether texts are numbers that count from 0 or 1, numbers without 0, or times."""
+    own = [text.replace(",", ".") for text in texts]
+    numbers = {float(text) for text in own if is_decimal(text)}
+    counted = numbers in ({*map(float, range(len(own)))}, {*map(float, range(1, len(own) + 1))})
+    return counted or 0 not in numbers if len(numbers) == len(own) else clock(texts) is not None
+
+
 # --- Reader of measured runs from a text file of an instrument, a spreadsheet or a robot --------------------
 
 HELD = 2e-4
@@ -707,6 +761,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     columns, shots = average_shots(columns)
     # Conditions and positions of every row, then pairs of unloaded and loaded readings.
     conditions = read_conditions(columns, arm)
+    refuse_untold(columns)
     lines = read_lines(columns)
     read = read_readings(columns, arm, conditions.loaded, lines)
     runs = pair(columns.table, conditions, read)

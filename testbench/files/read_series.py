@@ -46,6 +46,7 @@ from testbench.files.read_pairs import (
     read_readings,
     read_scatter,
     readings_by_group,
+    refuse_untold,
     runs_of,
 )
 
@@ -129,6 +130,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     words = set() if state is None else set(columns.table.texts(state.index))
     loaded = any(columns.names.word(word, WHEN) == "after" for word in words)
     conditions = read_conditions(columns, arm, needs_load=loaded)
+    refuse_untold(columns)
     # Without a column of markers all readings are of one target.
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.all_of("reading"))
@@ -143,6 +145,8 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     fit = _fitted_notation(columns, arm, conditions, read)
     whole, first, lost, more = _assembled(columns, arm, (conditions, read, scatter), fit)
     fixed = read_fixed_points(columns) if meters else None
+    aside = [] if meters else [c.name for c in columns.all_of("distance", "fixed")]
+    notes += [f"warning: these columns are not read beside positions: {', '.join(aside)}"] * bool(aside)
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
     notes += [] if fixed is None else fixed.notes
     if columns.names.map.frame == "base":

@@ -5,17 +5,18 @@ A robot's log is joined to a tracker's file, each reading with the row of its na
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from testbench.arm.document import is_decimal
 from testbench.errors import Array, Ids, InputError
 from testbench.files.languages import FLAGS, Language, known_languages
-from testbench.files.mapping import FileLayout, Log, Named, Names
+from testbench.files.mapping import LOAD, FileLayout, Log, Named, Names, as_tuple, without_load
 from testbench.files.motion import PointText, Source, read_points
 from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze
 from testbench.files.table import TableCells, read_table, table_of
@@ -121,8 +122,13 @@ def _text(source: Source, point: PointText, axis: str) -> str:
 # --- Tables rearranged: cells of several quantities become columns, three rows of a point become one --------
 
 MAX_STARS = 2  #: Wildcards in a pattern: more take long to match.
-WHOLE_CELL = re.compile(r"\{(?P<what>joints|position)_(?P<unit>[a-z]+)(?:_(?P<slide>[a-z]+))?\}")
+WHOLE_CELL = re.compile(
+    r"\{(?:(?P<marker>\w+?)_)??(?:(?P<when>before|after)_)?(?P<what>joints|position)_(?P<unit>[a-z]+)(?:_(?P<slide>[a-z]+))?\}"
+)
 """Of several numbers in a cell: their unit, and that of joints that slide."""
+DIRECTION = "direction"  #: Of a cell that holds an axis of the world with its sign.
+SIGNED_AXIS = re.compile(r"(?P<sign>[+-]?) ?(?P<axis>[xyz]) ?(?P<behind>[+-]?)", re.IGNORECASE)
+"""An axis of the world with its sign, such as -Z or X+."""
 NUMBERS = [
     re.compile(rf"(?<![\w{mark}])[-+]?(?:\d+(?:[{mark}]\d*)?|[{mark}]\d+)(?:[eE][-+]?\d+)?(?!\w)")
     for mark in (".", ",")
@@ -143,6 +149,50 @@ FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
 """Ways of writing a time, of which the first that fits a whole column counts; "" for seconds and ISO 8601."""
 
 
+def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[str]) -> TableCells:
+    """Put columns that differ in nothing but the load in their names below each other, load by load.
+
+    Args:
+        table: The table.
+        patterns: Names with the place of the load, such as "X {mass_kg} [mm]".
+        words: Loads in words; a load may also be a number.
+
+    Returns:
+        The table with one column per pattern, called as it without the load, and the column of the loads.
+
+    Raises:
+        InputError: If the columns of a pattern are not there, or are of other loads than others.
+    """
+    names, stacked = [squeeze(name) for name in table.names], dict[str, dict[str, int]]()
+    known = {*map(squeeze, words)}
+    for pattern in dict.fromkeys(patterns):
+        before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
+        inner = re.compile(f"{re.escape(before)}(?P<load>.+){re.escape(after)}")
+        every = {match["load"]: k for k, name in enumerate(names) if (match := inner.fullmatch(name))}
+        found = {load: k for load, k in every.items() if load in known or is_decimal(load)}
+        first = next(iter(stacked.values()), found)
+        if not found or {*found} != {*first}:
+            problem = f"expected columns {pattern!r} of the loads {', '.join(first) or 'in [words]'}"
+            raise table.header_error(f"{problem}, got {', '.join(found) or 'none'}")
+        stacked[pattern] = found
+    loads = list(next(iter(stacked.values())))
+    whole = table.take(np.tile(np.arange(table.rows), len(loads)))
+    gone = {k for found in stacked.values() for k in found.values()}
+    kept = [k for k in range(len(names)) if k not in gone]
+    firsts = [found[loads[0]] for found in stacked.values()]
+    hole = next(match[1] for pattern in patterns if (match := LOAD.search(pattern)))
+    return replace(
+        whole,
+        names=(*(table.names[k] for k in kept), *map(without_load, stacked), hole),
+        units=(*(table.units[k] for k in (*kept, *firsts)), None),
+        cells=[
+            *(whole.cells[k] for k in kept),
+            *(pa.concat_arrays([table.cells[found[load]] for load in loads]) for found in stacked.values()),
+            pa.array(np.repeat(loads, table.rows).tolist(), pa.string()),
+        ],
+    )
+
+
 def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     """Split cells that hold several quantities, such as "P1_loaded", into one column per quantity.
 
@@ -158,6 +208,8 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     Raises:
         InputError: If a pattern is invalid, or a cell fits none of its patterns.
     """
+    loaded = [own for theirs in names.map.columns.values() for own in as_tuple(theirs) if LOAD.search(own)]
+    table = stack_loads(table, loaded, names.loads) if loaded else table
     read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
         place, wholes = f"cells.{header}", []
@@ -166,6 +218,15 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
             raise names.error(table.path, place, f"no such column; columns are {have}")
         if len(patterns) == 1 and (whole := WHOLE_CELL.fullmatch(patterns[0])):
             table, parts = _numbers_apart(table, header, whole, names)
+            read_as += parts
+            read_as[table.names.index(header)] = ""
+            continue
+        if patterns == (f"{{{DIRECTION}}}",):
+            parts, wanted = (
+                [f"{DIRECTION}_{axis}" for axis in XYZ],
+                "an axis of the world with its sign, as -Z",
+            )
+            table = table.with_parts(table.names.index(header), parts, _direction, wanted)
             read_as += parts
             read_as[table.names.index(header)] = ""
             continue
@@ -198,12 +259,22 @@ def _parted_by(wholes: Sequence[re.Pattern[str]]) -> Callable[[str], Mapping[str
     return parts
 
 
+def _direction(text: str) -> dict[str, str] | None:
+    """The unit vector of an axis such as -Z, blank for a blank cell; None for anything else."""
+    own = SIGNED_AXIS.fullmatch(text)
+    if own is None or (own["sign"] and own["behind"]):
+        return None if text else {}
+    number = "-1" if "-" in (own["sign"], own["behind"]) else "1"
+    return {f"{DIRECTION}_{axis}": number if axis == own["axis"].casefold() else "0" for axis in XYZ}
+
+
 def _numbers_apart(
     table: TableCells, header: str, pattern: re.Match[str], names: Names
 ) -> tuple[TableCells, list[str]]:
     """Joints, or a position, whose numbers stand in one cell with anything between them."""
     what: What = "joint" if pattern["what"] == "joints" else "reading"
-    slots = {slot.index: key for key, slot in names.ours.items() if slot == Slot(what, slot.index)}
+    of = pattern["marker"] or "", pattern["when"] or ""
+    slots = {slot.index: key for key, slot in names.ours.items() if slot == Slot(what, slot.index, *of)}
     keys = [slots[n] for n in sorted(slots) if n != WHOLE_NUMBER]
     slides = names.slides if what == "joint" else frozenset()
     units = [pattern["slide"] or "m" if n in slides else pattern["unit"] for n in range(len(keys))]

@@ -17,7 +17,16 @@ from testbench.arm.document import NUMBER, is_integer
 from testbench.errors import Array, Ids, InputError, Mask, printable
 from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, find_unit, squeeze
-from testbench.files.text import SHEET, TableHeader, find_header, read_letters, rows_of, split_lines
+from testbench.files.text import (
+    DELIMITERS,
+    SHEET,
+    TableHeader,
+    even_rows,
+    find_header,
+    read_letters,
+    rows_of,
+    split_lines,
+)
 
 BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
 FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
@@ -85,6 +94,7 @@ class TableCells:
     decimal: str | None  #: The decimal mark; None to find it in the cells.
     sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
     head: int  #: Lines of the header.
+    transposed: bool  #: Whether lines here are columns of the file.
     #: Of every column: texts, or numbers that were computed.
     cells: Sequence["pa.Array"] = field(repr=False)
     #: Tables whose rows stand below those of the first, and which table each row is of, (rows,).
@@ -135,8 +145,10 @@ class TableCells:
         Returns:
             Such as "line 3, column x_mm".
         """
-        row = f"sheet {self.sheet}, row {line}" if self.sheet else f"line {line}"
-        return f"{row}, column {column}" if column else row
+        sheet, (row, cell) = f"sheet {self.sheet}, " * bool(self.sheet), ("line", "column")
+        row = "row" if self.sheet else row
+        row, cell = ("column", "row") if self.transposed else (row, cell)
+        return f"{sheet}{row} {line}, {cell} {column}" if column else f"{sheet}{row} {line}"
 
     def refuse(self, bad: Mask, columns: str | Sequence[str], problem: str | Callable[..., str]) -> None:
         """Raise an InputError at the first marked row or cell, if there is any.
@@ -498,6 +510,10 @@ def table_of(
     if encoding.startswith(SHEET):
         layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
     lines = split_lines(path, text)
+    if layout.transposed:
+        rows = even_rows(lines, [layout.delimiter] if layout.delimiter else DELIMITERS[:4])
+        lines = ["\t".join(column) for column in zip(*rows, strict=True)] or [""]
+        layout = layout.model_copy(update={"delimiter": "\t"})
     header = find_header(path, lines, layout, known)
     sections = [pa.array([printable(own) for own in header.sections], pa.string())] * layout.sections
     cells = _cells(*rows_of(path, header, lines), len(header.names))
@@ -513,6 +529,7 @@ def table_of(
         decimal=layout.decimal,
         sheet=encoding.removeprefix(SHEET) if encoding.startswith(SHEET) else "",
         head=layout.header,
+        transposed=layout.transposed,
         cells=[*(own for own, _ in behind), *sections],
     )
 

@@ -6,6 +6,7 @@ import functools
 import io
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
@@ -31,6 +32,9 @@ WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 """First bytes of the files: zip, and old .xls."""
 SHEET = "sheet "
 """Prefix of a sheet's name where an encoding is stated for text files."""
+UNIT_LABEL = re.compile("units?|einheit(en)?|unités?|unidad(es)?|unità|单位|単位", re.IGNORECASE)
+"""First cell of a line of units."""
+RULE = re.compile(r"[\s|+]*[-=_:]{2}[-=_:\s|+]*")  #: A line that only divides the rows of a drawn table.
 DAY_0 = datetime(1899, 12, 30)
 """First day of a spreadsheet's dates."""
 
@@ -280,6 +284,30 @@ def split_lines(path: Path, text: str) -> list[str]:
     return lines
 
 
+def even_rows(lines: Sequence[str], delimiters: Sequence[str] = DELIMITERS[:4]) -> list[list[str]]:
+    """Divide lines into rows of equally many cells, by the delimiter that leaves the fewest lines out.
+
+    Args:
+        lines: The lines of a file.
+        delimiters: What may separate the cells.
+
+    Returns:
+        The cells of every row; lines with another number of cells, blank lines and comments are left out.
+    """
+    said = [line for line in lines if line.strip(BLANK) and not is_comment(line)]
+    best: list[list[str]] = []
+    for mark in delimiters:
+        rows = [row for row in (cells_in(line, mark) for line in said) if len(row) > 1]
+        counts = Counter(map(len, rows))
+        rows = [row for row in rows if len(row) == max(counts, key=lambda count: counts[count])]
+        best = rows if len(rows) > len(best) else best
+    return best
+
+
+class UnevenRows(InputError):
+    """Signal a row with another number of cells than the header."""
+
+
 @dataclass(frozen=True)
 class TableHeader:
     """Hold the header of a table."""
@@ -313,7 +341,7 @@ def find_header(
         InputError: If the file is empty.
     """
     # Lines with content, between the skipped ones and the footer.
-    said = [k for k, line in enumerate(lines) if line.strip(BLANK)]
+    said = [k for k, line in enumerate(lines) if line.strip(BLANK) and not RULE.fullmatch(line)]
     said = [k for k in said[: len(said) - layout.footer] if k >= (layout.skip or 0)]
     if not said:
         raise InputError(path, "line 1", "expected a header, the file is empty")
@@ -329,6 +357,7 @@ def find_header(
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
     others = [k for k in rows if _is_statistic(lines[k], delimiter)]
+    others = _summaries(lines, others, [k for k in rows if k not in {*others}], delimiter)
     rows = [k for k in rows if k not in {*others}]
     while len(rows) > 1 and not layout.sections and _is_remark(lines[rows[-1]], delimiter, len(names)):
         others.append(rows.pop())
@@ -343,10 +372,11 @@ def find_header(
     if units:
         kept = [n for n, k in enumerate(rows) if lines[k].strip() != lines[rows[0]].strip()]
         rows, sections = [rows[n] for n in kept], [sections[n] for n in kept if sections]
-    width = width_of([lines[k] for k in (said[at + layout.header - 1], *rows)], delimiter)
+    last = said[min(at + layout.header, len(said)) - 1]
+    width = width_of([lines[k] for k in (last, *rows)], delimiter)
     names += [""] * (width - len(names))
     return TableHeader(
-        line=said[min(at + layout.header, len(said)) - 1] + 1,
+        line=last + 1,
         skipped=at,
         delimiter=delimiter,
         names=tuple(names),
@@ -395,6 +425,23 @@ def _is_statistic(line: str, delimiter: str) -> bool:
     return STATISTIC.match(begins) is not None and bool(
         STATISTIC.fullmatch(_first_word(line, delimiter).casefold())
     )
+
+
+def _summaries(lines: Sequence[str], some: Sequence[int], rows: Sequence[int], delimiter: str) -> list[int]:
+    """Those of some rows that sum others up: a pose called Max is as full, and has targets or rows below."""
+    if not some or not rows:
+        return [*some]
+    every = [cells_in(lines[k], delimiter) for k in rows]
+    words = {(n, cell) for row in every for n, cell in enumerate(row) if cell}
+    named = {(n, cell) for n, cell in words if not is_decimal(cell.replace(",", "."))}
+    full = max(sum(map(bool, row)) for row in every)
+    found = []
+    for k in some:
+        cells = cells_in(lines[k], delimiter)
+        whole = sum(map(bool, cells)) >= full and k < rows[-1]
+        if not whole and not {*enumerate(cells)} & named:
+            found.append(k)
+    return found
 
 
 def _first_word(line: str, delimiter: str) -> str:
@@ -520,6 +567,7 @@ def units_in(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
         The unit of every column, None for a blank cell; None for a line with other words.
     """
     words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
+    words[:1] = [word for word in words[:1] if not UNIT_LABEL.fullmatch(word)] or [""]
     units = [find_unit(word) for word in words]
     other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]
     if other or not any(units):
@@ -539,8 +587,8 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
         The CSV, and the delimiter of its cells.
 
     Raises:
-        InputError: If a row has another number of cells than the header, or more than `MAX_ROW_LENGTH`
-            letters.
+        UnevenRows: If a row has another number of cells than the header.
+        InputError: If a row has more than `MAX_ROW_LENGTH` letters.
     """
     count, (_, mark) = len(header.names), _divided("", header.delimiter)
     blanks, rows = _blanks(header.delimiter), list[str]()
@@ -561,7 +609,7 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
                 if not hint and _title(lines[k], header.delimiter, count):
                     hint = "; if such lines name the rows below say sections = true in the map's [file]"
                 problem = f"expected {count} fields, got {len(cells)}{hint}"
-                raise InputError(path, f"line {k + 1}", problem)
+                raise UnevenRows(path, f"line {k + 1}", problem)
             line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
         rows.append(line)
     return "\n".join(rows).encode(), mark
