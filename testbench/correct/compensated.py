@@ -466,13 +466,13 @@ def compensate(
         Corrected joints inside the limits, remaining errors and their intervals.
 
     Raises:
-        BenchError: When types or shapes do not fit, or there is no point.
+        BenchError: When types or shapes do not fit, joints are not in radians, or there is no point.
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
     check_type(aim, (Aim, NoneType), "aim")
-    q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
+    q = model.arm.check_positions(q)
     if not len(q):
         raise BenchError("q [rad, m]: expected at least one point")
     aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]

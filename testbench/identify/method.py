@@ -5,6 +5,7 @@ It is called like an estimator of your own: method(vjm, structure, data) -> Esti
 """
 
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Literal
 
 import numpy as np
@@ -219,10 +220,11 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
         A new method; call it as any other.
 
     Raises:
-        BenchError: When the estimator is not a `Method`, or the prior is not a `Prior`.
+        BenchError: When the estimator is not a `Method`, or the prior or its strength has another type.
     """
     if not isinstance(prior, Prior):
         raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
+    check_type(strength, (Strength, NoneType), "strength")
     return replace(_as_method(estimator, "prior"), prior=prior, strength=strength)
 
 

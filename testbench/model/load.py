@@ -81,10 +81,12 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
         The load: wrench (6,) or (poses, 6) [N, N m], point (3,) or (poses, 3) [m].
 
     Raises:
-        BenchError: When an argument has another type, or a mass is not finite.
+        BenchError: When an argument has another type, or a mass is negative or not finite.
     """
     check_type(vjm, Vjm, "vjm")
-    check_array(mass, (None,) * np.ndim(mass), "mass [kg]")
+    mass = check_array(mass, (None,) * np.ndim(mass), "mass [kg]")
+    if (mass < 0).any():
+        raise BenchError(f"mass [kg]: expected 0 or more, got {mass.min():g}")
     wrench = np.zeros((*np.shape(mass), 6))
     wrench[..., 2] = -GRAVITY * mass
     return Load(wrench, np.broadcast_to(vjm.load, (*np.shape(mass), 3)))

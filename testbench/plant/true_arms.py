@@ -344,7 +344,8 @@ TRUTH_DESCRIPTIONS = {
 def _check(name: str, kind: TrueArm) -> None:
     """Refuse what is no TrueArm, and the name of the family."""
     if name == FAMILY or not isinstance(kind, TrueArm):
-        raise BenchError(f"true arm {name!r}: expected a TrueArm of another name, got {kind!r}")
+        problem = f"expected a TrueArm of another name than {FAMILY!r}, got {type(kind).__name__}"
+        raise BenchError(f"true arm {name!r}: {problem}")
 
 
 true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TRUTHS, **HELD_OUT}, _check)
@@ -382,12 +383,16 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
         The plant of the true arm.
 
     Raises:
-        BenchError: If there is no such kind.
+        BenchError: If there is no such kind, or what it draws is no arm of the same joints and links.
     """
     from testbench.plant.build import build_plant
 
     kind, rng = true_arms[name], trial_rng(seed, 8)
-    plant = build_plant(kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng))
+    drawn = kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng)
+    if not isinstance(drawn, Arm) or (drawn.n_joints, drawn.n_theta) != (arm.n_joints, arm.n_theta):
+        problem = "expected an Arm of the same joints and links from draw(arm, rng)"
+        raise BenchError(f"true arm {name!r}: {problem}")
+    plant = build_plant(drawn)
     return plant if kind.springs is None else replace(plant, beyond=kind.springs(plant.arm, rng))
 
 

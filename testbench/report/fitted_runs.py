@@ -221,7 +221,8 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     yield from _of_intervals(f, taken)
     if taken.aggregated:
         yield say("The compliance of the link before includes: {aggregated:list}.", taken)
-    for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
+    further = [text for text in taken.advice if text not in f.why]
+    for text in (f"{f.recommended}: {f.why}", *f.notes, *further):
         yield say("{text}", text=ended(capital(text)))
 
 

@@ -31,7 +31,7 @@ from testbench.design.planning import (
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_array, check_type
+from testbench.errors import Array, BenchError, check_type
 from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.metric import cad_prior, scale_by_prior
@@ -104,15 +104,15 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
         The poses in the order of measuring, `.plan.q`, and the errors to expect at the tasks, `.forecast`.
 
     Raises:
-        BenchError: When an argument has another type, a number is out of range, or too little is measured
-            without a prior.
+        BenchError: When an argument has another type, a number is out of range, joints are not in radians, or
+            too little is measured without a prior.
         PoseError: When there are fewer feasible poses than the plan needs.
     """
     check_type(cell, Cell, "cell")
     check_type(settings, PlanSettings, "settings")
     if settings.absolute:
         raise BenchError("absolute: expected a plan for tasks")
-    q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
+    q = cell.arm.check_positions(q, "tasks q [rad, m]")
     return plan_for(cell, settings, Tasks(q, weight(cell.vjm, settings.loads_kg[0])))
 
 

@@ -174,7 +174,7 @@ def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
 
 def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are_refused(kr500, campaign):
     for bad in (0, np.nan, np.inf, 1e-200):
-        with pytest.raises(BenchError, match="uncertainty: expected 1e-06 to 1e"):
+        with pytest.raises(BenchError, match="uncertainty: expected a number from 1e-06 to 1e"):
             Strength(bad)
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
@@ -386,7 +386,8 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
     ours, theirs = errors(kr500, rigid, found, gco(kr500.vjm, joints_only(kr500.arm), rigid.identification))
     assert found.average.weight > 0.75
     [said] = of_average(found.average)
-    assert said.startswith("link compliances hardly improve the model, so Joints-only")
+    assert said.startswith("link compliances hardly improve the model, so ")
+    assert "Joints-only" in said
     assert ours < 1.05 * theirs
 
 
