@@ -370,7 +370,7 @@ def solve_path(vjm: Vjm, target: Target, guess: Reached, unsolved: Ids) -> Reach
 
 
 def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
-    """Find supports of a path and their joints; where joints turn fast, supports are added.
+    """Choose support points of a path, and find their joints; more points are chosen where joints turn fast.
 
     Args:
         vjm: Kinematics of the rigid arm.
@@ -475,7 +475,7 @@ def compensate(
     q = model.arm.check_positions(q)
     if not len(q):
         raise BenchError("q [rad, m]: expected at least one point")
-    aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
+    aim, loads = aim or Aim(), [load.for_poses(len(q)) for load in loads]
     point = np.array(aim.point)
     meant: JointMeaning = aim.reference or ("drawn" if model.absolute else "unloaded")
     # the target of the program, and how far the uncorrected tool is from it

@@ -113,7 +113,7 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPo
         BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
-    loads = [load.over(len(q)) for load in loads]
+    loads = [load.for_poses(len(q)) for load in loads]
     parts = (
         joint_equilibrium(state, q[batch], [load.select(batch) for load in loads])
         for batch in batches(len(q))

@@ -30,7 +30,13 @@ ASYMMETRY_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, repr=False)
 class Dataset(Displayed):
-    """Hold deflection measurements: readings of markers before and after loading, with poses and loads."""
+    """Hold deflection measurements: readings of markers before and after loading, with poses and loads.
+
+    For m markers on an arm of n joints it needs: `markers`, their names; `run` and `pose`, (runs,) integers;
+    `q`, joints, (runs, n) [rad, m]; `wrench`, the load in world axes, (runs, 6) [N, N m], which acts at
+    `point` of the tool's frame, (runs, 3) [m]; `before` and `after`, positions without and with the load in
+    the base's frame, (runs, m, 3) [m]; `sigma`, the standard deviation of one reading along one axis [m].
+    """
 
     markers: tuple[str, ...]  #: Names of the markers, m of them.
     run: Ids  #: Identifier of every run, (runs,).
@@ -239,7 +245,7 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], shapes:
         deviation = have[name]
         if deviation is None and name == "sigma_rotation":
             continue  # orientations were not read
-        if not (isinstance(deviation, Real) and 0 < deviation < MAX_SIGMA):
+        if not (isinstance(deviation, Real) and 0 < float(deviation) < MAX_SIGMA):
             problem = f"expected a number above 0 and below {MAX_SIGMA:g}, got {deviation!r}"
             raise BenchError(f"{name} [{unit}]: {problem}")
 
@@ -395,6 +401,10 @@ first axis."""
 @dataclass(frozen=True, repr=False)
 class Series(Displayed):
     """Hold the readings of one station of a tracker on one arm.
+
+    For m targets on an arm of n joints it needs names, `row` and `pose`, (rows,) integers, `q`, (rows, n)
+    [rad, m], `wrench`, (rows, 6) [N, N m] in world axes, at `point` of the tool's frame, (rows, 3) [m],
+    `position` in the tracker's frame, (rows, m, 3) [m], and `sigma` [m].
 
     Frame and target are names: series that share a name share the unknown frame or mount. Rows of one `pose`
     are readings without a move in between, such as unloaded and loaded: the model error there is common to

@@ -319,9 +319,13 @@ def _columns(
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
                 known = recognise(our, ours)
-                if known is None or "{" in their:
+                if "{" in their:
+                    problem = f"expected the same {{...}} in both names, got {name!r}"
+                    raise InputError(path, f"{section}.{key}", problem)
+                if known is None:
+                    joints = ", ".join(joint for joint, _ in choices["joint"]) or "none"
                     problem = (
-                        f"expected one of our quantities, with the same {{...}} in both names, got {name!r}"
+                        f"expected one of our quantities with its unit, got {our!r}; joints are {joints}"
                     )
                     raise InputError(path, f"{section}.{key}", problem)
                 if "{" in key and known[0] in alone:

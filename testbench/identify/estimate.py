@@ -63,7 +63,7 @@ class Penalty:
     lift: Array  #: pi = lift @ (parameters of C'), (n, k) [1].
 
     @property
-    def price(self) -> Array:
+    def gradient(self) -> Array:
         """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
         s = self.structure
         return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)

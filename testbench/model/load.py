@@ -44,12 +44,16 @@ from testbench.model.vjm import (
 
 @dataclass(frozen=True, repr=False)
 class Load(Displayed):
-    """Describe a wrench at the tool: one for all poses, or one per pose."""
+    """Describe a wrench at the tool: one for all poses, or one per pose.
+
+    `wrench`, (6,) or (poses, 6) [N, N m], is in world axes, force first. It acts at `point` of the tool's
+    frame, (3,) or (poses, 3) [m].
+    """
 
     wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
-    def over(self, poses: int) -> "Load":
+    def for_poses(self, poses: int) -> "Load":
         """Expand the load to one row per pose: wrench (poses, 6) [N, N m] and point (poses, 3) [m].
 
         Raises:
@@ -107,7 +111,7 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
     """
     total = np.zeros((len(rotation), 6))
     for load in loads:
-        expanded = load.over(len(total))
+        expanded = load.for_poses(len(total))
         lever = np.matvec(rotation, expanded.point)
         total[:, :3] += expanded.wrench[:, :3]
         total[:, 3:] += expanded.wrench[:, 3:] + np.cross(lever, expanded.wrench[:, :3])

@@ -498,7 +498,7 @@ def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Ar
         solve_unloaded_and_loaded,
     )
 
-    if truth == "nonlinear" and plant.beyond is not None and plant.beyond.slip is not None:
+    if truth == "nonlinear" and plant.spring_effects is not None and plant.spring_effects.slip is not None:
         return solve_unloaded_and_loaded(plant, q, wrench, point)  # where it stood decides where it comes to
     runs, find = len(q), solve_linear_equilibrium if truth == "linear" else solve_equilibrium
     loads = np.concatenate([np.zeros_like(wrench), wrench])

@@ -15,7 +15,13 @@ from testbench.design import absolute
 from testbench.design.absolute import JointUnknowns
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import Feasibility, Search, greedy
-from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
+from testbench.design.forecast import (
+    Forecast,
+    forecast_on,
+    inflate_intervals,
+    unbounded_predictions,
+    without_bound,
+)
 from testbench.design.gauges import Gauges
 from testbench.design.planning import (
     ChosenPoses,
@@ -150,7 +156,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
             (spec.workspace, spec.loads[0]),
         )
     )
-    around = without_bound(around, unbounded_rows(best.examined.problem, workspace_rows(spec)))
+    around = without_bound(around, unbounded_predictions(best.examined.problem, workspace_rows(spec)))
     return Planned(cell, settings, candidates, best, poses, forecast, around)
 
 
@@ -274,7 +280,7 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
     problem = candidate_set(spec, q).problem
     rows = task_rows(spec)
-    if numbers := (np.flatnonzero(unbounded_rows(problem, rows)) + 1).tolist():
+    if numbers := (np.flatnonzero(unbounded_predictions(problem, rows)) + 1).tolist():
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "

@@ -210,7 +210,7 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
         raise InputError(program.path, "", str(err)) from err
     wrench, at = program.wrench + along, tip if program.point is None else program.point
     hung = [weight(model.vjm, program.mass)] if program.mass.any() else []
-    pulls = [Load(wrench, at).over(len(q))] if wrench.any() or not hung else []
+    pulls = [Load(wrench, at).for_poses(len(q))] if wrench.any() or not hung else []
     return (*pulls, *hung)
 
 
@@ -469,13 +469,13 @@ def with_payload(model: ArmModel, program: Program, mass: float | None) -> tuple
 
 def _of_plan(path: Path, model: ArmModel, mass: float | None) -> PosesWithLoads:
     """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
-    q, (found, pulls) = read_poses(path, model.arm), read_loads(path)
-    hung, notes = found, ()
+    q, (hung, pulls) = read_poses(path, model.arm), read_loads(path)
+    notes: tuple[str, ...] = ()
     if hung is None:
-        same, note = _without_load(model, mass)
-        hung, notes = np.full(len(q), same), (note,)
+        assumed, note = _without_load(model, mass)
+        hung, notes = np.full(len(q), assumed), (note,)
     labels = tuple(map(str, range(1, len(q) + 1)))
-    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
+    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).for_poses(len(q))]
     return PosesWithLoads(
         path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes
     )
