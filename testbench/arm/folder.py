@@ -476,7 +476,7 @@ class Arm(Displayed):
                 beyond `TWO_TURNS`.
         """
         values = check_array(q, (None, self.n_joints), what)
-        hinges = [not joint.prismatic for joint in self.joints]
+        hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         lower, upper = np.minimum(self.limits[0], -TWO_TURNS), np.maximum(self.limits[1], TWO_TURNS)
         if (wrong := ((values < lower) | (values > upper)) & hinges).any():
             pose, j = np.argwhere(wrong)[0]
