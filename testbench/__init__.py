@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from testbench.model.load import weight as weight
     from testbench.model.structure import Structure as Structure
     from testbench.model.vjm import Vjm as Vjm
-    from testbench.plant.disturbance import Beyond as Beyond
+    from testbench.plant.disturbance import SpringEffects as SpringEffects
     from testbench.plant.true_arms import TrueArm as TrueArm
     from testbench.plant.true_arms import member_of_family as member_of_family
     from testbench.plant.true_arms import true_arms as true_arms
@@ -152,7 +152,7 @@ HOMES = {
     "JointLaw": "model.laws",
     "JointTurns": "model.laws",
     "TrueArm": "plant.true_arms",
-    "Beyond": "plant.disturbance",
+    "SpringEffects": "plant.disturbance",
 }
 """The module of every public name."""
 

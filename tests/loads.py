@@ -68,5 +68,5 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
 
 def correct(state, q, loads, target, aim=None):
     """Joints for which the loaded tool is on its target, all of them free."""
-    every = [load.over(len(q)) for load in loads]
+    every = [load.for_poses(len(q)) for load in loads]
     return solve_inverse_statics(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))

@@ -84,7 +84,7 @@ def test_coverage_by_kind_is_that_of_the_study():
 def test_ranks_of_the_page_are_those_of_the_arm(kr500, rng):
     """They do not depend on the draw: of the full load, of a weight in many poses, in eight."""
     q = kr500.arm.draw_poses(rng, 40)
-    load, where = weight(kr500.vjm, 460.3).over(len(q)), chain(kr500.vjm, q)
+    load, where = weight(kr500.vjm, 460.3).for_poses(len(q)), chain(kr500.vjm, q)
     for name, *numbers in rows("observation", "structure"):
         s = next(own for own in (getattr(structures, own)(kr500.arm) for own in BUILDERS) if own.name == name)
         A = observation(where, s, load.wrench, load.point, kr500.vjm.markers)
@@ -93,7 +93,7 @@ def test_ranks_of_the_page_are_those_of_the_arm(kr500, rng):
 
 
 def test_the_worked_example_sinks_by_what_the_page_says(kr500):
-    q, load = np.radians([[0.0, -60, 80, 0, 40, 0]]), weight(kr500.vjm, 460.3).over(1)
+    q, load = np.radians([[0.0, -60, 80, 0, 40, 0]]), weight(kr500.vjm, 460.3).for_poses(1)
     where = chain(kr500.vjm, q)
     sunk = -1e3 * displacement(
         where, secant(where, kr500.arm.C_theta, load.wrench, load.point), kr500.vjm.markers

@@ -14,7 +14,7 @@ answer of the test of poses left out, so that tables of other scales and thresho
 
 import csv
 import json
-from argparse import ArgumentParser
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -138,7 +138,7 @@ def decision(cell, truth, regression, constraint, prior, mean, _):
     worse, links failed.
     """
     rivals = average.links_and_joints(regression, mean, prior)
-    changes = rivals is not None and rivals.likeliest.regression.wander is not None
+    changes = rivals is not None and rivals.likeliest.regression.pose_variation is not None
     weights = (
         (average.MIN_JOINTS_WEIGHT, average.JOINTS_WEIGHT_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
     )
@@ -310,7 +310,7 @@ def without_prior(kind, rows):
 
 def main():
     """Judge, and print the tables."""
-    flags = ArgumentParser(description=__doc__)
+    flags = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     flags.add_argument("files", type=Path, nargs="+", help="lines go to the first; tables are of all")
     flags.add_argument("--seed", type=int, default=780001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")

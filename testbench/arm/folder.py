@@ -55,6 +55,7 @@ from testbench.errors import (
 ZERO_COEFFICIENT = 1e-9
 MAX_COEFFICIENT = 1000.0  #: Largest coefficient of a file joint [1].
 MAX_LISTED = 100  #: Most characters of joint names in a message.
+TWO_TURNS = 4 * math.pi  #: A hinge beyond this angle and its limits was given in degrees [rad].
 
 
 @dataclass(frozen=True)
@@ -459,6 +460,29 @@ class Arm(Displayed):
                 slack[:, :, None] / np.where(L > 0, L, np.nan), axis=1, where=L > 0, initial=np.inf
             )
         return np.asarray(self.scale * slack)
+
+    def check_positions(self, q: object, what: str = "q [rad, m]") -> Array:
+        """Convert joint positions to an array, and refuse degrees in place of radians.
+
+        Args:
+            q: Positions of the chain joints, (poses, n) [rad, m].
+            what: Name and unit of the argument, for the message.
+
+        Returns:
+            The positions, (poses, n) [rad, m].
+
+        Raises:
+            BenchError: When they have another shape or are not finite, or a hinge is beyond its limits and
+                beyond `TWO_TURNS`.
+        """
+        values = check_array(q, (None, self.n_joints), what)
+        hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
+        lower, upper = np.minimum(self.limits[0], -TWO_TURNS), np.maximum(self.limits[1], TWO_TURNS)
+        if (wrong := ((values < lower) | (values > upper)) & hinges).any():
+            pose, j = np.argwhere(wrong)[0]
+            problem = f"{self.joints[j].name} of pose {pose} is at {values[pose, j]:g} rad"
+            raise BenchError(f"{what}: expected radians; {problem}, more than two turns")
+        return values
 
     def pose_text(self, q: Array) -> str:
         """Write a pose, (n,) [rad, m], for people: file joints in degrees, slides in millimetres."""

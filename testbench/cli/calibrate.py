@@ -248,9 +248,14 @@ def _tables(f: Row) -> dict[str, Table]:
         "errors": LOOKS,
     }
     heads = {"steps": "after_mm", "series": "after.mean_mm"}
+    shown = {name: keys for name, (_, keys) in TABLES.items()}
+    if len(f.series) == 1:  # no whole series was held out
+        shown["steps"] = shown["steps"].removesuffix(" series_after_mm")
     return {
-        name: Table(columns(keys), rows[name], title, headline=heads.get(name, ""), looks=looks.get(name, {}))
-        for name, (title, keys) in TABLES.items()
+        name: Table(
+            columns(shown[name]), rows[name], title, headline=heads.get(name, ""), looks=looks.get(name, {})
+        )
+        for name, (title, _) in TABLES.items()
     }
 
 

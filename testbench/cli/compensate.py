@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,7 +27,7 @@ from testbench.runs.whole import check_file, claim_folder, whole_files
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.cell import build_cell
-from testbench.workflows.options import ArmCheck, Force, MapFile, Payload, of_flag, payload_of, plain, takes
+from testbench.workflows.options import ArmCheck, Force, MapFile, Payload, of_flag, plain, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings
@@ -98,8 +97,7 @@ def command(asked: CompensateOptions) -> None:
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
         programs.refuse_corrected(program)
-        hung = partial(payload_of, model.arm, asked.payload, "--load")
-        program, notes = programs.with_payload(model, program, hung)
+        program, notes = programs.with_payload(model, program, asked.payload)
         start = None if asked.start is None else joints_of(asked.start, model.arm)
         corrected_program = programs.correct_program(model, program, aim, cell.room, start=start)
         if not asked.keep_unreachable:

@@ -25,7 +25,6 @@ from testbench.workflows.options import (
     MapFile,
     Payload,
     overload_warnings,
-    payload_of,
     plain,
     takes,
 )
@@ -74,9 +73,7 @@ def command(asked: PredictOptions) -> None:
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         area = None if asked.box is None else WorkArea(*parse_work_area(asked.box))
         model = load_model(asked.model, asked.arm)
-        poses = read_pose_file(
-            asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
-        )
+        poses = read_pose_file(asked.poses, model, asked.mapping, asked.payload)
         push = asked.push or (GRAVITY * model.arm.payload if model.arm.payload else DEFAULT_FORCE)
         made = predict_file(model, poses, push, area)
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}

@@ -370,7 +370,7 @@ def solve_path(vjm: Vjm, target: Target, guess: Reached, unsolved: Ids) -> Reach
 
 
 def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
-    """Find supports of a path and their joints; where joints turn fast, supports are added.
+    """Choose support points of a path, and find their joints; more points are chosen where joints turn fast.
 
     Args:
         vjm: Kinematics of the rigid arm.
@@ -466,16 +466,16 @@ def compensate(
         Corrected joints inside the limits, remaining errors and their intervals.
 
     Raises:
-        BenchError: When types or shapes do not fit, or there is no point.
+        BenchError: When types or shapes do not fit, joints are not in radians, or there is no point.
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
     check_type(aim, (Aim, NoneType), "aim")
-    q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
+    q = model.arm.check_positions(q)
     if not len(q):
         raise BenchError("q [rad, m]: expected at least one point")
-    aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
+    aim, loads = aim or Aim(), [load.for_poses(len(q)) for load in loads]
     point = np.array(aim.point)
     meant: JointMeaning = aim.reference or ("drawn" if model.absolute else "unloaded")
     # the target of the program, and how far the uncorrected tool is from it

@@ -113,7 +113,7 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPo
         BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
-    loads = [load.over(len(q)) for load in loads]
+    loads = [load.for_poses(len(q)) for load in loads]
     parts = (
         joint_equilibrium(state, q[batch], [load.select(batch) for load in loads])
         for batch in batches(len(q))
@@ -210,10 +210,13 @@ class Aim:
 
     def __post_init__(self) -> None:
         """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
-        if self.hold not in get_args(CorrectedPart) or self.reference not in (None, *get_args(JointMeaning)):
-            known = f"{', '.join(get_args(CorrectedPart))} and {', '.join(get_args(JointMeaning))}"
-            raise BenchError(f"aim: expected {known}, got {self.hold!r} and {self.reference!r}")
-        point, spindle = check_array(np.array([self.point, self.spindle]), (2, 3), "tool point and spindle")
+        if self.hold not in get_args(CorrectedPart):
+            raise BenchError(f"aim.hold: expected {' or '.join(get_args(CorrectedPart))}, got {self.hold!r}")
+        if self.reference not in (None, *get_args(JointMeaning)):
+            known = " or ".join(get_args(JointMeaning))
+            raise BenchError(f"aim.reference: expected {known} or None, got {self.reference!r}")
+        point = check_array(self.point, (3,), "aim.point [m]")
+        spindle = check_array(self.spindle, (3,), "aim.spindle [1]")
         if np.abs(point).max() > MAX_COORDINATE or abs(np.linalg.norm(spindle) - 1) > UNIT:
             problem = f"a tool point within {MAX_COORDINATE:g} m and a spindle of length 1"
             raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")

@@ -101,11 +101,11 @@ def predict(
 
     Raises:
         NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
-        BenchError: When an argument has another type or shape, or is not finite.
+        BenchError: When an argument has another type or shape, is not finite, or joints are not in radians.
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
-    q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
+    q = model.arm.check_positions(q)
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
     every = LoadedPoses(q, loads)
@@ -324,10 +324,12 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
 
     Raises:
         NoEquilibrium: When there is no equilibrium, or the load is exactly a buckling load.
-        BenchError: When an argument has another type, or a load has rows for another number of poses.
+        BenchError: When an argument has another type or shape, joints are not in radians, or a load has rows
+            for another number of poses.
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
+    q = model.arm.check_positions(q)
     every = LoadedPoses(q, loads)
     theta = equilibrium(model.state, q, every.loads).theta if theta is None else theta
     return join_rows(

@@ -39,7 +39,7 @@ class LoadedPoses:
 
     def __post_init__(self) -> None:
         """Give every load a row a pose; BenchError where it has another number of them."""
-        object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
+        object.__setattr__(self, "loads", [load.for_poses(len(self.q)) for load in self.loads])
 
     def select(self, poses: slice | Ids) -> "LoadedPoses":
         """Take some of the poses with their loads, by indices or a slice."""

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, Mask, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from _typeshed import DataclassInstance
@@ -19,6 +20,8 @@ if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does
 Shapes = dict[str, tuple[int | None, ...]]
 """Shapes of arrays by name and unit; None for any length."""
 
+MAX_SIGMA = 1.0
+"""Bound on the standard deviation of a reading [m, rad]: a larger one has another unit."""
 MAX_SHOWN = 600
 """Most runs that are evaluated one by one, evenly out of all."""
 ASYMMETRY_TOLERANCE = 1e-9
@@ -27,7 +30,13 @@ ASYMMETRY_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, repr=False)
 class Dataset(Displayed):
-    """Hold deflection measurements: readings of markers before and after loading, with poses and loads."""
+    """Hold deflection measurements: readings of markers before and after loading, with poses and loads.
+
+    For m markers on an arm of n joints it needs: `markers`, their names; `run` and `pose`, (runs,) integers;
+    `q`, joints, (runs, n) [rad, m]; `wrench`, the load in world axes, (runs, 6) [N, N m], which acts at
+    `point` of the tool's frame, (runs, 3) [m]; `before` and `after`, positions without and with the load in
+    the base's frame, (runs, m, 3) [m]; `sigma`, the standard deviation of one reading along one axis [m].
+    """
 
     markers: tuple[str, ...]  #: Names of the markers, m of them.
     run: Ids  #: Identifier of every run, (runs,).
@@ -67,6 +76,8 @@ class Dataset(Displayed):
 
     def __post_init__(self) -> None:
         """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
+        check_type(self.run, np.ndarray, "run")
+        check_type(self.markers, (tuple, list), "markers")
         runs, m = len(self.run), len(self.markers)
         rotations = (self.rotation_before, self.rotation_after, self.sigma_rotation)
         if any(x is None for x in rotations) != all(x is None for x in rotations):
@@ -214,8 +225,8 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], shapes:
         shapes: Shapes of arrays that other readings have not.
 
     Raises:
-        BenchError: If an array has another shape or kind, two targets have one name, or a sigma is
-            not positive.
+        BenchError: If an array has another shape or kind, two targets have one name, or a sigma is not
+            between 0 and `MAX_SIGMA`.
     """
     have = vars(data)
     for name, identifiers in ((name, np.asarray(have[name])) for name in ids if have[name] is not None):
@@ -226,11 +237,17 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], shapes:
         raise BenchError(f"markers: expected different names, got {markers}")
     every: Shapes = {"q [rad, m]": (rows, None), "wrench [N, N m]": (rows, 6), "point [m]": (rows, 3)}
     for what, shape in {**every, **shapes, "precision [1/m^2]": (rows, len(markers), 3, 3)}.items():
-        if have[what.split()[0]] is not None:
-            check_array(have[what.split()[0]], shape, what)
+        values = have[what.split()[0]]
+        if values is not None:
+            check_type(values, np.ndarray, what)
+            check_array(values, shape, what)
     for name, unit in (("sigma", "m"), ("sigma_rotation", "rad")):
-        if have[name] is not None and not 0 < have[name] < np.inf:
-            raise BenchError(f"sigma [{unit}]: expected more than 0, got {have[name]}")
+        deviation = have[name]
+        if deviation is None and name == "sigma_rotation":
+            continue  # orientations were not read
+        if not (isinstance(deviation, Real) and 0 < float(deviation) < MAX_SIGMA):
+            problem = f"expected a number above 0 and below {MAX_SIGMA:g}, got {deviation!r}"
+            raise BenchError(f"{name} [{unit}]: {problem}")
 
 
 def along_lines(direction: Array, sigma: float | Array) -> Array:
@@ -385,6 +402,10 @@ first axis."""
 class Series(Displayed):
     """Hold the readings of one station of a tracker on one arm.
 
+    For m targets on an arm of n joints it needs names, `row` and `pose`, (rows,) integers, `q`, (rows, n)
+    [rad, m], `wrench`, (rows, 6) [N, N m] in world axes, at `point` of the tool's frame, (rows, 3) [m],
+    `position` in the tracker's frame, (rows, m, 3) [m], and `sigma` [m].
+
     Frame and target are names: series that share a name share the unknown frame or mount. Rows of one `pose`
     are readings without a move in between, such as unloaded and loaded: the model error there is common to
     them.
@@ -440,6 +461,8 @@ class Series(Displayed):
 
     def __post_init__(self) -> None:
         """Refuse wrong shapes and identifiers, and what is not finite, by BenchError."""
+        check_type(self.row, np.ndarray, "row")
+        check_type(self.markers, (tuple, list), "markers")
         rows, m = len(self.row), len(self.markers)
         if (self.rotation is None) != (self.sigma_rotation is None):
             raise BenchError("orientations: expected rotation and sigma together, or none")

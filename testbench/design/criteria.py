@@ -257,7 +257,7 @@ def mean_square(rows: Array) -> Array:
 
 
 def _targets_per_pose(rows: Array) -> float:
-    """Targets a pose."""
+    """Count the targets of a pose: each has three rows."""
     return float(rows.shape[1] / 3)
 
 

@@ -39,8 +39,8 @@ from testbench.design.criteria import (
 from testbench.design.rows import (
     DesignProblem,
     information,
+    remaining_information,
     row_products,
-    suffix_information,
     sum_information,
 )
 from testbench.errors import Array, Ids, Mask
@@ -294,11 +294,11 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
     plan, left = plan.copy(), len(plan)
     M = sum_information(problem.prior, rows[plan])
     value, Z, fresh = criterion.information(M), criterion.tangent(M).Z, True
-    useful, before, after = sensitivity(rows, Z), problem.prior, suffix_information(rows[plan])
+    useful, before, after = sensitivity(rows, Z), problem.prior, remaining_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
         if k == 0:
-            before, after = problem.prior, suffix_information(rows[plan])
+            before, after = problem.prior, remaining_information(rows[plan])
         # promising candidates: in place of k they lift the plane, a bound of Phi, above Phi of the plan
         floor, rest = (1 + MIN_GAIN) * value, before + after[k + 1]
         promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
@@ -398,7 +398,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     q, step, read = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
     M = sum_information(prior, read)
     for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
-        before, after = prior, suffix_information(read)
+        before, after = prior, remaining_information(read)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
             # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
             trials = search.draw_around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))

@@ -82,7 +82,7 @@ def inflate_intervals(forecast: Forecast) -> Forecast:
     )
 
 
-def unbounded_rows(problem: DesignProblem, rows: Array) -> Mask:
+def unbounded_predictions(problem: DesignProblem, rows: Array) -> Mask:
     """Tell which predictions depend on directions that neither the candidates show nor a prior bounds.
 
     Args:
@@ -115,7 +115,7 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.hidden)
     errors = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
-    return without_bound(errors, unbounded_rows(problem, rows))
+    return without_bound(errors, unbounded_predictions(problem, rows))
 
 
 def without_bound(forecast: Forecast, unbounded: Mask) -> Forecast:

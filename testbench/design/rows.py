@@ -171,7 +171,7 @@ def _rows(
 
     See `reading_rows`.
     """
-    equilibrium, metric = nominal_chain(experiment.vjm, q, [load.over(len(q))]), experiment.scaling
+    equilibrium, metric = nominal_chain(experiment.vjm, q, [load.for_poses(len(q))]), experiment.scaling
     unknowns = compliance_unknowns(experiment.vjm, metric.structure)
     A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
     twist = np.einsum("rxy,sxcr->rsyc", equilibrium.chain.rotation, A, optimize=True)
@@ -253,7 +253,7 @@ def information(problem: DesignProblem, chosen: Sequence[int] | Ids) -> Array:
     return sum_information(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
 
 
-def suffix_information(rows: Array) -> Array:
+def remaining_information(rows: Array) -> Array:
     """Compute the information of the poses from each one on, without the prior: suffix sums of F^T F.
 
     The information without one pose is the sum of what those before and those behind tell. A difference would

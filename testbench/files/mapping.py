@@ -333,6 +333,14 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
 
 
+def _unknown(our: str, their: str, name: str, choices: Mapping[str, list[tuple[str, Words]]]) -> str:
+    """Say what was expected in place of a pair of names."""
+    if "{" in their:
+        return f"expected the same {{...}} in both names, got {name!r}"
+    joints = ", ".join(joint for joint, _ in choices["joint"]) or "none"
+    return f"expected one of our quantities with its unit, got {our!r}; joints are {joints}"
+
+
 def _columns(
     path: Path,
     found: Map,
@@ -356,9 +364,7 @@ def _columns(
                 if known is None and "{" not in their and recognise(our, others):
                     continue
                 if known is None or "{" in their:
-                    problem = (
-                        f"expected one of our quantities, with the same {{...}} in both names, got {name!r}"
-                    )
+                    problem = _unknown(our, their, name, choices)
                     raise InputError(path, f"{section}.{key}", problem)
                 if "{" in key and known[0] in alone:
                     continue

@@ -112,7 +112,8 @@ UNREADABLE = (
     (
         re.compile(".*(wire|ballbar).*|(fixed|anchor|outlet|ball)[xyz]"),
         "distances to a fixed point are distance_before_mm and distance_after_mm, with fixed_x_mm, "
-        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm (docs/formats.md, Gauges and distances)",
+        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm (docs/formats.md, Gauges and "
+        "distances)",
     ),
 )
 """Names of columns that hold no positions, and what to do."""

@@ -553,9 +553,11 @@ def _notes(encoding: str, header: TableHeader) -> tuple[str, ...]:
     between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
         header.delimiter, f"{header.delimiter!r}"
     )
-    where = f"header in line {header.line}" if header.line else "the map names the columns"
-    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
-    found = [f"{how}, cells separated by {between}, {where}"]
+    sheet = encoding.startswith(SHEET)
+    where = f"header in {'row' if sheet else 'line'} {header.line}"
+    where = where if header.line else "the map names the columns"
+    how = encoding if sheet else f"text in {encoding}, cells separated by {between}"
+    found = [f"{how}, {where}"]
     counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
     found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
     if header.no_readings:

@@ -162,7 +162,7 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
     )
     # rho is known from as many poses only: Student's quantile in place of the normal one
     width = float(stdtrit(len(poses) - 1, NEW_POSE_PROBABILITY) / ndtri(NEW_POSE_PROBABILITY))
-    return replace(regression_of(r.structure, (weighed_term,)), wander=width * rho * links)
+    return replace(regression_of(r.structure, (weighed_term,)), pose_variation=width * rho * links)
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
@@ -226,7 +226,7 @@ def average_two_priors(
     """Average estimates under a prior and a softened prior by their evidence, with intervals.
 
     If the readings want links whose compliance varies from pose to pose, they are weighted for it first, see
-    `wander`; joint stiffness only then weighs at least `MIN_JOINTS_WEIGHT`.
+    `pose_variation`; joint stiffness only then weighs at least `MIN_JOINTS_WEIGHT`.
 
     Mathematics: `prior-12`.
 
@@ -245,7 +245,7 @@ def average_two_priors(
     changing = _with_changing_links(r, constraint, (prior, softened), estimate)
     mean = changing or estimate
     rivals = links_and_joints(r, mean, prior)
-    errors = None if rivals is None or rivals.certain else rivals.errors
+    errors = None if rivals is None or rivals.links_certain else rivals.errors
     weight = links_or_joints(errors, changes=changing is not None)
     return average_with_joints(r, constraint, prior, mean, weight)
 
@@ -291,15 +291,15 @@ class LinksAndJoints:
 
     regression: Regression  #: The reduced dataset, with its rows pose by pose.
     likeliest: Estimate  #: The model of greatest weight, joints alone apart.
-    belief: WeightedPrior  #: Its learnt prior.
+    links_prior: WeightedPrior  #: Its learnt prior.
     joints_regression: Regression  #: The dataset of joints alone.
     joints_prior: WeightedPrior  #: Their prior.
     log_evidence: float  #: Of the likeliest model over joints alone.
 
     @property
-    def certain(self) -> bool:
+    def links_certain(self) -> bool:
         """Tell whether the evidence leaves no doubt of links that do not change."""
-        return self.likeliest.regression.wander is None and self.log_evidence > CERTAIN_LOG_EVIDENCE
+        return self.likeliest.regression.pose_variation is None and self.log_evidence > CERTAIN_LOG_EVIDENCE
 
     @cached_property
     def errors(self) -> tuple[Array, Array]:
@@ -308,12 +308,14 @@ class LinksAndJoints:
         Each is the root mean square over a pose in standard deviations. What was learnt of the prior stays:
         with it a fit without a pose is one solution of normal equations. The cone is left out.
         """
-        wander, rigid = self.likeliest.regression.wander, self.joints_regression.poses
+        pose_variation, rigid = self.likeliest.regression.pose_variation, self.joints_regression.poses
         rows_by_pose = restrict_to(self.regression, self.likeliest.structure).poses
         weighed = (
-            rows_by_pose if wander is None else tuple(_weigh_pose(rows, wander) for rows in rows_by_pose)
+            rows_by_pose
+            if pose_variation is None
+            else tuple(_weigh_pose(rows, pose_variation) for rows in rows_by_pose)
         )
-        return _held_out_errors(rows_by_pose, weighed, self.belief), _held_out_errors(
+        return _held_out_errors(rows_by_pose, weighed, self.links_prior), _held_out_errors(
             rigid, rigid, self.joints_prior
         )
 
@@ -352,9 +354,9 @@ def _likeliest(estimate: Estimate) -> Estimate:
     return known.with_laws if known.with_laws is not None and known.laws_weight > 0.5 else known.all_parts
 
 
-def _weigh_pose(rows: Array, wander: Array) -> Array:
+def _weigh_pose(rows: Array, pose_variation: Array) -> Array:
     """Weigh the rows of a pose for links that change: they are uncorrelated and of unit noise then."""
-    G = rows[:, :-1] @ wander.T
+    G = rows[:, :-1] @ pose_variation.T
     values, Q = np.linalg.eigh(np.eye(len(rows)) + G @ G.T)
     return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
 

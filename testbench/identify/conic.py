@@ -186,28 +186,31 @@ def lower_bound_certificate(
         constant += rest * math.sqrt(term.unexplained) - y @ term.z
     cost, free = f_m(regression, pi), np.zeros(s.n)
 
-    def over(cost: float, price: Array) -> float:
-        """Bound how far a cost, which includes the trace term of a price, lies above the least."""
+    def over(cost: float, trace_gradient: Array) -> float:
+        """Bound how far a cost, which includes a trace term of this gradient, lies above the least."""
         # A negative eigenvalue of S_i can lower the cost by at most -lambda_min t_i.
-        least = constant - float(np.maximum(0, -_smallest_eigenvalues(regression, g, price)) @ t)
+        least = constant - float(np.maximum(0, -_smallest_eigenvalues(regression, g, trace_gradient)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
     return Certificate(
-        duality_gap=over(cost + float(penalty.price @ pi), penalty.price),
+        duality_gap=over(cost + float(penalty.gradient @ pi), penalty.gradient),
         f_m_excess_bound=over(cost, free),
         trace_bounds=t,
         dual=dual,
     )
 
 
-def _smallest_eigenvalues(regression: Regression, g: Array, price: Array) -> Array:
+def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Array) -> Array:
     """Smallest eigenvalue of every S_i + w W_i in scaled units, less its rounding, (blocks,).
 
-    `g` is the gradient of S_i, `price` that of the trace term, (n,) each.
+    `g` is the gradient of S_i, `trace_gradient` that of the trace term, (n,) each.
     """
     s, unit = regression.structure, scaled_units(regression.structure)
     scale = np.outer(unit, unit)
-    S, size = s.gradient(g + price) * scale, s.gradient(regression.columns + np.abs(price)) * scale
+    S, size = (
+        s.gradient(g + trace_gradient) * scale,
+        s.gradient(regression.columns + np.abs(trace_gradient)) * scale,
+    )
     smallest = np.empty(len(s.blocks))
     for group in s.groups:
         # The eigenvalue is lowered by what rounding may have added: the bound stays rigorous.
@@ -354,7 +357,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
     # Back to the unknowns that were asked for.
-    left, cost = f_m(lifted, pi), float(penalty.price @ pi)
+    left, cost = f_m(lifted, pi), float(penalty.gradient @ pi)
     method = PAPER_GCO if papers else "GCO (conic program)"
     estimate = make_estimate(regression, penalty.lift @ pi, method=method, constraint="psd")
     return replace(
@@ -451,7 +454,7 @@ def solve_clarabel(regression: Regression, program: ConicProgram) -> ConicSoluti
         cone.ConeProgram(
             cost=np.r_[np.ones(count), program.trace],
             blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
-            rows=norms_below(program.R, program.z, program.rest),
+            rows=norm_constraints(program.R, program.z, program.rest),
         )
     )
     pi = program.parameters(clip_eigenvalues(s, solution.x[count:]), n)
@@ -486,7 +489,7 @@ def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
         z=np.array([term.z for term in regression.terms]) / unit,
         rest=np.sqrt([term.unexplained for term in regression.terms]) / unit,
-        trace=penalty.price[columns] * scale / unit,
+        trace=penalty.gradient[columns] * scale / unit,
         penalty=penalty,
     )
 
@@ -512,12 +515,12 @@ def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalt
         Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
     """
     s, weight = regression.structure, regression.weight
-    price = 0.0 if penalty is None else penalty.weight * penalty.diagonal
-    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)) + price)
+    trace_cost = 0.0 if penalty is None else penalty.weight * penalty.diagonal
+    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)) + trace_cost)
     return np.asarray(unit * d[s.a] * d[s.b])
 
 
-def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
+def norm_constraints(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
     """Make the constraints |(R_k x - z_k, rest_k)| <= t_k; the unknowns are all t_k, then x.
 
     Args:

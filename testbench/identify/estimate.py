@@ -12,6 +12,7 @@ with a fixed stream, so that one sample has one p value.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import get_args
 
 import numpy as np
 from scipy.special import ndtr
@@ -62,7 +63,7 @@ class Penalty:
     lift: Array  #: pi = lift @ (parameters of C'), (n, k) [1].
 
     @property
-    def price(self) -> Array:
+    def gradient(self) -> Array:
         """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
         s = self.structure
         return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
@@ -228,9 +229,13 @@ def make_estimate(
         The estimate with C_theta and F_M; add what else is known by `dataclasses.replace`.
 
     Raises:
-        BenchError: When the regression is none, or pi has another shape or is not finite.
+        BenchError: When the regression is none, the constraint is unknown, or pi has another shape or is not
+            finite.
     """
     check_type(regression, Regression, "regression")
+    if constraint not in get_args(Constraint):
+        known = ", ".join(get_args(Constraint))
+        raise BenchError(f"constraint: expected one of {known}, got {constraint!r}")
     pi = check_array(pi, (regression.structure.n,), "pi [m/N, rad/(N m), rad/N]")
     C, cost = regression.structure.matrix(pi), f_m(regression, pi)
     return Estimate(
@@ -343,12 +348,14 @@ def score(predicted: Array, reference: Array) -> DeflectionErrors:
         Root mean square, 95th percentile and largest distance error, absolute and relative.
 
     Raises:
-        BenchError: When the shapes differ, or a number is not finite.
+        BenchError: When the shapes differ, there is no number, or one is not finite.
     """
-    for name, values in (("predicted", predicted), ("reference", reference)):
-        check_array(values, (None,) * np.ndim(values), f"{name} [m]")
-    if np.shape(predicted) != np.shape(reference):
-        raise BenchError(f"score: expected equal shapes, got {np.shape(predicted)} and {np.shape(reference)}")
+    predicted = check_array(predicted, (None,) * np.ndim(predicted), "predicted [m]")
+    reference = check_array(reference, (None,) * np.ndim(reference), "reference [m]")
+    if predicted.shape != reference.shape:
+        raise BenchError(f"score: expected equal shapes, got {predicted.shape} and {reference.shape}")
+    if not predicted.size:
+        raise BenchError(f"score: expected at least one deflection, got shape {predicted.shape}")
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
     share = error[size > 0] / size[size > 0]

@@ -262,7 +262,7 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     dx = cho_solve(root, w - missing)
     # Stay inside the cone: a share MIN_BOUNDARY_SHARE to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
-    step = min(1.0, *(float(scaling.longest(scaling.scaled(dx), total)) for scaling, total in pairs))
+    step = min(1.0, *(float(scaling.longest_step(scaling.scaled(dx), total)) for scaling, total in pairs))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
@@ -328,7 +328,7 @@ class Scaling:
         product = (half + half.swapaxes(-1, -2)) / (self.d[..., :, None] + self.d[..., None, :])
         return np.asarray((aim / self.d - self.d)[..., None] * identity + product)
 
-    def longest(self, X: Array, total: Array) -> Array:
+    def longest_step(self, X: Array, total: Array) -> Array:
         """Compute the longest step that keeps x and s in the cone.
 
         Args:
@@ -420,7 +420,9 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
 
 
 def effective_parameters(problems: Problems, x: Array, s: Array) -> Array:
-    """Compute effective numbers of parameters: traces of what maps readings to predictions.
+    """Compute the effective number of parameters of each fit.
+
+    It is the trace of the derivative of the predicted readings with respect to the readings.
 
     Args:
         problems: The folds.
@@ -461,7 +463,7 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     y, moved = newton.solve(wanted - scaled)
     step = np.ones(len(x))
     for scaling, total in zip(newton.scalings, sums, strict=True):
-        step = np.minimum(step, scaling.longest(np.nan_to_num(cone.smat(y[:, scaling.at])), total))
+        step = np.minimum(step, scaling.longest_step(np.nan_to_num(cone.smat(y[:, scaling.at])), total))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     turned = step[:, None] * np.vecmat(moved, state.R)  # what the step changes of the gradient
     return replace(

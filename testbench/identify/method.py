@@ -5,6 +5,7 @@ It is called like an estimator of your own: method(vjm, structure, data) -> Esti
 """
 
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Literal
 
 import numpy as np
@@ -42,10 +43,11 @@ class Method:
         GCO              min F_M(C) + w <W, C>           over C_i = V_i^T V_i, Eq. (16)-(19)
         with a prior     min |A pi - y|^2 + |x - s e|^2 / u^2,   GCO over C_i positive semi-definite
 
-    with w <W, C> a weighted trace (`trace`), x the compliances in units of the prior, e their expectation, s
-    its common scale and u its relative uncertainty (`scale_by_prior`). The call `method(vjm, structure,
-    data)` returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and `completed_least_squares` are
-    methods; `with_prior` and `robust` make a new method from one.
+    with x the compliances in units of the prior, e their expectation, s its common scale and u its relative
+    uncertainty. `testbench.identify.regression.f_m` computes F_M, and
+    `testbench.identify.trace.learn_trace_weight` learns the weight w of the trace <W, C>. The call
+    `method(vjm, structure, data)` returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and
+    `completed_least_squares` are methods; `with_prior` and `robust` make a new method from one.
     """
 
     #: "none" for least squares, "psd" for GCO, "free" for least squares whose unobservable directions are
@@ -94,7 +96,7 @@ class Method:
         unknowns = structure if self.learns else without_laws(structure)
         reduced: PartitionedRegression | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.
-        if self.penalised and isinstance(data, Dataset):  # poses are held out
+        if self.learns_trace_weight and isinstance(data, Dataset):  # poses are held out
             [reduced] = reduce_parts(vjm, [unknowns], data, divide_poses(data))
         else:
             reduced = reduce(vjm, unknowns, data)
@@ -140,7 +142,7 @@ class Method:
         return self.prior is not None and self.strength is None and self.loss == "plain"
 
     @property
-    def penalised(self) -> bool:
+    def learns_trace_weight(self) -> bool:
         """Tell whether GCO runs without a prior and learns its trace weight from held-out poses."""
         return self.constraint == "psd" and self.prior is None and self.trace_weight is None
 
@@ -155,7 +157,7 @@ class Method:
             The term with w in [N m/rad]; None where the method has no such term, or where `paper_gco` leaves
             the choice to a tie-break.
         """
-        if self.penalised:
+        if self.learns_trace_weight:
             return learn_trace_weight(vjm, reduced)
         if self.constraint != "psd" or self.prior is not None or not self.trace_weight:
             return None
@@ -219,10 +221,11 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
         A new method; call it as any other.
 
     Raises:
-        BenchError: When the estimator is not a `Method`, or the prior is not a `Prior`.
+        BenchError: When the estimator is not a `Method`, or the prior or its strength has another type.
     """
     if not isinstance(prior, Prior):
         raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
+    check_type(strength, (Strength, NoneType), "strength")
     return replace(_as_method(estimator, "prior"), prior=prior, strength=strength)
 
 

@@ -13,6 +13,7 @@ data, and `hierarchy` learns its scales and uncertainties from the readings.
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from numbers import Real
 
 import numpy as np
 
@@ -76,8 +77,8 @@ class Strength:
         low, high = UNCERTAINTY_RANGE
         coupling = self.uncertainty if self.coupling is None else self.coupling
         for name, value in (("uncertainty", self.uncertainty), ("coupling", coupling)):
-            if not low <= value <= high:
-                raise BenchError(f"{name}: expected {low:g} to {high:g}, got {value}")
+            if not (isinstance(value, Real) and low <= value <= high):
+                raise BenchError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r}")
         if not self.scale_uncertainty >= 0:
             raise BenchError(f"scale_uncertainty: expected 0 or more, got {self.scale_uncertainty}")
 

@@ -54,12 +54,12 @@ take 2.5, 3.2 and 4.0. Student's distribution with 4 degrees of freedom has 2.1,
 
 @dataclass(frozen=True, repr=False)
 class Intervals(Displayed):
-    """Hold intervals of linear functionals of the unknowns, such as deflections."""
+    """Hold intervals of predictions, such as deflections [m] along each axis, (runs, m, 3)."""
 
-    centre: Array  #: By the estimate, of any shape.
-    lower: Array  #: -inf where the data see nothing.
-    upper: Array  #: inf where the data see nothing.
-    confidence: float  #: Of each interval by itself [1].
+    centre: Array  #: The predictions, of any shape.
+    lower: Array  #: Lower ends; -inf where the readings determine nothing.
+    upper: Array  #: Upper ends; inf where the readings determine nothing.
+    confidence: float  #: Probability that one interval contains the truth, 0.95 by default [1].
     on_boundary: bool  #: Whether the cone holds the estimate; the intervals are then not exact.
 
 
@@ -266,8 +266,8 @@ def linearise(estimate: Estimate) -> Posterior:
         root, heavy = _noise_and_prior_roots(rows, back, belief, L)
     else:
         root, heavy = (1.0 if belief is None else belief.misfit) * back @ L.T, 0
-    if regression.wander is not None:  # in new poses links are others again: a scatter of its own
-        root = np.vstack([regression.wander, root])
+    if regression.pose_variation is not None:  # in new poses links are others again: a scatter of its own
+        root = np.vstack([regression.pose_variation, root])
     return Posterior(
         x=estimate.pi,
         root=root,
@@ -460,7 +460,7 @@ class ArmModel:
 
     @property
     def arm(self) -> Arm:
-        """Return the arm."""
+        """Return the arm's description, as its folder has it."""
         return self.vjm.arm
 
     @property

@@ -73,8 +73,8 @@ class Regression(Displayed):
     weight: Array  #: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
     #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; empty if they were not requested.
     poses: tuple[Array, ...] = ()
-    #: By how much parameters wander from pose to pose, a standard deviation a row, (links, n); None for not.
-    wander: Array | None = None
+    #: How much each link's parameters vary from pose to pose, standard deviations, (links, n); None for not.
+    pose_variation: Array | None = None
 
     def about(self) -> dict[str, object]:
         """Summarise the reduced dataset: structure, unknowns, rank and equations."""
@@ -169,8 +169,8 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
         structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
     )
     poses = tuple(rows[:, [*columns, -1]] for rows in regression.poses)
-    wander = None if regression.wander is None else regression.wander[:, columns]
-    return replace(restricted, poses=poses, wander=wander)
+    pose_variation = None if regression.pose_variation is None else regression.pose_variation[:, columns]
+    return replace(restricted, poses=poses, pose_variation=pose_variation)
 
 
 def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
@@ -372,7 +372,7 @@ class PartitionedRegression:
 
     @property
     def all_parts(self) -> Ids:
-        """Return the numbers of all parts."""
+        """Return the numbers by which the parts of the readings are named, ascending, (parts,)."""
         return np.unique([part for _, part in self.factors.factors])
 
     def some_parts(self, parts: Ids) -> "PartitionedRegression":
@@ -423,8 +423,8 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
 def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
     """Add the rows of every pose to a regression of links and joints with laws.
 
-    They are needed to learn how links vary from pose to pose (`wander`): with `MIN_POSES` to `MAX_POSES`
-    poses and positions only.
+    They are needed to learn how links vary from pose to pose (`pose_variation`): with `MIN_POSES` to
+    `MAX_POSES` poses and positions only.
 
     Args:
         vjm: The arm's virtual joint model.

@@ -186,7 +186,7 @@ def prefer_first(candidates: Sequence[Candidate], first: str) -> Comparison:
     return min(better, key=lambda d: d.difference, default=Comparison(first, 0.0, 0.0))
 
 
-JOINT_PRICE = 1e-6
+JOINT_TRACE_WEIGHT = 1e-6
 """Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
 GRAM_ROUNDING = 1e-12
 """Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
@@ -226,7 +226,7 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
         structure, a=np.r_[structure.a, aggregated].astype(int), b=np.r_[structure.b, aggregated].astype(int)
     )
     W = scaled_units(structure) ** -2.0
-    W[first:] = JOINT_PRICE
+    W[first:] = JOINT_TRACE_WEIGHT
     return Penalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
 
 
@@ -262,12 +262,12 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
 
 @dataclass(frozen=True)
 class _ScaledFolds:
-    """Hold readings and folds in coordinates in which readings and price are of order one."""
+    """Hold readings and folds in coordinates in which readings and trace term are of order one."""
 
     H: Array  #: Gram matrices of all readings, then of those that every fold fits, (1 + folds, n, n).
     g: Array  #: Their products with the readings, (1 + folds, n).
     half: Array  #: Half the squares of the readings, (1 + folds,).
-    price: Array  #: Trace per unit of the coordinates, (n,).
+    trace_gradient: Array  #: Trace per unit of the coordinates, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     order: Ids  #: Parameters in the order of the coordinates, (n,).
     scale: Array  #: Parameters per unit of the coordinates and of `unit`, (n,) [m/N, rad/(N m)].
@@ -276,7 +276,7 @@ class _ScaledFolds:
     def problems(self, folds: slice) -> interior.Problems:
         """Make the least-squares problems of some folds."""
         R = _roots(self.H[folds], _span(self.H[0]))
-        return interior.Problems(R, self.g[folds], self.half[folds], self.price, self.sizes)
+        return interior.Problems(R, self.g[folds], self.half[folds], self.trace_gradient, self.sizes)
 
     def parameters(self, x: Array) -> Array:
         """Convert coordinates x, (..., n), to parameters, (..., n)."""
@@ -286,7 +286,7 @@ class _ScaledFolds:
 
 
 def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
-    """Scale Gram matrices, (1 + folds, n + 1, n + 1), and the price at a rate l of middle size."""
+    """Scale Gram matrices, (1 + folds, n + 1, n + 1), and the trace term at a rate l of middle size."""
     s, total = penalty.structure, G[0]
     unit, order = math.sqrt(total[-1, -1]), s.parameter
     diagonal, size = s.a == s.b, np.zeros(s.n_theta)
@@ -297,7 +297,7 @@ def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
         H=G[:, order][:, :, order] * np.outer(scale, scale),
         g=G[:, order, -1] * scale / unit,
         half=G[:, -1, -1] / unit**2 / 2,
-        price=penalty.price[order] * scale / unit,
+        trace_gradient=penalty.gradient[order] * scale / unit,
         sizes=tuple(len(block) for block in s.blocks),
         order=order,
         scale=scale,

@@ -44,12 +44,16 @@ from testbench.model.vjm import (
 
 @dataclass(frozen=True, repr=False)
 class Load(Displayed):
-    """Describe a wrench at the tool: one for all poses, or one per pose."""
+    """Describe a wrench at the tool: one for all poses, or one per pose.
+
+    `wrench`, (6,) or (poses, 6) [N, N m], is in world axes, force first. It acts at `point` of the tool's
+    frame, (3,) or (poses, 3) [m].
+    """
 
     wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
-    def over(self, poses: int) -> "Load":
+    def for_poses(self, poses: int) -> "Load":
         """Expand the load to one row per pose: wrench (poses, 6) [N, N m] and point (poses, 3) [m].
 
         Raises:
@@ -81,10 +85,12 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
         The load: wrench (6,) or (poses, 6) [N, N m], point (3,) or (poses, 3) [m].
 
     Raises:
-        BenchError: When an argument has another type, or a mass is not finite.
+        BenchError: When an argument has another type, or a mass is negative or not finite.
     """
     check_type(vjm, Vjm, "vjm")
-    check_array(mass, (None,) * np.ndim(mass), "mass [kg]")
+    mass = check_array(mass, (None,) * np.ndim(mass), "mass [kg]")
+    if (mass < 0).any():
+        raise BenchError(f"mass [kg]: expected 0 or more, got {mass.min():g}")
     wrench = np.zeros((*np.shape(mass), 6))
     wrench[..., 2] = -GRAVITY * mass
     return Load(wrench, np.broadcast_to(vjm.load, (*np.shape(mass), 3)))
@@ -105,7 +111,7 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
     """
     total = np.zeros((len(rotation), 6))
     for load in loads:
-        expanded = load.over(len(total))
+        expanded = load.for_poses(len(total))
         lever = np.matvec(rotation, expanded.point)
         total[:, :3] += expanded.wrench[:, :3]
         total[:, 3:] += expanded.wrench[:, 3:] + np.cross(lever, expanded.wrench[:, :3])

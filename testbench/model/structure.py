@@ -18,7 +18,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, Mask, check_type
+from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type
 
 Pairs = tuple[tuple[int, int], ...]
 
@@ -205,7 +205,11 @@ class Structure(Displayed):
         """Build C_theta, (n_theta, n_theta), from parameters pi, (n,) [m/N, rad/N, rad/(N m)].
 
         It is symmetric where the structure is; entries outside the structure are zero.
+
+        Raises:
+            BenchError: When pi has another shape or is not finite.
         """
+        pi = check_array(pi, (self.n,), "pi [m/N, rad/N, rad/(N m)]")
         C = np.zeros((self.n_theta, self.n_theta))
         if self.symmetric:
             C[self.b, self.a] = pi
@@ -213,8 +217,15 @@ class Structure(Displayed):
         return C
 
     def entries(self, C: Array) -> Array:
-        """Read the parameters pi, (n,), from a C_theta, (n_theta, n_theta); other entries are dropped."""
-        return np.asarray(C[self.a, self.b])
+        """Read the parameters pi, (n,), from a C_theta, (n_theta, n_theta); other entries are dropped.
+
+        Raises:
+            BenchError: When C has another shape.
+        """
+        expected = (self.n_theta, self.n_theta)
+        if np.shape(C) != expected:
+            raise BenchError(f"C_theta: expected shape {expected}, got {np.shape(C)}")
+        return np.asarray(C)[self.a, self.b]
 
     def gradient(self, g: Array) -> Array:
         """Convert a gradient g with respect to pi, (n,), into S with <S, C> = g . pi, (n_theta, n_theta)."""

@@ -23,7 +23,7 @@ import numpy as np
 from testbench.arm.folder import Arm, Link
 from testbench.arm.mjcf import MAX_LENGTH, find_body, mesh_files, read_meshes, read_mjcf
 from testbench.errors import Array, Ids, InputError
-from testbench.plant.disturbance import NOMINAL, Beyond, Disturbances, Gears
+from testbench.plant.disturbance import NOMINAL, Disturbances, Gears, SpringEffects
 
 # --- Conversion of rigid MJCF to elastic MJCF: six sprung virtual joints after every link, one per joint ----
 
@@ -232,7 +232,7 @@ class Plant:
     #: link before, turn about the frame's own. The model has them.
     frame_errors: Array
     gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
-    beyond: Beyond | None = None  #: Elastic behaviour beyond constant matrices; None for none.
+    spring_effects: SpringEffects | None = None  #: Elastic behaviour beyond constant matrices; None for none.
 
     @cached_property
     def model_of_copies(self) -> mujoco.MjModel:
@@ -258,15 +258,15 @@ class Plant:
         Returns:
             Compliance, (poses, nv, nv) [m/N, rad/(N m)]; C, (nv, nv), if it does not depend on the pose.
         """
-        if self.beyond is None:
+        if self.spring_effects is None:
             return self.C
         C, hinges = self.C.copy(), self.hinges
-        if self.beyond.between is not None:
-            C[np.ix_(hinges, hinges)] += self.beyond.between
-        if self.beyond.follows is None:
+        if self.spring_effects.joint_coupling is not None:
+            C[np.ix_(hinges, hinges)] += self.spring_effects.joint_coupling
+        if self.spring_effects.pose_dependence is None:
             return C
         root = np.ones((len(q), len(C)))
-        root[:, self.theta[: 6 * len(self.arm.links)]] = self.beyond.follows.factors(q)
+        root[:, self.theta[: 6 * len(self.arm.links)]] = self.spring_effects.pose_dependence.factors(q)
         return root[:, :, None] * C * root[:, None, :]
 
 

@@ -311,21 +311,21 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
     def one(name: str) -> float:
         return float(rng.uniform(*CASTING_RANGES[name]))
 
-    def each(name: str, count: int) -> Array:
+    def several(name: str, count: int) -> Array:
         """Draw several values of one dimension."""
         return rng.uniform(*CASTING_RANGES[name], count)
 
     return Casting(
         length=length,
-        size=wide * each("size", 2),
-        taper=each("taper", 2),
+        size=wide * several("size", 2),
+        taper=several("taper", 2),
         trapezium=one("trapezium"),
         thickness=wide / DIAMETER_OVER_WALL,
-        wall=each("wall", 4),
+        wall=several("wall", 4),
         thinning=one("thinning"),
         section_angle=one("turned"),
-        line_offset=wide * each("beside", 2),
-        bow=length * each("bow", 2),
+        line_offset=wide * several("beside", 2),
+        bow=length * several("bow", 2),
         open_side=int(rng.integers(4)) if rng.random() > CLOSED_SHARE else None,
         pitch=one("pitch"),
         rib=one("rib"),

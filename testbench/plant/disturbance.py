@@ -328,7 +328,7 @@ def _backlash_turn(law: TrueJointLaws, x: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Follows:
+class PoseDependence:
     """Describe how compliances of links depend on the pose: s = sin(turns q + phase), one per link."""
 
     log_change: Array  #: Logarithm of the compliance along every axis of a link at s = 1, (links, 6) [1].
@@ -345,12 +345,12 @@ class Follows:
 
 
 @dataclass(frozen=True)
-class Beyond:
-    """Hold the elastic behaviour of one arm beyond constant matrices; a field of None has no effect."""
+class SpringEffects:
+    """Hold effects of a true arm's springs that constant compliances cannot describe; None for no effect."""
 
-    follows: Follows | None = None
+    pose_dependence: PoseDependence | None = None
     #: Compliance that couples joints, symmetric with a zero diagonal, (n, n) [rad/(N m)].
-    between: Array | None = None
+    joint_coupling: Array | None = None
     slip: Array | None = None  #: Largest half width H of the friction of every joint, (n,) [rad, m].
     law: TrueLaw | None = None  #: Turn of the joints beside their linear springs.
 

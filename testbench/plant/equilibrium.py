@@ -34,7 +34,13 @@ import numpy as np
 from testbench.arm.folder import Compensator
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
-from testbench.plant.disturbance import Beyond, TrueJointLaws, gear_error, joint_rotation, tangent_compliance
+from testbench.plant.disturbance import (
+    SpringEffects,
+    TrueJointLaws,
+    gear_error,
+    joint_rotation,
+    tangent_compliance,
+)
 from testbench.progress import stepwise
 
 # --- Poses evaluated by MuJoCo, many at once, and generalised forces of loads on bodies ---------------------
@@ -394,9 +400,9 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaw
     """Make the joint laws of all runs; None for MuJoCo's linear springs."""
     if before is not None:
         check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
-    changes, beyond = plant.disturbances, plant.beyond or Beyond()
+    changes, effects = plant.disturbances, plant.spring_effects or SpringEffects()
     sizes = changes.stiffening, changes.backlash, changes.hysteresis
-    if not any(sizes) and beyond.slip is None and beyond.law is None:
+    if not any(sizes) and effects.slip is None and effects.law is None:
         return None
     return TrueJointLaws(
         compliance=np.array([joint.compliance for joint in plant.arm.joints]),
@@ -404,8 +410,8 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaw
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
         start=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
-        slip=beyond.slip,
-        user_law=beyond.law,
+        slip=effects.slip,
+        user_law=effects.law,
     )
 
 
@@ -508,10 +514,10 @@ def _deflect(poses: Batch, Q: Array, places: Ids) -> Array:
 
 def _torques(poses: Batch, law: TrueJointLaws, torque: Array) -> Array:
     """Compute torques by which uncoupled joints would turn as these coupled joints do, (..., n) [N m]."""
-    beyond = poses.plant.beyond
-    if beyond is None or beyond.between is None:
+    effects = poses.plant.spring_effects
+    if effects is None or effects.joint_coupling is None:
         return torque
-    return np.asarray(torque + np.matvec(beyond.between, torque) / law.compliance)
+    return np.asarray(torque + np.matvec(effects.joint_coupling, torque) / law.compliance)
 
 
 def _newton(poses: Batch, row: ArmCopies) -> Array:

@@ -269,7 +269,7 @@ def _body(model: mujoco.MjModel, name: str) -> int:
 
 
 def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
-    """Find the owner of each geom, an index in `CONTACT_CATEGORIES`; the arm is all on the base's carrier."""
+    """Find what each geom belongs to, an index in `CONTACT_CATEGORIES`: all bodies of the arm are one."""
     root = model.body_rootid[model.geom_bodyid]
     part = np.full(model.ngeom, CONTACT_CATEGORIES.index("room"))
     part[root == model.body_rootid[_body(model, arm.links[0].name)]] = CONTACT_CATEGORIES.index("itself")

@@ -33,11 +33,11 @@ from testbench.registry import Registry
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant.build import Plant
-    from testbench.plant.disturbance import Beyond
+    from testbench.plant.disturbance import SpringEffects
 
 # --- True arms outside the model's templates: one model, and families of truths to judge it by --------------
 
-Springs = Callable[[Arm, np.random.Generator], "Beyond"]
+Springs = Callable[[Arm, np.random.Generator], "SpringEffects"]
 """Function that draws the elasticity of an arm beyond constant matrices."""
 
 
@@ -241,42 +241,44 @@ def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
     )
 
 
-def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     """Vary every link as a whole with the sine of the next joint's angle; the last with the last joint's."""
-    from testbench.plant.disturbance import Beyond, Follows
+    from testbench.plant.disturbance import PoseDependence, SpringEffects
 
     links, n = len(arm.links), arm.n_joints
     turns = np.zeros((links, n))
     turns[range(links), np.minimum(range(links), n - 1)] = 1.0
     share = np.full((links, 6), np.log1p(percent / 100))
-    return Beyond(Follows(share, turns, rng.uniform(-np.pi, np.pi, links)))
+    return SpringEffects(PoseDependence(share, turns, rng.uniform(-np.pi, np.pi, links)))
 
 
-def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     """Vary every axis of a link by itself, with a sum of the angles of all joints."""
-    from testbench.plant.disturbance import Beyond, Follows
+    from testbench.plant.disturbance import PoseDependence, SpringEffects
 
     links, n = len(arm.links), arm.n_joints
     share = AXIS_LOG_DEVIATION * rng.standard_normal((links, 6))
-    return Beyond(Follows(share, rng.standard_normal((links, n)), rng.uniform(-np.pi, np.pi, links)))
+    return SpringEffects(
+        PoseDependence(share, rng.standard_normal((links, n)), rng.uniform(-np.pi, np.pi, links))
+    )
 
 
-def _coupled_joints(arm: Arm, correlation: Array) -> "Beyond":
+def _coupled_joints(arm: Arm, correlation: Array) -> "SpringEffects":
     """Couple joints by a correlation matrix, (n, n) [1]."""
-    from testbench.plant.disturbance import Beyond
+    from testbench.plant.disturbance import SpringEffects
 
     root = np.sqrt([joint.compliance for joint in arm.joints])
-    return Beyond(between=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
+    return SpringEffects(joint_coupling=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
 
 
-def _coupled_neighbours(arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _coupled_neighbours(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     """Couple every joint with the next one: below 1/2 the matrix is positive definite."""
     n = arm.n_joints - 1
     neighbours = np.diag(rng.uniform(*JOINT_COUPLING_RANGE, n) * rng.choice([-1.0, 1.0], n), 1)
     return _coupled_joints(arm, neighbours + neighbours.T)
 
 
-def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     """Couple every joint with every other one, by correlations of normal vectors with 4 n numbers."""
     n = arm.n_joints
     A = rng.standard_normal((n, 4 * n))
@@ -284,11 +286,11 @@ def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "Beyond":
     return _coupled_joints(arm, A @ A.T / np.outer(d, d))
 
 
-def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
-    from testbench.plant.disturbance import Beyond
+def _slipping(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
+    from testbench.plant.disturbance import SpringEffects
 
     least, most = np.log(SLIP_RANGE)
-    return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
+    return SpringEffects(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
 
 
 _SPRINGS: Mapping[str, Springs] = {
@@ -344,7 +346,8 @@ TRUTH_DESCRIPTIONS = {
 def _check(name: str, kind: TrueArm) -> None:
     """Refuse what is no TrueArm, and the name of the family."""
     if name == FAMILY or not isinstance(kind, TrueArm):
-        raise BenchError(f"true arm {name!r}: expected a TrueArm of another name, got {kind!r}")
+        problem = f"expected a TrueArm of another name than {FAMILY!r}, got {type(kind).__name__}"
+        raise BenchError(f"true arm {name!r}: {problem}")
 
 
 true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TRUTHS, **HELD_OUT}, _check)
@@ -382,13 +385,17 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
         The plant of the true arm.
 
     Raises:
-        BenchError: If there is no such kind.
+        BenchError: If there is no such kind, or what it draws is no arm of the same joints and links.
     """
     from testbench.plant.build import build_plant
 
     kind, rng = true_arms[name], trial_rng(seed, 8)
-    plant = build_plant(kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng))
-    return plant if kind.springs is None else replace(plant, beyond=kind.springs(plant.arm, rng))
+    drawn = kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng)
+    if not isinstance(drawn, Arm) or (drawn.n_joints, drawn.n_theta) != (arm.n_joints, arm.n_theta):
+        problem = "expected an Arm of the same joints and links from draw(arm, rng)"
+        raise BenchError(f"true arm {name!r}: {problem}")
+    plant = build_plant(drawn)
+    return plant if kind.springs is None else replace(plant, spring_effects=kind.springs(plant.arm, rng))
 
 
 # --- The disturbed true arm: a plant with disturbances built in ---------------------------------------------
@@ -446,7 +453,7 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
     compliance = scale * np.array(FOUNDATION)
     model = compile_mjcf(arm.rigid, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
-    true = replace(plant_from_model(arm, model), beyond=plant.beyond)
+    true = replace(plant_from_model(arm, model), spring_effects=plant.spring_effects)
     soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
     true.C[soft, soft] = compliance
     return true

@@ -215,13 +215,15 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     if taken.get("rejected"):
         yield say("Outliers left out of {name}: {rejected}.", taken)
     yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
-    yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
+    ours = (m for m in f.models if m.constraint != "own")  # nobody certifies an estimator of the user's own
+    yield from (say("Not certified: {name} ({status}).", m) for m in ours if m.status != "solved")
     if taken.check is None and taken.f_m_held_out is None:
         yield Markdown("No pose was held out; `--check-pose N` holds one out.")
     yield from _of_intervals(f, taken)
     if taken.aggregated:
         yield say("The compliance of the link before includes: {aggregated:list}.", taken)
-    for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
+    further = [text for text in taken.advice if text not in f.why]
+    for text in (f"{f.recommended}: {f.why}", *f.notes, *further):
         yield say("{text}", text=ended(capital(text)))
 
 

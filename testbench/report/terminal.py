@@ -175,7 +175,8 @@ def print_statements(console: Console, words: ReportWords, where: str = MORE) ->
 
         console.print(Markdown(words.block("statements")))
     if words.block("more"):
-        console.print(f" {len(words.block('more').splitlines())} more notes {where}")
+        count = len(words.block("more").splitlines())
+        console.print(f" {count} more note{'s'[: count > 1]} {where}")
 
 
 def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:

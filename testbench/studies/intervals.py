@@ -39,7 +39,7 @@ from testbench.identify import cone, least_squares, reduce
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import (
     EXACT_FIT,
-    norms_below,
+    norm_constraints,
     scale_program,
     sensitivity_units,
     solve_clarabel,
@@ -127,7 +127,7 @@ def gco_least_trace(regression: Regression, metric: PriorScaling) -> Estimate:
     allowed = (1 + SLACK) * max(best, EXACT_FIT * f_m(regression, np.zeros(n)))
     total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
     parts = [(term.R @ metric.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
-    norms = norms_below(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
+    norms = norm_constraints(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.zeros(count), metric.expected],

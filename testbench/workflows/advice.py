@@ -98,7 +98,7 @@ def of_average(average: ModelAverage | None) -> list[str]:
     if average is None or not (average.laws_weight or average.weight or average.ties_weight):
         return []
     if average.weight == 1:
-        return ["link compliances hardly improve the model, so Joints-only is used"]
+        return ["link compliances hardly improve the model, so its links are rigid, as in Joints-only"]
     if average.ties_weight == 1:
         return ["the evidence favours coupled joints"]
     if average.ties_weight:

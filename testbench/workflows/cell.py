@@ -66,7 +66,13 @@ class Setup(BaseModel):
         except ValidationError as err:
             first = err.errors(include_url=False)[0]
             place = ".".join(map(str, first["loc"]))
-            raise BenchError(f"{place} in SI units: {first['msg']}, got {first['input']!r}") from err
+            if first["type"] == "extra_forbidden":
+                problem = f"{cls.__name__}: no field {place!r}; fields are {', '.join(cls.model_fields)}"
+            elif first["type"] == "missing":
+                problem = f"{cls.__name__}: field {place!r} is missing"
+            else:
+                problem = f"{cls.__name__}: {place} = {first['input']!r}: {first['msg']} (SI units)"
+            raise BenchError(problem) from err
 
     @property
     def sigmas(self) -> tuple[float, float | None]:
@@ -286,7 +292,7 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
     check_type(scenario, (Scenario, NoneType), "scenario")
     scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
     if Path(scenario.arm).name != cell.arm.name:
-        raise BenchError(f"scenario: expected one of {cell.arm.name}, got one of {scenario.arm}")
+        raise BenchError(f"scenario: expected one of the arm {cell.arm.name!r}, got one of {scenario.arm!r}")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise BenchError(f"seed: expected an integer from 0 on, got {seed!r}")
     return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
@@ -492,7 +498,7 @@ def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Ar
         solve_unloaded_and_loaded,
     )
 
-    if truth == "nonlinear" and plant.beyond is not None and plant.beyond.slip is not None:
+    if truth == "nonlinear" and plant.spring_effects is not None and plant.spring_effects.slip is not None:
         return solve_unloaded_and_loaded(plant, q, wrench, point)  # where it stood decides where it comes to
     runs, find = len(q), solve_linear_equilibrium if truth == "linear" else solve_equilibrium
     loads = np.concatenate([np.zeros_like(wrench), wrench])
@@ -513,8 +519,9 @@ def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
         The cell with that truth.
 
     Raises:
-        BenchError: When there is no such kind.
+        BenchError: When there is no such kind, or what it draws is no arm of the same joints and links.
     """
+    check_type(cell, Cell, "cell")
     return replace(cell, truth=true_plant(cell.arm, name, seed, stiffer))
 
 

@@ -246,7 +246,7 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clo
         start = clock()
         if plain := _plain(model):
             readings: PartitionedRegression | Regression = reduced.parts[model.structure.name]
-            if isinstance(readings, PartitionedRegression) and not plain.penalised:
+            if isinstance(readings, PartitionedRegression) and not plain.learns_trace_weight:
                 readings = with_poses(cell.vjm, readings.joined(), runs.used)
             estimate = plain.fit_reduced(cell.vjm, readings)
             spent = clock() - start

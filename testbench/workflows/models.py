@@ -22,7 +22,7 @@ from testbench.arm.elastic import rotated_compliance
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, select
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids
+from testbench.errors import Array, BenchError, Ids, check_type
 from testbench.identify import (
     Estimate,
     Estimator,
@@ -83,17 +83,23 @@ class Model(Displayed):
 
 def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callable[[Cell], Model]:
     def make(cell: Cell) -> Model:
+        check_type(cell, Cell, "cell")
         unknowns = structure(cell.arm)
         return Model(unknowns.name, unknowns, estimator)
 
     return make
 
 
+def _mls32(cell: Cell) -> Model:
+    check_type(cell, Cell, "cell")
+    return Model("MLS32", non_redundant(cell.vjm, template56(cell.arm), name="MLS32"), least_squares)
+
+
 class _Named(dict[str, Callable[[Cell], Model]]):
     """Models by name; a BenchError lists the names where there is no such model."""
 
     def __missing__(self, name: str) -> Callable[[Cell], Model]:
-        raise BenchError(f"expected a model of {', '.join(self)}, got {name!r}")
+        raise BenchError(f"no model {name!r}; models are {', '.join(self)}")
 
     def __repr__(self) -> str:
         return f"models {', '.join(self)}"
@@ -102,9 +108,7 @@ class _Named(dict[str, Callable[[Cell], Model]]):
 MODELS = _Named(
     {
         JOINTS: _made(joints_only, least_squares),
-        "MLS32": lambda cell: Model(
-            "MLS32", non_redundant(cell.vjm, template56(cell.arm), name="MLS32"), least_squares
-        ),
+        "MLS32": _mls32,
         "MLS56": _made(partial(template56, name="MLS56"), least_squares),
         "MGCO47": _made(mgco47, gco),
         "MGCO56": _made(template56, gco),
@@ -436,7 +440,7 @@ def reason_for(recommendation: Recommendation, estimate: Estimate) -> str:
     Returns:
         One sentence.
     """
-    return "; ".join([*of_average(estimate.average), recommendation.why])
+    return "; ".join([recommendation.why, *of_average(estimate.average)])
 
 
 @dataclass(frozen=True)

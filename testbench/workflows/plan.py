@@ -15,7 +15,13 @@ from testbench.design import absolute
 from testbench.design.absolute import JointUnknowns
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import Feasibility, Search, greedy
-from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
+from testbench.design.forecast import (
+    Forecast,
+    forecast_on,
+    inflate_intervals,
+    unbounded_predictions,
+    without_bound,
+)
 from testbench.design.gauges import Gauges
 from testbench.design.planning import (
     ChosenPoses,
@@ -31,7 +37,7 @@ from testbench.design.planning import (
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_array, check_type
+from testbench.errors import Array, BenchError, check_type
 from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.metric import cad_prior, scale_by_prior
@@ -104,15 +110,15 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
         The poses in the order of measuring, `.plan.q`, and the errors to expect at the tasks, `.forecast`.
 
     Raises:
-        BenchError: When an argument has another type, a number is out of range, or too little is measured
-            without a prior.
+        BenchError: When an argument has another type, a number is out of range, joints are not in radians, or
+            too little is measured without a prior.
         PoseError: When there are fewer feasible poses than the plan needs.
     """
     check_type(cell, Cell, "cell")
     check_type(settings, PlanSettings, "settings")
     if settings.absolute:
         raise BenchError("absolute: expected a plan for tasks")
-    q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
+    q = cell.arm.check_positions(q, "tasks q [rad, m]")
     return plan_for(cell, settings, Tasks(q, weight(cell.vjm, settings.loads_kg[0])))
 
 
@@ -150,7 +156,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
             (spec.workspace, spec.loads[0]),
         )
     )
-    around = without_bound(around, unbounded_rows(best.examined.problem, workspace_rows(spec)))
+    around = without_bound(around, unbounded_predictions(best.examined.problem, workspace_rows(spec)))
     return Planned(cell, settings, candidates, best, poses, forecast, around)
 
 
@@ -274,7 +280,7 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
     problem = candidate_set(spec, q).problem
     rows = task_rows(spec)
-    if numbers := (np.flatnonzero(unbounded_rows(problem, rows)) + 1).tolist():
+    if numbers := (np.flatnonzero(unbounded_predictions(problem, rows)) + 1).tolist():
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "

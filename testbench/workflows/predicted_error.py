@@ -219,7 +219,7 @@ def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
 
 def _torques(vjm: Vjm, q: Array, load: Load) -> Array:
     """Torques of the joints, forces of slides, under a load, (n, poses) [N m, N]."""
-    u = on_joints(chain(vjm, q), [load.over(len(q))])
+    u = on_joints(chain(vjm, q), [load.for_poses(len(q))])
     return np.asarray(u[-vjm.arm.n_joints :])
 
 

@@ -62,6 +62,7 @@ from testbench.plant.site import Site
 from testbench.plant.tracker import trial_rng
 from testbench.runs.whole import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
+from testbench.workflows.options import payload_of
 from testbench.workflows.plan_input import place, read_loads
 
 T = TypeVar("T")
@@ -216,7 +217,7 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
         raise InputError(program.path, "", str(err)) from err
     wrench, at = program.wrench + along, tip if program.point is None else program.point
     hung = [weight(model.vjm, program.mass)] if program.mass.any() else []
-    pulls = [Load(wrench, at).over(len(q))] if wrench.any() or not hung else []
+    pulls = [Load(wrench, at).for_poses(len(q))] if wrench.any() or not hung else []
     return (*pulls, *hung)
 
 
@@ -446,18 +447,14 @@ def _between(values: Array) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def read_pose_file(
-    path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]
-) -> PosesWithLoads:
+def read_pose_file(path: Path, model: ArmModel, mapping: Path | None, mass: float | None) -> PosesWithLoads:
     """Read poses of a plan or of a program; of a corrected program the commanded joints.
-
-    A map has other names of a program's columns; `mass` gives what hangs where the file says of no load [kg].
 
     Args:
         path: Path of the file.
         model: The calibrated arm.
-        mapping: Map of the file's names; None for none.
-        mass: Returns what hangs where the file says of no load [kg].
+        mapping: Map of the names of a program's columns; None for none.
+        mass: Mass that hangs in every pose if the file gives no load [kg]; None for the rated payload.
 
     Returns:
         The poses with their loads.
@@ -477,43 +474,45 @@ def read_pose_file(
     return PosesWithLoads(path, program.line, program.labels, q, loads, program.mass, (*notes, *said))
 
 
-def with_payload(
-    model: ArmModel, program: Program, mass: Callable[[], float]
-) -> tuple[Program, tuple[str, ...]]:
-    """Give a program that says of no load a payload.
+def with_payload(model: ArmModel, program: Program, mass: float | None) -> tuple[Program, tuple[str, ...]]:
+    """Hang a mass on the tool in every point of a program that gives no load.
 
     Args:
         model: The calibrated arm.
         program: The program.
-        mass: Returns what hangs [kg].
+        mass: The mass [kg]; None for the rated payload.
 
     Returns:
         The program, and notes.
     """
     if program.mass.any() or program.wrench.any() or program.along.any():
         return program, ()
-    hung = mass()
-    return replace(program, mass=np.full(program.points, hung)), (_no_load(model, hung),)
+    hung, note = _without_load(model, mass)
+    return replace(program, mass=np.full(program.points, hung)), (note,)
 
 
-def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> PosesWithLoads:
+def _of_plan(path: Path, model: ArmModel, mass: float | None) -> PosesWithLoads:
     """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
-    q, (found, pulls) = read_poses(path, model.arm), read_loads(path)
-    hung = np.full(len(q), mass()) if found is None else found
-    notes = (_no_load(model, hung[0]),) if found is None else ()
+    q, (hung, pulls) = read_poses(path, model.arm), read_loads(path)
+    notes: tuple[str, ...] = ()
+    if hung is None:
+        assumed, note = _without_load(model, mass)
+        hung, notes = np.full(len(q), assumed), (note,)
     labels = tuple(map(str, range(1, len(q) + 1)))
-    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
+    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).for_poses(len(q))]
     return PosesWithLoads(
         path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes
     )
 
 
-def _no_load(model: ArmModel, mass: float) -> str:
-    """What hangs [kg] where the file says of no load, a sentence."""
-    if not mass:
-        return "The file gives no load, so none is assumed"
-    what = f"the rated payload of {mass:g} kg" if mass == model.arm.payload else f"{mass:g} kg"
-    return f"The file gives no load, so {what} is assumed"
+def _without_load(model: ArmModel, mass: float | None) -> tuple[float, str]:
+    """Find the mass that hangs [kg] if a file gives no load, and say where it is from."""
+    hung = payload_of(model.arm, mass, "--load")
+    if mass is None:
+        return hung, f"The file gives no load, so the rated payload of {hung:g} kg is assumed"
+    if not hung:
+        return hung, "The file and --load give no load"
+    return hung, f"The file gives no load: {hung:g} kg of --load hang in every pose"
 
 
 def _carried(file_poses: PosesWithLoads, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:

@@ -86,12 +86,14 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
         true_plant(kr500.arm, "wound", 1), Disturbances(own_weight=True), np.random.default_rng(0)
     )
     turns = []
-    for own in (plant, replace(plant, beyond=None)):
+    for own in (plant, replace(plant, spring_effects=None)):
         before, after = solve_unloaded_and_loaded(own, q, wrench, point)
         turns.append((after.theta - before.theta)[:, LINKS:48])
     vjm = replace(kr500.vjm, arm=replace(kr500.arm, compensator=None))
     where = chain(with_joint_laws(vjm, ["wind_up"]), q)
-    expected = plant.beyond.law.share * where.laws.load(where, plain_load(where, wrench, point)[LINKS:]).T
+    expected = (
+        plant.spring_effects.law.share * where.laws.load(where, plain_load(where, wrench, point)[LINKS:]).T
+    )
     assert np.abs(expected).max() > 1e-4
     np.testing.assert_allclose(turns[0] - turns[1], expected, rtol=0, atol=0.06 * np.abs(expected).max())
 
@@ -122,7 +124,7 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
     error, other = (score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in (found, without))
     assert error < 0.3 * other
     sizes = sizes_of(model_for(cell.vjm, found.structure), found.C_theta)
-    share = true.plant.beyond.law.share
+    share = true.plant.spring_effects.law.share
     for k in (1, 2):  # the joints that bear the load
         assert abs(sizes[f"joint_{k + 1}"]["wind_up"] - share[k]) < 0.35 * share[k]
     whole = default(kr500, with_laws(all153(kr500.arm), kr500.arm), campaign.identification)

@@ -18,11 +18,11 @@ from testbench.plant.disturbance import (
     FOUNDATION,
     KR500_COMPENSATOR,
     TYPICAL,
-    Beyond,
     Disturbances,
-    Follows,
     GearErrors,
     GeometryErrors,
+    PoseDependence,
+    SpringEffects,
     TrueJointLaws,
     joint_rotation,
     tangent_compliance,
@@ -301,15 +301,15 @@ def test_an_arm_without_link_2_has_no_compensator(single_link):
 
 
 def with_springs(cell, **springs):
-    return replace(cell.plant, beyond=Beyond(**springs))
+    return replace(cell.plant, spring_effects=SpringEffects(**springs))
 
 
 def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_rests(kr500, rng):
     """Scaled along each axis by the definition, and built anew: springs of MuJoCo's own in each pose."""
     q, links = random_q(kr500, rng, 3), len(kr500.arm.links)
     phase = rng.uniform(-3, 3, links)
-    follows = Follows(rng.normal(0, 0.5, (links, 6)), rng.standard_normal((links, 6)), phase)
-    plant, (wrench, point) = with_springs(kr500, follows=follows), hung(kr500, 3)
+    follows = PoseDependence(rng.normal(0, 0.5, (links, 6)), rng.standard_normal((links, 6)), phase)
+    plant, (wrench, point) = with_springs(kr500, pose_dependence=follows), hung(kr500, 3)
     together = solve_equilibrium(plant, q, wrench, point), solve_linear_equilibrium(plant, q, wrench, point)
     for pose in range(3):
         s = np.sin(follows.joint_rates @ q[pose] + follows.phase)
@@ -331,7 +331,7 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
     own = np.array([joint.compliance for joint in kr500.arm.joints])
     between = np.zeros((6, 6))
     between[range(1, 6), range(5)] = between[range(5), range(1, 6)] = 0.4 * np.sqrt(own[1:] * own[:-1])
-    plant = with_springs(kr500, between=between)
+    plant = with_springs(kr500, joint_coupling=between)
     plant = replace(plant, disturbances=replace(plant.disturbances, **law))
     (wrench, point), q = hung(kr500, 3), random_q(kr500, rng, 3)
     before, rest = solve_unloaded_and_loaded(plant, q, wrench, point)

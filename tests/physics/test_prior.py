@@ -174,7 +174,7 @@ def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
 
 def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are_refused(kr500, campaign):
     for bad in (0, np.nan, np.inf, 1e-200):
-        with pytest.raises(BenchError, match="uncertainty: expected 1e-06 to 1e"):
+        with pytest.raises(BenchError, match="uncertainty: expected a number from 1e-06 to 1e"):
             Strength(bad)
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
@@ -386,7 +386,8 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
     ours, theirs = errors(kr500, rigid, found, gco(kr500.vjm, joints_only(kr500.arm), rigid.identification))
     assert found.average.weight > 0.75
     [said] = of_average(found.average)
-    assert said.startswith("link compliances hardly improve the model, so Joints-only")
+    assert said.startswith("link compliances hardly improve the model, so ")
+    assert "Joints-only" in said
     assert ours < 1.05 * theirs
 
 
@@ -638,7 +639,7 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     np.testing.assert_allclose(prior, expected, rtol=1e-6)
     # what links do in a pose that nobody measured is no error of the prior
     W = rng.standard_normal((7, own.structure.n)) / np.linalg.norm(rows, axis=0)
-    wider = linearise(replace(found, regression=replace(r, wander=W)))._deviations(rows)
+    wider = linearise(replace(found, regression=replace(r, pose_variation=W)))._deviations(rows)
     np.testing.assert_allclose(wider[0] ** 2, whole + ((rows @ W.T) ** 2).sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(wider[1] ** 2, prior, rtol=1e-9)
 
@@ -665,7 +666,7 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     np.testing.assert_allclose(found / norm / norm[:, None], H / norm / norm[:, None], rtol=0, atol=1e-9)
     poses = len(np.unique(data.pose))
     width = stats.t.ppf(0.975, poses - 1) / stats.norm.ppf(0.975)  # its size is learnt from so many poses
-    np.testing.assert_allclose(weighed.wander[3, link == 3], width * rho * pi[link[:147] == 3])
+    np.testing.assert_allclose(weighed.pose_variation[3, link == 3], width * rho * pi[link[:147] == 3])
 
 
 @pytest.mark.study
@@ -764,7 +765,7 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
         return replace(e, average=replace(e.average or ModelAverage(0.0, e), laws_weight=0.5))
 
     monkeypatch.setattr(average, "_average_priors", with_laws_of_half)
-    monkeypatch.setattr(average.LinksAndJoints, "certain", False)
+    monkeypatch.setattr(average.LinksAndJoints, "links_certain", False)
     monkeypatch.setattr(average.LinksAndJoints, "errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)
     assert (found.average.weight, found.average.laws_weight) == (1, 0)

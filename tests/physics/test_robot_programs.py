@@ -375,7 +375,7 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
     posed = np.array([False, True, True])
     path = tmp_path / f"way{language.suffix}"
     write_moves(path, language, Motion(q, arm.joints, (), posed, posed, p, R))
-    program, _ = with_payload(model, read_program(path, arm), lambda: 300.0)
+    program, _ = with_payload(model, read_program(path, arm), 300.0)
     refuse_corrected(program)
     found = correct_program(model, program, Aim())
     (table := tmp_path / "way.csv").write_text(
@@ -386,7 +386,7 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
             ]
         )
     )
-    plain, _ = with_payload(model, read_program(table, arm), lambda: 300.0)
+    plain, _ = with_payload(model, read_program(table, arm), 300.0)
     wanted = correct_program(model, plain, Aim()).found.q
     assert np.abs(wanted - q).max() > 1e-4
     np.testing.assert_allclose(found.found.q, wanted, rtol=0, atol=1e-7)
@@ -440,7 +440,7 @@ def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
     p, R = tool_pose(model.vjm, q)
     path = tmp_path / "way.src"
     write_moves(path, known_languages()["krl"], Motion(q, ARM.joints, (), None, np.array([True, True]), p, R))
-    program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+    program, _ = with_payload(model, read_program(path, model.arm), 300.0)
     found = correct_program(model, program, Aim(), start=q[0])
     signs = [np.floor(own[:, 3] / (2 * np.pi)) for own in (found.found.start, found.found.q)]
     expected = [line for line, a, b in zip(program.line, *signs, strict=True) if a != b]
@@ -467,7 +467,7 @@ def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model,
         flags = f"T {sum(2**k for k in range(6) if q[k] < 0)}"
         if name == "krl":
             path.write_text(re.sub(r"(C [-\d.]+)\}", rf"\1,S 2,{flags}}}", path.read_text()))
-        program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+        program, _ = with_payload(model, read_program(path, model.arm), 300.0)
         found = correct_program(model, program, Aim())
         np.testing.assert_allclose(found.found.start, joints[some], rtol=0, atol=1e-6)
         write_corrected(found, output_files(tmp_path / f"right{language.suffix}", name, path), name)

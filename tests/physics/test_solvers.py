@@ -57,7 +57,7 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
         program = conic.scale_program(regression, penalty)
         answers = conic.solve_interior_point(regression, program), conic.solve_clarabel(regression, program)
         if answers[0] is not None:
-            trace = [penalty.price @ a.pi for a in answers]
+            trace = [penalty.gradient @ a.pi for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
             assert cost[0] <= cost[1] + WORSE * program.unit
     assert own >= 5 or kind != "kind"  # of random ones 97 of 100 are proven
@@ -201,7 +201,7 @@ def best_within(regression, t):
     for k, block in enumerate(s.blocks):
         own = np.flatnonzero((s.a == s.b) & np.isin(s.a, block))
         room[k, count + own] = program.scale[own] / scaled_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
-    norms = conic.norms_below(program.R, program.z, program.rest)
+    norms = conic.norm_constraints(program.R, program.z, program.rest)
     found = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.ones(count), np.zeros(s.n)],

@@ -103,7 +103,7 @@ def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
     q = trial_rng(3).uniform(*cell.arm.limits, (20, 6))
     first = cell.arm.n_theta - 6
     for load, loaded in zip(trial.loads(cell), (False, True), strict=True):
-        torque = on_joints(chain(cell.vjm, q), [load.over(20)])[first]
+        torque = on_joints(chain(cell.vjm, q), [load.for_poses(20)])[first]
         assert (np.abs(torque) > 1e-6 * np.abs(load.wrench).max()).any() == loaded
 
 

@@ -119,7 +119,7 @@ def test_both_examples_hold_the_same_loads_and_deflections():
             '"Pint"',
             "columns.marker: no column like 'pint' in spatialanalyzer.csv; columns are 'Collection'",
         ),
-        ("A{n}", "A{k}", "columns.joint_{n}_deg: expected one of our quantities"),
+        ("A{n}", "A{k}", "columns.joint_{n}_deg: expected the same {...} in both names, got 'A{k}'"),
         ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore, lost, or"),
         ("Pose {pose} /", "Pose {pose} :", "line 4, column Group: expected 'Pose {pose} : {mass_kg} kg'"),
         ("_mm", "_deg", "columns.{axis}_deg: expected one of our quantities"),

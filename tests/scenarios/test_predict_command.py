@@ -111,7 +111,7 @@ def test_the_interval_beside_the_softest_direction_is_that_of_a_force_along_it(m
     """A hung weight never turned joint 1: aside, the same force has an interval many times wider."""
     own = tb.load_model(model)
     file = poses_file(tmp_path / "poses.csv", q, [f"0,0,0,{MASS}"] * POSES)
-    made = predict_file(own, read_pose_file(file, own, None, lambda: MASS), 1000.0)
+    made = predict_file(own, read_pose_file(file, own, None, MASS), 1000.0)
     push = tb.Load(np.hstack([1000 * made.stiffness.axes[:, :, 0], np.zeros((POSES, 3))]), np.zeros(3))
     wanted = tb.predict(own, q, [push]).half_width[:, 0].max(axis=1)
     assert made.push_halves(np.arange(POSES)) == pytest.approx(wanted)
@@ -140,7 +140,7 @@ def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
     """Without a prior: a force across turns joint 1, which no hung weight did."""
     bare = tb.load_model(folder_of(kr500, tmp_path, False))
     file = poses_file(tmp_path / "poses.csv", q[:1], ["0,800,0,0"])
-    made = predict_file(bare, read_pose_file(file, bare, None, lambda: MASS), 1000.0)
+    made = predict_file(bare, read_pose_file(file, bare, None, MASS), 1000.0)
     said = report(made)
     assert "not determined by the readings" in said.answer
     assert any(
@@ -174,12 +174,12 @@ def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tm
     light = replace(soft, state=replace(soft.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
     file = poses_file(tmp_path / "poses.csv", q[:6], ["0,0,-1,0"] * 3 + ["0,0,-90000,0"] * 3)
     with pytest.raises(InputError, match="line 5: no static equilibrium at q"):
-        predict_file(light, read_pose_file(file, light, None, lambda: MASS), 1000.0)
+        predict_file(light, read_pose_file(file, light, None, MASS), 1000.0)
 
 
 def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q):
     found = tb.load_model(model)
-    cut = read_pose_file(ROOT / "docs" / "program.csv", found, None, lambda: MASS)
+    cut = read_pose_file(ROOT / "docs" / "program.csv", found, None, MASS)
     rows = table(ROOT / "docs" / "program.csv")
     asked = [[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows]
     np.testing.assert_allclose(1e3 * tool_pose(kr500.vjm, cut.q)[0], asked, atol=1e-6)
@@ -189,22 +189,20 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     assert cut.words == "0 to 1,019 N"
     assert cut.notes == ("Not read: speed_mm_s",)
     plan = poses_file(tmp_path / "plan.csv", q, ["250,0.1"] * POSES, head="load_kg,expected_error_mm")
-    hung = read_pose_file(plan, found, None, lambda: MASS)
+    hung = read_pose_file(plan, found, None, MASS)
     assert hung.words == "250 kg"
     np.testing.assert_allclose(hung.loads[0].wrench[:, 2], -250 * GRAVITY)
     assert np.array_equal(hung.q, q)
     mixed = ["250,,,,0.1", *[",0,3000,0,0.1"] * (POSES - 1)]
     head = "load_kg,force_x_N,force_y_N,force_z_N,expected_error_mm"
-    pulled = read_pose_file(
-        poses_file(tmp_path / "pulled.csv", q, mixed, head=head), found, None, lambda: MASS
-    )
+    pulled = read_pose_file(poses_file(tmp_path / "pulled.csv", q, mixed, head=head), found, None, MASS)
     total = sum(load.wrench for load in pulled.loads)
     np.testing.assert_allclose(total[:2, :3], [[0, 0, -250 * GRAVITY], [0, 3000, 0]])
     assert all((load.point == kr500.vjm.load).all() for load in pulled.loads)
 
 
 def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500, model, tmp_path, q):
-    poses = read_pose_file(ROOT / "docs" / "program.csv", tb.load_model(model), None, lambda: MASS)
+    poses = read_pose_file(ROOT / "docs" / "program.csv", tb.load_model(model), None, MASS)
     rows = (ROOT / "docs" / "program.csv").read_text().splitlines()
     head = [rows[0], *(f"joint_{k}_rad" for k in range(1, 7)), "correction_joint_1_deg"]
     moved = poses.q + 1e-3
@@ -212,7 +210,7 @@ def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500
         ",".join([row, *map(repr, own), "0.1"]) for row, own in zip(rows[1:], moved.tolist(), strict=True)
     ]
     (file := tmp_path / "corrected.csv").write_text("\n".join([",".join(head), *cells]) + "\n")
-    found = read_pose_file(file, tb.load_model(model), None, lambda: MASS)
+    found = read_pose_file(file, tb.load_model(model), None, MASS)
     assert np.array_equal(found.q, moved)
     assert "corrected" in found.notes[-1]
 
@@ -222,7 +220,7 @@ def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tm
     loaded = tb.load_model(model)
     bare = replace(loaded, about=replace(loaded.about, force=0.0, moment=0.0))
     file = poses_file(tmp_path / "poses.csv", q[:2], ["0,0,-900,0"] * 2)
-    said = report(predict_file(bare, read_pose_file(file, bare, None, lambda: MASS), 1000.0))
+    said = report(predict_file(bare, read_pose_file(file, bare, None, MASS), 1000.0))
     check(said, ["worst"])
     assert said.json()["force_ratio"] is None
     assert "own weight only" in said.claims[0]
@@ -231,11 +229,13 @@ def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tm
 def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_said(model, tmp_path, q):
     own = tb.load_model(model)
     file = poses_file(tmp_path / "poses.csv", q[:2], ["900", "900"], head="axail_N")
-    notes = read_pose_file(file, own, None, lambda: own.arm.payload).notes
+    notes = read_pose_file(file, own, None, None).notes
     assert "The file gives no load, so the rated payload of 460.3 kg is assumed" in notes
     assert any(note.startswith("Not used, although it looks like a load: axail_N") for note in notes)
-    bare = read_pose_file(file, own, None, lambda: 0.0)
-    assert (bare.words, bare.notes[-1]) == ("", "The file gives no load, so none is assumed")
+    asked = read_pose_file(file, own, None, 460.3).notes
+    assert "The file gives no load: 460.3 kg of --load hang in every pose" in asked
+    bare = read_pose_file(file, own, None, 0.0)
+    assert (bare.words, bare.notes[-1]) == ("", "The file and --load give no load")
 
 
 def test_the_page_shows_every_pose_and_the_softest_place_and_no_pane_is_blank(made, open_page, blank_panes):

@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,13 +39,35 @@ def cell():
 @pytest.mark.parametrize(
     ("mistake", "said"),
     [
-        (lambda _: tb.MODELS["GCO56"], "expected a model of .*MGCO56"),
-        (lambda _: tb.Scenario(arm="kr500_l480", payload=-1), "payload in SI units: .* got -1"),
-        (lambda _: tb.Scenario(), "arm in SI units: Field required"),
-        (lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")), "one of kr500_l480, got one of ur10"),
+        (lambda _: tb.MODELS["GCO56"], "no model 'GCO56'; models are .*MGCO56"),
+        (lambda cell: tb.MODELS["MGCO56"](cell.arm), "cell: expected Cell, got Arm"),
+        (lambda cell: tb.MODELS["MLS32"](cell.vjm), "cell: expected Cell, got Vjm"),
+        (lambda cell: tb.true_cell(cell.arm, "cast", 1), "cell: expected Cell, got Arm"),
+        (lambda _: tb.Scenario(arm="kr500_l480", payload=-1), r"^Scenario: payload = -1: .* \(SI units\)"),
+        (lambda _: tb.Scenario(arm="kr500_l480", poses=3), "no field 'poses'; fields are arm, .*payload"),
+        (lambda _: tb.Scenario(), "Scenario: field 'arm' is missing"),
+        (lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")), "arm 'kr500_l480', got one of 'ur10'"),
         (lambda cell: tb.simulate(cell, seed=-1), "seed: expected an integer from 0 on, got -1"),
         (lambda _: tb.score(np.zeros((2, 3)), np.zeros((4, 3))), r"equal shapes, got \(2, 3\) and \(4, 3\)"),
+        (lambda _: tb.score(np.zeros((0, 3)), np.zeros((0, 3))), "at least one deflection, got shape"),
+        (lambda _: tb.score([["1 mm"]], [[1.0]]), r"predicted \[m\]: expected numbers"),
         (lambda _: tb.with_prior(tb.gco, None), "prior: expected one, such as cad_prior"),
+        (
+            lambda cell: tb.with_prior(tb.gco, tb.cad_prior(cell.arm), 0.3),
+            "strength: expected Strength or None, got float",
+        ),
+        (lambda _: tb.Strength("30 %"), "uncertainty: expected a number from .*, got '30 %'"),
+        (lambda cell: tb.weight(cell.vjm, "460 kg"), r"mass \[kg\]: expected numbers, got str"),
+        (lambda cell: tb.weight(cell.vjm, -460), r"mass \[kg\]: expected 0 or more, got -460"),
+        (lambda _: tb.Aim(hold="axes"), "aim.hold: expected pose or axis or position, got 'axes'"),
+        (lambda _: tb.Aim(reference="taught"), "aim.reference: expected unloaded or drawn or None"),
+        (lambda _: tb.Aim(point=(0.0, 0.1)), r"aim.point \[m\]: expected shape \(3\), got \(2,\)"),
+        (
+            lambda cell: tb.plan(cell, np.full((1, 6), 40.0), tb.PlanSettings(loads_kg=(460.3,))),
+            "expected radians; joint_1 of pose 0 is at 40 rad",
+        ),
+        (lambda cell: _structure(cell).entries(np.eye(3)), r"C_theta: expected shape \(48, 48\), got \(3,"),
+        (lambda cell: _structure(cell).matrix(np.ones(3)), r"pi .* expected shape \(56\), got \(3,\)"),
         (lambda cell: tb.plan(cell, np.zeros(6), tb.PlanSettings(loads_kg=(460.3,))), "tasks q"),
         (lambda cell: tb.calibrate(cell.vjm, [], tb.cad_prior(cell.arm)), "series: expected one or more"),
         (lambda cell: tb.gco(cell, None, None), r"vjm: expected Vjm, got Cell; it has one as \.vjm"),
@@ -59,6 +82,48 @@ def cell():
 def test_a_mistake_is_told_in_one_line(cell, mistake, said):
     with pytest.raises(tb.BenchError, match=said):
         mistake(cell)
+
+
+def _structure(cell):
+    return tb.MODELS["MGCO56"](cell).structure
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: {"q": data.q.tolist()}, r"q \[rad, m\]: expected ndarray, got list"),
+        (lambda data: {"run": None}, "run: expected ndarray, got NoneType"),
+        (lambda data: {"markers": "P1"}, "markers: expected tuple or list, got str"),
+        (lambda data: {"sigma": None}, r"sigma \[m\]: expected a number above 0 and below 1, got None"),
+        (lambda data: {"sigma": "50 um"}, "sigma .*, got '50 um'"),
+        (lambda data: {"sigma": 50.0}, "sigma .*, got 50.0"),
+        (lambda data: {"q": np.degrees(data.q)}, r"q \[rad, m\]: expected radians; joint_\d of pose 0 is at"),
+    ],
+)
+def test_wrong_readings_are_told_in_one_line(cell, change, said):
+    data = tb.simulate(cell, seed=1).identification
+    with pytest.raises(tb.BenchError, match=said):
+        tb.gco(cell.vjm, _structure(cell), replace(data, **change(data)))
+
+
+def test_joints_in_degrees_are_refused_by_what_predicts_and_corrects(cell):
+    runs = tb.simulate(cell, seed=1)
+    model = cell.model(tb.least_squares(cell.vjm, _structure(cell), runs.identification))
+    q, load = np.degrees(runs.check.q), tb.weight(cell.vjm, 460.3)
+    for use in (tb.predict, tb.compensate, tb.stiffness):
+        with pytest.raises(tb.BenchError, match="expected radians"):
+            use(model, q, [load])
+
+
+@pytest.mark.parametrize("drawn", [None, "three joints"])
+def test_a_true_arm_that_draws_no_such_arm_is_named(cell, drawn):
+    arm = None if drawn is None else replace(cell.arm, joints=cell.arm.joints[:3], links=cell.arm.links[:4])
+    tb.true_arms["broken"] = tb.TrueArm(lambda *_: arm)
+    try:
+        with pytest.raises(tb.BenchError, match="true arm 'broken': expected an Arm of the same joints"):
+            tb.true_cell(cell, "broken", 1)
+    finally:
+        del tb.true_arms["broken"]
 
 
 def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table(cell):

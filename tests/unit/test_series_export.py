@@ -343,7 +343,7 @@ def test_the_sheet_is_the_one_behind_the_mark_else_the_first_that_is_seen(tmp_pa
     assert second.position[2, 0, 2] == 0.0125
     assert (first.name, second.name) == ("one", "one B")
     [note, *_] = read_series(tmp_path / "one.xlsx#B", ARM).columns.table.notes
-    assert note.startswith("sheet B, cells separated by tabs")
+    assert note.startswith("sheet B, header in row")
     assert digest(tmp_path / "one.xlsx#B") == digest(file)
     assert "expected one of its sheets, Draft, A, B, got 'C'" in refused(one_of, tmp_path / "one.xlsx#C")
 

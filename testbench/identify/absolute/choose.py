@@ -64,7 +64,7 @@ much are in different blocks."""
 
 @dataclass(frozen=True)
 class SelectionStep:
-    """Report the trial of one kind of error."""
+    """Hold the held-out errors without and with one kind of error, and whether this kind is kept."""
 
     name: str  #: Kind of error that was added to all those kept before.
     kept: bool  #: Whether it is kept.
@@ -78,7 +78,7 @@ class SelectionStep:
 
 @dataclass(frozen=True)
 class SelectedModel:
-    """Hold the result of the selection."""
+    """Hold the kinds of errors that a calibration keeps, with the equations and the trials behind them."""
 
     active: ActiveUnknowns  #: The selected unknowns.
     scales: ErrorScales  #: Sizes of their errors, and noise factors.

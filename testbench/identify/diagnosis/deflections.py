@@ -303,7 +303,7 @@ def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     pull = suspected_gravity(loads.vjm, loads.metric, loads.data, loads.level)
     loads = replace(loads, gravity=pull)
     refitted, kinds = partial(_refitted, every), {row.name for row in runs}
-    if pull is not None and pull.sure_alone:
+    if pull is not None and pull.certain_by_sag:
         return [mounting(loads.vjm, pull)]
     try:
         start = loads.fit()

@@ -133,7 +133,7 @@ class GravityDirection:
         return self.level is not None and bool(angle(self.level, self.g) < SNAP_ANGLE)
 
     @property
-    def sure_alone(self) -> bool:
+    def certain_by_sag(self) -> bool:
         """Tell whether gravity is beyond FAR_ANGLE from -z and explains over MIN_EXPLAINED of the sag.
 
         No other mistake does both.
@@ -151,7 +151,7 @@ def weights_only(data: Dataset) -> bool:
 def suspected_gravity(
     vjm: Vjm, metric: PriorScaling, data: Dataset, level: Array | None
 ) -> GravityDirection | None:
-    """Find gravity that comes from another side than the folder has it.
+    """Find another direction of gravity than that of the arm's folder, if the deflections show one.
 
     The direction is the least-squares x / |x| of d = x_1 d_1 + x_2 d_2 + x_3 d_3, with d_k the deflections
     under gravity along axis k. A level tracker near it takes precedence.

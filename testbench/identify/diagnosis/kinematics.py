@@ -126,12 +126,12 @@ def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Is
 
 
 def longer_than(*least: float) -> Callable[[Array], bool]:
-    """Make a test of whether a vector of a size is longer than its limit, one per three numbers, SI."""
+    """Make a test of a mistake's size: whether one of its vectors of three numbers exceeds its limit, SI."""
     return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > limit for k, limit in enumerate(least))
 
 
 def any_above(least: float) -> Callable[[Array], bool]:
-    """Make a test of whether any number of a size is larger than a limit in magnitude, SI."""
+    """Make a test of a mistake's size: whether the magnitude of any of its numbers exceeds a limit, SI."""
     return lambda size: bool(np.abs(size).max() > least)
 
 
@@ -454,7 +454,7 @@ def _undone(
 
 
 def _thinned(observations: Observations) -> Observations:
-    """As many rows as tell what is wrong."""
+    """Select at most MAX_ROWS rows, evenly spaced: more would not change which mistake fits."""
     n = len(observations.q)
     return observations if n <= MAX_ROWS else observations.select(evenly_spaced(n, MAX_ROWS))
 

@@ -167,7 +167,7 @@ def _fit_half(observations: Observations, half: slice) -> Fit | None:
 
 
 def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
-    """Count the rows, of some, that do not fit."""
+    """Count how many of the given rows do not fit the arm in the fitted frame."""
     sample = observations.select(rows)
     off = np.linalg.norm(fit_residuals(sample, chain(sample.vjm, sample.q), fitted), axis=2)
     return int((off > UNFIT_DISTANCE * observations.scale).any(axis=1).sum())

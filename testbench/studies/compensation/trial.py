@@ -293,7 +293,7 @@ def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
             for job, own in zip(jobs(), forces, strict=True)
         ]
     )
-    return Tasks(q, Load(wrench, np.array(TIP)).over(len(wrench)))
+    return Tasks(q, Load(wrench, np.array(TIP)).for_poses(len(wrench)))
 
 
 def prepare(asked: CompensationSettings, everywhere: Everywhere) -> CompensationSettings:
