@@ -250,7 +250,14 @@ def _tables(f: Row) -> dict[str, Table]:
     }
     heads = {"steps": "after_mm", "series": "after.mean_mm"}
     return {
-        name: Table(columns(keys), rows[name], title, headline=heads.get(name, ""), looks=looks.get(name, {}))
+        name: Table(
+            columns(keys),
+            rows[name],
+            title,
+            headline=heads.get(name, ""),
+            looks=looks.get(name, {}),
+            stepwise=name == "steps",
+        )
         for name, (title, keys) in TABLES.items()
     }
 

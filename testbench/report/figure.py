@@ -62,6 +62,7 @@ RATIO = "ratio"  #: Key of a column of errors over one model's, with 95 % interv
 ASIDE, GOLDEN = 0.5, 0.618
 """How far dots of a row are apart, over its height, and the step from one to the next [1]."""
 TICKS = {"size": 2.5, "width": 0.6, "pad": 2.5}  #: Length, width and distance of ticks [pt].
+SIDE = 0.07  #: Room beside what is drawn [in]: letters of an SVG are up to 2 % wider than those of a PNG.
 LEVEL, COLOURS = 4, 256
 """Of a PNG: its compression, of which the next ones save no more than a fiftieth, and colours, which make it
 three times smaller than all colours do."""
@@ -80,6 +81,7 @@ rcParams.update(
         "axes.titlepad": 4.0,
         "axes.labelpad": 2.5,
         "lines.linewidth": 1.1,
+        "figure.constrained_layout.w_pad": SIDE,
         "lines.markersize": 4.3,
         "lines.markeredgewidth": 0.8,
         **{f"{side}tick.major.{key}": size for side in "xy" for key, size in TICKS.items()},  # type: ignore[misc]
@@ -409,7 +411,7 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
 
 def row_head(name: str) -> str:
     """Write the name of a row beside its axis, in words, in lines that leave room for what is drawn."""
-    return textwrap.fill(first_mention(name), HEAD_LETTERS)
+    return _balanced(first_mention(name), HEAD_LETTERS)
 
 
 def forest_height(table: Table) -> float:
@@ -566,7 +568,7 @@ def ranges(
 # --- One column of a journal: the first panes of a figure one below the other -------------------------------
 
 COLUMN, TALLEST = 89 / INCH, 120 / INCH
-"""Width of a figure, as journals print one column, and its height at most, where its first pane allows [in]."""
+"""Width of a figure, as journals print one column, and its height at most if its first pane allows [in]."""
 IN_COLUMN = "in one column"  #: Label of the panes that a figure of one column has, where not all may stay.
 PANE_HEIGHT, EQUAL_SCALES, MATRIX = 1.5, 1.8, 2.4
 """Height of a pane, of one with equal scales, of a matrix with numbers [in]."""

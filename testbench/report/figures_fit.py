@@ -113,8 +113,7 @@ def predicted_pane(axes: Axes, row: Row, looks: Mapping[str, Look], measured: st
     x = np.array(row.measured_mm)
     for k, (name, look) in enumerate(looks.items()):
         y = row.predicted_mm[name]
-        words = row_head(name)
-        axes.plot(x, y, linestyle="", label=words, alpha=0.8, zorder=2 + k, **look.dots(2.6))
+        axes.plot(x, y, linestyle="", label=name, alpha=0.8, zorder=2 + k, **look.dots(2.6))
     low, high = x.min(), x.max()
     room = 0.05 * (high - low) or 1.0
     ends = (low - room, high + room)
@@ -149,7 +148,8 @@ def eigenvalue_pane(axes: Axes, rows: Sequence[Row], name: str, look: Look, *, n
     axes.axvline(0, color="0.3", linewidth=0.8)
     axes.set(xlim=(lowest, 3 * most), ylim=(len(rows) - 0.5, -0.5), xlabel=EIGENVALUE)
     count = int(bad.sum())
-    axes.set_title(f"{row_head(name)}:\n{f'{count} of {len(every)} negative' if count else 'none negative'}")
+    negative = f"{count} of {len(every)} negative" if count else "none negative"
+    axes.set_title(f"{row_head(name)}:\n{negative}")
     ends = (least * 10, most) if lowest == -least else (least * 10, most, lowest)
     axes.set_xticks(*_symlog_ticks(ends))
     axes.set_xticks([], minor=True)
@@ -272,8 +272,8 @@ def residual_figure(
     answer = f"Normally distributed residuals (Lilliefors' test): {listed(normal) or 'of no model'}"
     reading = (
         "Histograms: components of residuals, reading minus model, with the normal curve of their mean and "
-        f"deviation; a p below {REJECTED:g} rejects normality. Predictions: a mark for each target; all marks "
-        "of a perfect model lie on the line."
+        f"deviation; a p below {REJECTED:g} rejects normality. Predictions: a mark for each target; all "
+        "marks of a perfect model lie on the line."
     )
     say(figure, answer, reading)
     return figure
@@ -303,7 +303,8 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
 
 OF_EIGENVALUES = (
     "Eigenvalues of the compliance of each link, and compliance of each joint; a translation counts as the "
-    f"rotation on an arm of {LEVER_LENGTH:g} m. Red crosses: negative; such a part would move against its load."
+    f"rotation on an arm of {LEVER_LENGTH:g} m. Red crosses: negative; such a part would move against its "
+    "load."
 )
 
 

@@ -245,7 +245,10 @@ def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
-    """The first table of several models and the column that it is about; the winner first, then by size."""
+    """The first table of several models and the column that it is about; the winner first, then by size.
+
+    Rows that each add something to the one before keep their order.
+    """
     for table in tables:
         name, *others = table.columns
         known = table.looks or looks(table.rows, name)
@@ -253,7 +256,8 @@ def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
         columns = [column for column in others if column.key == table.headline] or others[::-1]
         for column in columns:
             sizes = [(not table.marks(row), _size(column, row), k) for k, row in enumerate(own)]
-            order = [own[k] for *_, size, k in sorted(sizes) if np.isfinite(size)]
+            ranked = sizes if table.stepwise else sorted(sizes)
+            order = [own[k] for *_, size, k in ranked if np.isfinite(size)]
             if len({_size(column, row) for row in order}) > 1:
                 return replace(table, rows=order[:ROWS], looks=known), column
     return None
@@ -337,7 +341,8 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     axes.set_xlabel(chart.across)
     axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])))
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    if len(axes.get_legend_handles_labels()[1]) > 1:  # the title says what a line alone is
+        axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     quiet(axes)
 
 
