@@ -32,7 +32,7 @@ from testbench.report.schema import Table, TableColumn, best_rows, looks
 from testbench.runs.interrupt import SESSION
 from testbench.runs.rows import Row
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
-from testbench.workflows.models import first_mention
+from testbench.workflows.models import row_words
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
@@ -54,7 +54,7 @@ TITLE_BAND, TITLE_LINE, WORDS_LINE = 0.3, 0.15, 0.125
 HEAD_LETTERS = 32  #: Letters of a line of the name of a row.
 ROW, TALL_ROW = 0.2, 0.26  #: Height of a row of a forest, and where a name has two lines [in].
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
-BREAKS, LATE_BREAKS = (". ", "; ", " ("), (": ", ", ")
+BREAKS, LATE_BREAKS = (". ", " ("), ("; ", ": ", ", ")
 """Where a title that is too long ends, the best first; and where one ends that has no room in all lines."""
 
 
@@ -276,7 +276,7 @@ def headed(figure: Figure, words: str, winner: str = "") -> Figure:
     if words:
         own = figure.get_suptitle()
         say(figure, words, " ".join([ended(own), *figure.get_supxlabel().split()]))
-    names = {first_mention(name): name for name in (winner, JOINTS)}  # of lines that have words
+    names = {row_words(name): name for name in (winner, JOINTS)}  # of lines that have words
     for line in figure.findobj(Line2D):
         label = str(line.get_label()) if isinstance(line, Line2D) else ""
         if isinstance(line, Line2D) and (heavy := weight(names.get(label, label), winner)):
@@ -411,7 +411,7 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
 
 def row_head(name: str) -> str:
     """Write the name of a row beside its axis, in words, in lines that leave room for what is drawn."""
-    return _balanced(first_mention(name), HEAD_LETTERS)
+    return _balanced(row_words(name), HEAD_LETTERS)
 
 
 def forest_height(table: Table) -> float:
@@ -497,7 +497,7 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
             rows.sort(key=lambda row: middle(x.value(row)))
             at, numbers = [middle(x.value(row)) for row in rows], [y.value(row) for row in rows]
             style = "--" if look.prior else "-"
-            words = first_mention(line)
+            words = row_words(line)
             axes.plot(at, [*map(middle, numbers)], linestyle=style, label=words, **look.dots(3.6))
             if line in bands and any(isinstance(number, Spread) for number in numbers):
                 low, high = np.transpose([*map(ends, numbers)])
@@ -550,7 +550,7 @@ def ranges(
             for row, at in zip(shown, y, strict=True):
                 axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
             middles = [middle(value.value(row)) for row in shown]
-            axes.plot(middles, y, linestyle="", label=first_mention(model), **look.dots(3.6))
+            axes.plot(middles, y, linestyle="", label=row_words(model), **look.dots(3.6))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
         if mark is not None:
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")

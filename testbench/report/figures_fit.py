@@ -37,7 +37,7 @@ from testbench.report.markdown import listed
 from testbench.runs.rows import Row
 from testbench.runs.spread import middle
 from testbench.workflows.fit_numbers import COMPLIANCES
-from testbench.workflows.models import first_mention, in_words
+from testbench.workflows.models import in_words, row_words
 
 # --- Figures of fits ----------------------------------------------------------------------------------------
 
@@ -269,7 +269,7 @@ def residual_figure(
     predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)
     panes[-1].set_title("Predicted against " + against)
     normal = [in_words(name) for name in known if (rows[name].lilliefors_p or 0) >= REJECTED]
-    answer = f"Normally distributed residuals (Lilliefors' test): {listed(normal) or 'of no model'}"
+    answer = f"Residuals pass Lilliefors' test of normality: {listed(normal) or 'of no model'}"
     reading = (
         "Histograms: components of residuals, reading minus model, with the normal curve of their mean and "
         f"deviation; a p below {REJECTED:g} rejects normality. Predictions: a mark for each target; all "
@@ -481,7 +481,7 @@ def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> F
         if row.name in known:
             at, _ = known[row.name]
             axes.plot((at, at), (row.ratio_low, row.ratio_high), color=looks[row.name].hex, linewidth=1.2)
-            words = first_mention(row.name)
+            words = row_words(row.name)
             axes.plot(at, row.ratio, linestyle="", label=words, **looks[row.name].dots(4.5))
     front = np.array(sorted(known[name] for name in best))
     axes.plot(*front.T, ":", color=SOFT, linewidth=0.8, zorder=1)

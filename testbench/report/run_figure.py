@@ -55,7 +55,7 @@ from testbench.report.schema import Table, TableColumn, looks, plain
 from testbench.runs.rows import Row
 from testbench.runs.spread import Spread, dotted, middle, range_of
 from testbench.workflows.cell import Cell
-from testbench.workflows.models import first_mention, in_words
+from testbench.workflows.models import in_words, row_words
 
 # --- The arm as figures show it: outlines of its solids, seen along an axis, those behind drawn first -------
 
@@ -401,7 +401,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     for axes, (name, mm) in zip(panes[0], values.items(), strict=False):
         known = mm[np.isfinite(mm)]
         size = f"median {np.median(known):.3f} mm" if known.size else place_map.without
-        axes.set_title(f"{textwrap.fill(first_mention(name), MAP_LETTERS)}:\n{size}")
+        axes.set_title(f"{textwrap.fill(row_words(name), MAP_LETTERS)}:\n{size}")
     for_column(*panes[:, len(lines) - 1])
     if both:
         _key_of_difference([*panes[:, -1]], *both, there)

@@ -271,7 +271,7 @@ def model_code(name: str) -> str:
 
 
 def first_mention(name: str) -> str:
-    """Describe a model where a picture names it first: in words, with the name that other panes have.
+    """Describe a model where a sentence names it first: in words, with the name that tables have.
 
     Args:
         name: Name of a model.
@@ -279,8 +279,20 @@ def first_mention(name: str) -> str:
     Returns:
         Such as "GCO of beam links with prior (MGCO56)"; a name that has no words stays alone.
     """
-    words, code = in_words(name).removeprefix("the "), model_code(name)
+    words, code = in_words(name), model_code(name)
     return f"{words} ({code})" if words != name and KIND.fullmatch(code) else words
+
+
+def row_words(name: str) -> str:
+    """Describe a model beside its row or line of a picture: `first_mention` without an article.
+
+    Args:
+        name: Name of a model.
+
+    Returns:
+        The words.
+    """
+    return first_mention(name).removeprefix("the ")
 
 
 class EstimatorFailed(BenchError):
