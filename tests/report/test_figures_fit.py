@@ -239,12 +239,8 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
     size = np.sqrt(np.diag(most.reference))
     *panes, strip = figure.axes[:4]
     limits = set()
-    for axes, key, title in zip(
-        panes,
-        ("reference", "estimate", "half"),
-        ("true arm", row_head(TAKEN), "half width, 95 %"),
-        strict=True,
-    ):
+    titles = "true arm", row_head(TAKEN), "half width, 95 %"
+    for axes, key, title in zip(panes, ("reference", "estimate", "half"), titles, strict=True):
         given = np.array(most[key], dtype=float) / np.outer(size, size)
         assert axes.get_title() == title
         [image] = axes.images
@@ -273,7 +269,7 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
             np.testing.assert_allclose(part, panes[0].images[0].to_rgba(own))
     at = [(text.get_position()[0], text.get_text()) for text in strip.get_xticklabels()]
     assert at == [(7 * k + 2.5, row.part) for k, row in enumerate(details.compliances)]
-    assert [text.get_text() for text in strip.get_yticklabels()] == ["true arm", TAKEN, "half width, 95 %"]
+    assert [text.get_text() for text in strip.get_yticklabels()] == [*titles]
     upper = np.triu_indices(6)
     wrong, half = (np.array(own, dtype=float)[upper] for own in (most.estimate, most.half))
     inside = np.abs(wrong - np.array(most.reference)[upper]) <= half

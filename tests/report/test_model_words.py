@@ -45,6 +45,8 @@ def test_a_first_mention_has_the_name_of_the_tables_behind_its_words():
 def test_a_verdict_has_words_where_its_report_keeps_names():
     badge = decide((DEFAULT, [1.0] * 8), ("Joints", [2.0] * 8))
     assert (badge.winner, badge.rival) == (DEFAULT, "Joints")
-    said = "the error of GCO of all links and joints with prior is 2.0x lower than that of the joints-only model"
+    said = (
+        "the error of GCO of all links and joints with prior is 2.0x lower than that of the joints-only model"
+    )
     assert said in badge.words
     assert DEFAULT not in badge.words
