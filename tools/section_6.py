@@ -41,7 +41,7 @@ from testbench.studies.paper.verdicts import (
     statement_row,
     verdict_table,
 )
-from testbench.studies.study import IN_PAPER, as_in_paper
+from testbench.studies.study import as_in_paper
 from testbench.workflows.cell import (
     Campaign,
     CampaignPoses,
@@ -52,7 +52,7 @@ from testbench.workflows.cell import (
     simulate_at,
     true_cell,
 )
-from testbench.workflows.models import MODELS
+from testbench.workflows.models import IN_PAPER, MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
 ARM, MODEL, PAPER = "kr500_l480", "MGCO68", 0.136

@@ -253,7 +253,12 @@ def _tables(f: Row) -> dict[str, Table]:
         shown["steps"] = shown["steps"].removesuffix(" series_after_mm")
     return {
         name: Table(
-            columns(shown[name]), rows[name], title, headline=heads.get(name, ""), looks=looks.get(name, {})
+            columns(shown[name]),
+            rows[name],
+            title,
+            headline=heads.get(name, ""),
+            looks=looks.get(name, {}),
+            stepwise=name == "steps",
         )
         for name, (title, _) in TABLES.items()
     }

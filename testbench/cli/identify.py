@@ -30,7 +30,7 @@ from testbench.workflows.arm_models import FITS, write_stiffness
 from testbench.workflows.cell import build_cell
 from testbench.workflows.fit_numbers import identifiability, numbers, residuals_by_model
 from testbench.workflows.fits import fit_models
-from testbench.workflows.models import asked_models
+from testbench.workflows.models import asked_models, first_mention
 from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
 from testbench.workflows.read_runs import ReadingOptions, files_read, read_runs
@@ -187,7 +187,9 @@ def report(f: Row) -> Report:
         question=say("Which stiffness model of {arm} should be used, and how certain is it?", f),
         title=say("{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted", f),
         answer=say(
-            f"{first} {{name}}: its RMS error in the {where} runs is {{{kind}.rms_mm:.3f}} mm{half}.", taken
+            f"{first} {{words}}: its RMS error in the {where} runs is {{{kind}.rms_mm:.3f}} mm{half}.",
+            taken,
+            words=first_mention(taken.name),
         ),
         claims=list(warnings(f, taken)),
         numbers=f,

@@ -11,6 +11,7 @@ from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.report import terminal
+from testbench.report.badge import ratio
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, listed
 from testbench.report.planned_poses import looks_of_plans, seen
@@ -113,13 +114,6 @@ def command(asked: PlanOptions, absolute: AbsolutePlanOptions, where: PlanOutput
 def report(f: Row) -> Report:
     """Report a plan from its numbers."""
     where = "over the workspace" if f.absolute else "at the tasks"
-    first = say(
-        "Expected error {where}: {expected:.3f} mm (90 % interval {p05:.3f} to {p95:.3f} mm)",
-        vars(f.error_mm),
-        where=where,
-    )
-    random = f.random_plans
-    rival = "no bound" if random.median_mm is None else f"{random.median_mm:.3f} mm"
     hung = [f"{kg:g} kg" for kg in f.loads_kg]
     loads = " or ".join([*hung, *map(pull_words, f.pulls_n)])
     loads = ", then ".join(["own weight", *hung]) if f.absolute else loads
@@ -129,12 +123,26 @@ def report(f: Row) -> Report:
         scenario="plan",
         question=Markdown("Which poses should be measured?"),
         title=say("Calibration plan: {arm}, {model}, {loads}", f, loads=loads),
-        answer=say(f"{first}. With random poses: {rival} (median of {random.plans} plans)."),
+        answer=say(
+            f"Expected error {where}: {{expected:.3f}} mm, {_beside_random(f)}. "
+            "90 % interval: {p05:.3f} to {p95:.3f} mm.",
+            vars(f.error_mm),
+        ),
         claims=list(_warnings(f)),
         numbers=f,
         tables=tables,
         body=[*tables, *unknown, MEANS],
     )
+
+
+def _beside_random(f: Row) -> str:
+    """Compare the expected error of the plan with that of random poses."""
+    plans, least, expected = f.random_plans.plans, f.random_plans.median_mm, f.error_mm.expected
+    if least is None:
+        return f"where random poses give no bound (median of {plans} plans)"
+    times = least / expected
+    size = f"{ratio(max(times, 1 / times))}x {'lower' if times >= 1 else 'higher'} than"
+    return f"{size} with random poses ({least:.3f} mm, median of {plans} plans)"
 
 
 def _tables(f: Row, where: str) -> dict[str, Table]:
@@ -155,13 +163,13 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
     head = (*columns("run"), *joints, *columns(f"{moved} error_there_mm travel_deg {slid} way {gauges}"))
     over = TableColumn("mm", f"expected error {where}", "mm", none="no bound")
     return {
-        "poses": Table(head, plan, "Poses in the order of measuring", headline="error_there_mm"),
         "beside": Table(
             (TableColumn("what", "plan"), over),
             f.beside,
             "This plan and others",
             looks=looks_of_plans(f.beside),
         ),
+        "poses": Table(head, plan, "Poses in the order of measuring", headline="error_there_mm"),
         "tasks": Table(
             columns("task expected_deflection_mm error_there_mm"), worst, "Tasks with the largest errors"
         ),

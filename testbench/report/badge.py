@@ -16,6 +16,7 @@ from testbench.report.markdown import Markdown, as_markdown, counted, listed
 from testbench.report.schema import ALIKE
 from testbench.report.table import MODEL, Row, Trials, aligned, shared
 from testbench.runs.spread import TAIL, Cells, Spread, median_interval, redrawn
+from testbench.workflows.models import in_words
 
 Z95 = 1.959964  #: Of the normal distribution, 97.5 %.
 
@@ -90,7 +91,7 @@ class Badge:
     @property
     def words(self) -> Markdown:
         """State the verdict: who wins, by how much, over how many."""
-        winner, rival = (as_markdown(f"{self.article}{name}") for name in (self.winner, self.rival))
+        winner, rival = (as_markdown(self._told(name)) for name in (self.winner, self.rival))
         if self.why:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
         if self.factor is None:
@@ -109,7 +110,7 @@ class Badge:
         if self.interval is None:
             return Markdown(f"Too few: {times} in {pairs}; {takes}.")
         low, high = self.interval
-        tied = as_markdown(listed([f"{self.article}{name}" for name in self.ties]))
+        tied = as_markdown(listed([self._told(name) for name in self.ties]))
         seen = pairs if self.exact else f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
             near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
@@ -122,6 +123,10 @@ class Badge:
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
         also = f"; {winner} ties with {tied}" if tied else ""
         return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}){also}.")
+
+    def _told(self, name: str) -> str:
+        """Write a name in a sentence."""
+        return f"{self.article}{in_words(name)}"
 
     @property
     def marked(self) -> str:

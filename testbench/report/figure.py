@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Any, Literal
 
 import numpy as np
 from matplotlib import rcParams
@@ -32,6 +32,7 @@ from testbench.report.schema import Table, TableColumn, best_rows, looks
 from testbench.runs.interrupt import SESSION
 from testbench.runs.rows import Row
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
+from testbench.workflows.models import row_words
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
@@ -42,21 +43,26 @@ WIDTH, DPI = 183 / INCH, 200
 MIN_LETTER_SIZE, LETTER_SIZE, TITLE_SIZE = 7.0, 7.4, 8.8
 """Sizes of letters [pt]: the least, that of most, that of a title. On a page 800 pixels wide, 7 points are
 11 pixels high."""
-STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
+STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 100: (1, 2, 5), math.inf: (1,)}
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
-TITLE, LONG_TITLE, CAPTION = 88, 110, 136
-"""Letters of the title, of a longer one in smaller letters, of a line of the words below."""
-TITLE_BAND, WORDS_LINE = 0.3, 0.125  #: Heights of the title, and of a line of the words below [in].
+TITLE, CAPTION = 88, 136  #: Letters of a line of the title, and of the words below.
+TITLE_LINES, NARROW_TITLE_LINES = 2, 4  #: Lines of a title at most, in two columns of a journal and in one.
+TITLE_BAND, TITLE_LINE, WORDS_LINE = 0.3, 0.15, 0.125
+"""Heights of a title of one line, of each further line, and of a line of the words below [in]."""
+HEAD_LETTERS = 32  #: Letters of a line of the name of a row.
+ROW, TALL_ROW = 0.2, 0.26  #: Height of a row of a forest, and where a name has two lines [in].
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
-BREAKS = (". ", "; ", " (", ": ", ", ")  #: Where a title that is too long ends, the best first.
+BREAKS, LATE_BREAKS = (". ", " ("), ("; ", ": ", ", ")
+"""Where a title that is too long ends, the best first; and where one ends that has no room in all lines."""
 
 
 RATIO = "ratio"  #: Key of a column of errors over one model's, with 95 % intervals.
 ASIDE, GOLDEN = 0.5, 0.618
 """How far dots of a row are apart, over its height, and the step from one to the next [1]."""
 TICKS = {"size": 2.5, "width": 0.6, "pad": 2.5}  #: Length, width and distance of ticks [pt].
+SIDE = 0.07  #: Room beside what is drawn [in]: letters of an SVG are up to 2 % wider than those of a PNG.
 LEVEL, COLOURS = 4, 256
 """Of a PNG: its compression, of which the next ones save no more than a fiftieth, and colours, which make it
 three times smaller than all colours do."""
@@ -75,6 +81,7 @@ rcParams.update(
         "axes.titlepad": 4.0,
         "axes.labelpad": 2.5,
         "lines.linewidth": 1.1,
+        "figure.constrained_layout.w_pad": SIDE,
         "lines.markersize": 4.3,
         "lines.markeredgewidth": 0.8,
         **{f"{side}tick.major.{key}": size for side in "xy" for key, size in TICKS.items()},  # type: ignore[misc]
@@ -128,7 +135,8 @@ def _print(figure: Figure, png: Path) -> None:
     for wide, own in (("", figure), (ONE_COLUMN, one_column(figure))):
         light = as_svg(own)
         png.with_name(f"{png.stem}{wide}.svg").write_text(light, encoding="utf-8")
-        dark = NEUTRAL.sub(_inverted, light)
+        ink = light.replace("<svg ", '<svg fill="#000000" ', 1)  # of letters, which name no black
+        dark = NEUTRAL.sub(_inverted, ink)
         png.with_name(f"{png.stem}{wide}_dark.svg").write_text(dark, encoding="utf-8")
 
 
@@ -199,17 +207,25 @@ def say(figure: Figure, answer: str, reading: str) -> None:
 
     Args:
         figure: The figure; its width sets the length of lines.
-        answer: Its title, one line: what is too long for it begins the words below.
+        answer: Its title: what is too long for its lines begins the words below.
         reading: The words below.
     """
     wide = figure.get_figwidth() / WIDTH
-    title, rest = one_line(" ".join(answer.split()), int(TITLE * wide), int(LONG_TITLE * wide))
-    size = TITLE_SIZE * min(1.0, TITLE * wide / max(len(title), 1))
-    figure.suptitle(title, x=0.01, ha="left", fontsize=size, fontweight="bold")
+    letters, lines = int(TITLE * wide), TITLE_LINES if wide == 1 else NARROW_TITLE_LINES
+    title, rest = split_title(" ".join(answer.split()), letters * lines // 2, letters * lines)
+    title = _balanced(title, letters)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE_SIZE, fontweight="bold")
     words = textwrap.fill(" ".join(filter(None, [rest and ended(rest), reading])), int(CAPTION * wide))
     figure.supxlabel(words, x=0.01, ha="left", fontsize=MIN_LETTER_SIZE, color="0.3")
     for text in itertools.chain.from_iterable(axes.texts for axes in figure.axes):
         text.set_in_layout(False)
+
+
+def _balanced(text: str, letters: int) -> str:
+    """Break a text into as few lines as have room, of about the same length."""
+    count = len(textwrap.wrap(text, letters))
+    widths = range(-(-len(text) // max(count, 1)), letters)
+    return textwrap.fill(text, next((w for w in widths if len(textwrap.wrap(text, w)) == count), letters))
 
 
 def add_words(figure: Figure, words: str) -> Figure:
@@ -218,21 +234,22 @@ def add_words(figure: Figure, words: str) -> Figure:
     return figure
 
 
-def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
-    """Split words into what fits a line and the rest, where a sentence or a part of one ends.
+def split_title(text: str, letters: int, most: int) -> tuple[str, str]:
+    """Split words into a title and the rest, where a sentence or a part of one ends.
 
     Args:
         text: The words.
-        letters: Letters of a line.
-        most: Those of a line in smaller letters, for a part that would be cut otherwise.
+        letters: Letters of a title.
+        most: Those of a longer one, for a part that would be cut otherwise.
 
     Returns:
-        The line and the rest.
+        The title and the rest.
     """
     text = text.replace("Eq. (", "Eq.\u00a0(")  # no sentence ends there
     if len(text) <= letters:
         return text, ""
-    for end, limit in itertools.product(BREAKS, (letters, most)):
+    late = LATE_BREAKS if len(text) > most else ()
+    for end, limit in itertools.product((*BREAKS, *late), (letters, most)):
         at = text.rfind(end, 0, limit + len(end))
         if at > letters * (0.6 if end == ", " else 0.25):  # a comma may end half a thought
             rest = text[at + len(end) :]
@@ -259,8 +276,10 @@ def headed(figure: Figure, words: str, winner: str = "") -> Figure:
     if words:
         own = figure.get_suptitle()
         say(figure, words, " ".join([ended(own), *figure.get_supxlabel().split()]))
+    names = {row_words(name): name for name in (winner, JOINTS)}  # of lines that have words
     for line in figure.findobj(Line2D):
-        if isinstance(line, Line2D) and (heavy := weight(str(line.get_label()), winner)):
+        label = str(line.get_label()) if isinstance(line, Line2D) else ""
+        if isinstance(line, Line2D) and (heavy := weight(names.get(label, label), winner)):
             line.set(
                 linewidth=1.0 + 0.4 * heavy,
                 markersize=line.get_markersize() + 0.7 * heavy,
@@ -318,7 +337,8 @@ def forest(
         reading: The same.
         mark: Name of the row to beat, or a number to beat: a dotted line.
     """
-    figure, columns = page(1.3 + 0.2 * len(table.rows)), {column.name: column for column in table.columns}
+    columns = {column.name: column for column in table.columns}
+    figure = page(1.3 + forest_height(table))
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
     sides = figure.subplots(1, len(panes), squeeze=False)[0]
     for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
@@ -381,12 +401,23 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
             axes.plot(float(known), y, "D", color=SOFT, markersize=3.6)
         if y in best:
             axes.axhspan(y - 0.5, y + 0.5, color=SOFT, alpha=0.16, linewidth=0, zorder=0)
-    heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
+    heads = [f"{row_head(name.cell(row))}  " if named else "" for row in table.rows]
     numbers = [value.text(middle(value.value(row))) for row in table.rows]
     axes.set_yticks(range(len(heads)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(heads) - 0.5, -0.5)
     axes.set_xlabel(labelled(value))
     quiet(axes)
+
+
+def row_head(name: str) -> str:
+    """Write the name of a row beside its axis, in words, in lines that leave room for what is drawn."""
+    return _balanced(row_words(name), HEAD_LETTERS)
+
+
+def forest_height(table: Table) -> float:
+    """Return the height of the rows of a forest [in]."""
+    heads = [row_head(table.columns[0].cell(row)) for row in table.rows]
+    return len(heads) * (TALL_ROW if any("\n" in head for head in heads) else ROW)
 
 
 def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float) -> None:
@@ -466,7 +497,8 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
             rows.sort(key=lambda row: middle(x.value(row)))
             at, numbers = [middle(x.value(row)) for row in rows], [y.value(row) for row in rows]
             style = "--" if look.prior else "-"
-            axes.plot(at, [*map(middle, numbers)], linestyle=style, label=line, **look.dots(3.6))
+            words = row_words(line)
+            axes.plot(at, [*map(middle, numbers)], linestyle=style, label=words, **look.dots(3.6))
             if line in bands and any(isinstance(number, Spread) for number in numbers):
                 low, high = np.transpose([*map(ends, numbers)])
                 axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
@@ -518,7 +550,7 @@ def ranges(
             for row, at in zip(shown, y, strict=True):
                 axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
             middles = [middle(value.value(row)) for row in shown]
-            axes.plot(middles, y, linestyle="", label=model, **look.dots(3.6))
+            axes.plot(middles, y, linestyle="", label=row_words(model), **look.dots(3.6))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
         if mark is not None:
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
@@ -533,20 +565,38 @@ def ranges(
     return figure
 
 
-# --- One column of a journal: the panes of a figure one below the other -------------------------------------
+# --- One column of a journal: the first panes of a figure one below the other -------------------------------
 
-COLUMN = 89 / INCH  #: Width of a figure, as journals print one column [in].
+COLUMN, TALLEST = 89 / INCH, 120 / INCH
+"""Width of a figure, as journals print one column, and its height at most if its first pane allows [in]."""
+IN_COLUMN = "in one column"  #: Label of the panes that a figure of one column has, where not all may stay.
+PANE_HEIGHT, EQUAL_SCALES, MATRIX = 1.5, 1.8, 2.4
+"""Height of a pane, of one with equal scales, of a matrix with numbers [in]."""
+PANE_HEAD, NAME_LINE = 0.56, 0.1  #: What a pane needs beside its rows, and a line of a row's name [in].
+KEY_LINE = 0.16  #: Height of a line of a key below a pane [in].
 PANE_LETTERS = 46  #: Letters of a line above or below a pane, and of the entries of its key side by side.
 KEY_BELOW = 3.0  #: Distance of a key from what is above it [pt].
 KEY_INSIDE = 0.99  #: Where a key begins at most that is inside of a pane, over its width [1].
 LABELS_APART = 2.0  #: Least distance of two labels along an axis [pt].
+NOTHING = 1e-3  #: Height of a band without panes; bands of no height have no layout [in].
+
+
+def for_column(*panes: Axes) -> None:
+    """Mark the panes that a figure of one column has; without marks it has all of them, the first ones first.
+
+    Args:
+        panes: Of one figure.
+    """
+    for axes in panes:
+        axes.set_label(IN_COLUMN)
 
 
 def one_column(figure: Figure) -> Figure:
-    """Stack the panes of a figure, row by row, 89 mm wide; each keeps its height.
+    """Stack the panes of a figure, row by row, 89 mm wide, as far as they fit into 120 mm.
 
-    Rows that only the first pane of a row names get their names in every pane; labels along an axis are left
-    out where they would touch; keys beside a pane go below it.
+    Panes that are marked by `for_column` stay alone; of these and of unmarked ones the first stays, and each
+    further one that fits. Rows that only the first pane of a row names get their names in every pane; labels
+    along an axis are left out where they would touch; keys beside a pane go below it.
 
     Args:
         figure: A figure that was laid out; it stays as it is.
@@ -555,19 +605,23 @@ def one_column(figure: Figure) -> Figure:
         Its copy, laid out.
     """
     narrow = copy.deepcopy(figure)
+    narrow.set_size_inches(COLUMN, figure.get_figheight())
+    say(narrow, " ".join(narrow.get_suptitle().split()), " ".join(narrow.get_supxlabel().split()))
+    title, words = narrow.get_suptitle().count("\n"), narrow.get_supxlabel().count("\n") + 1
+    around = TITLE_BAND + TITLE_LINE * title + WORDS_LINE * words
     parts = [part for part in _leaves(narrow) if _panes(part)]
-    stacks = [_stack(part) for part in parts]
+    for part in parts:
+        _share_names(part)
+    room = TALLEST - around
+    stacks = [_stack(part, chosen) for part, chosen in zip(parts, _choose(parts, room), strict=True)]
     for part, heights in zip(parts, stacks, strict=True):
         if isinstance(part, SubFigure):
             place = part._subplotspec  # type: ignore[attr-defined] # it has no public name
             bands = place.get_gridspec()
             ratios = list(bands.get_height_ratios())
-            ratios[place.rowspan.start] = sum(heights)
+            ratios[place.rowspan.start] = sum(heights) or NOTHING
             bands.set_height_ratios(ratios)
-    narrow.set_size_inches(COLUMN, sum(map(sum, stacks)))
-    say(narrow, " ".join(narrow.get_suptitle().split()), " ".join(narrow.get_supxlabel().split()))
-    lines = narrow.get_supxlabel().count("\n") + 1
-    narrow.set_size_inches(COLUMN, sum(map(sum, stacks)) + TITLE_BAND + WORDS_LINE * lines)
+    narrow.set_size_inches(COLUMN, sum(map(sum, stacks)) + around)
     _lay_out(narrow)
     for axes in narrow.axes:
         _thin(axes)
@@ -607,36 +661,80 @@ def _place(axes: Axes) -> tuple[int, int]:
     return spec.rowspan.start, spec.colspan.start
 
 
-def _stack(part: Figure | SubFigure) -> list[float]:
-    """Stack the panes of a part; their heights with what is around them [in]."""
-    for axes in _panes(part):
-        if not axes.get_visible():
-            axes.remove()
-    panes = _panes(part)
-    spec = panes[0].get_subplotspec()
-    assert spec is not None  # see `_panes`
-    grid = spec.get_gridspec()
-    ratios = np.asarray(grid.get_height_ratios(), dtype=float)
-    words = 0.0 if isinstance(part, SubFigure) else TITLE_BAND + WORDS_LINE * _lines(part)
-    room = part.bbox.height / part.figure.dpi - words
-    heights = [room * float(ratios[_place(axes)[0]] / ratios.sum()) for axes in panes]
+def _share_names(part: Figure | SubFigure) -> None:
+    """Give every pane of a part its own names of rows and axes, and break its long words."""
+    panes = [axes for axes in _panes(part) if axes.get_visible()]
     firsts = {_place(axes)[0]: axes for axes in reversed(panes)}
     lasts = {_place(axes)[1]: axes for axes in panes}
     for axes in panes:
         row, column = _place(axes)
         _name(axes, firsts[row], lasts[column])
         _wrap(axes)
-    stacked = part.add_gridspec(len(panes), 1, height_ratios=heights)
-    for k, axes in enumerate(panes):
+
+
+def _choose(parts: Sequence[Figure | SubFigure], room: float) -> list[list[Axes]]:
+    """Choose the panes of every part that fit into a height [in]; one pane stays, whatever its height."""
+    every = [axes for part in parts for axes in _panes(part) if axes.get_visible()]
+    marked = [axes for axes in every if axes.get_label() == IN_COLUMN]
+    room -= KEY_LINE * sum(
+        -(-len(key.get_texts()) // _columns(key)) for part in parts for key in part.legends
+    )
+    chosen: list[Axes] = []
+    for axes in marked or every:
+        height = _pane_height(axes)
+        if not chosen or height <= room:
+            chosen.append(axes)
+            room -= height
+    return [[axes for axes in _panes(part) if axes in chosen] for part in parts]
+
+
+def _pane_height(axes: Axes) -> float:
+    """Height that a pane needs in one column, with its title, its axis and its key [in]."""
+    legend = axes.get_legend()
+    key = (
+        KEY_LINE * -(-len(legend.get_texts()) // _columns(legend)) if legend and _beside(axes, legend) else 0
+    )
+    counts = [label.get_text().count("\n") + 1 for label in axes.get_yticklabels()]
+    lines = len(counts) * max(counts, default=0)  # rows are as far apart as the longest name needs
+    least = PANE_HEIGHT if axes.get_aspect() == "auto" else EQUAL_SCALES
+    least = MATRIX if axes.images and axes.texts else least
+    return max(least, PANE_HEAD + NAME_LINE * lines) + key
+
+
+def _stack(part: Figure | SubFigure, chosen: Sequence[Axes]) -> list[float]:
+    """Stack the chosen panes of a part and remove all others; their heights with what is around them [in]."""
+    for axes in [*part.axes]:
+        bar = getattr(axes, "_colorbar_info", None)  # it has no public name
+        if bar is not None:
+            bar["parents"] = [pane for pane in bar["parents"] if pane in chosen]
+            gone = not bar["parents"]
+        else:
+            gone = axes.figure is part and axes.get_subplotspec() is not None and axes not in chosen
+        if gone:
+            axes.remove()
+    if not chosen:
+        return []
+    heights = [_pane_height(axes) for axes in chosen]
+    stacked = part.add_gridspec(len(chosen), 1, height_ratios=heights)
+    for k, axes in enumerate(chosen):
         axes.set_subplotspec(stacked[k, 0])
-    for legend in [*part.legends, *filter(None, (axes.get_legend() for axes in panes))]:
-        legend.set_ncols(_columns(legend))
-    return heights
+        for label in axes.get_yticklabels():
+            label.set(fontsize=MIN_LETTER_SIZE, linespacing=1.0)
+    for legend in [*part.legends]:
+        part.legends.remove(legend)
+        part.legend(**_narrow_key(legend), loc="outside lower center")
+    for axes in chosen:
+        if (key := axes.get_legend()) and _beside(axes, key):
+            axes.legend(**_narrow_key(key), loc="upper center", bbox_to_anchor=(0.5, -0.2))
+    own = sum(-(-len(key.get_texts()) // _columns(key)) for key in part.legends)
+    return [*heights, KEY_LINE * own]
 
 
-def _lines(figure: Figure) -> int:
-    """Lines of the words below a figure."""
-    return figure.get_supxlabel().count("\n") + 1
+def _narrow_key(legend: Legend) -> dict[str, Any]:
+    """Return what makes a key again in as few columns as have room; a key that is made keeps its columns."""
+    labels = [text.get_text() for text in legend.get_texts()]
+    letters = {"frameon": False, "fontsize": MIN_LETTER_SIZE, "handlelength": legend.handlelength}
+    return {"handles": legend.legend_handles, "labels": labels, "ncols": _columns(legend), **letters}
 
 
 def _columns(legend: Legend) -> int:
@@ -691,10 +789,15 @@ def _thin(axes: Axes) -> None:
         axes.set_xticks(ticks, shown, rotation=labels[0].get_rotation())
 
 
+def _beside(axes: Axes, legend: Legend) -> bool:
+    """Whether a key stands outside of a pane, so that it has to go below its axis."""
+    anchor = legend.get_bbox_to_anchor().transformed(axes.transAxes.inverted())
+    return not KEY_INSIDE > anchor.x0 >= 0 <= anchor.y0
+
+
 def _place_below(axes: Axes, legend: Legend) -> None:
     """Put a key that stands outside of a pane below its axis."""
-    anchor = legend.get_bbox_to_anchor().transformed(axes.transAxes.inverted())
-    if KEY_INSIDE > anchor.x0 >= 0 <= anchor.y0:
+    if not _beside(axes, legend):
         return
     figure = axes.get_figure(root=True)
     assert figure is not None  # it has one

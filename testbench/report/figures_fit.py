@@ -24,9 +24,11 @@ from testbench.report.figure import (
     MIN_LETTER_SIZE,
     SOFT,
     bands,
+    for_column,
     log_ticks,
     page,
     quiet,
+    row_head,
     say,
     short,
     tick_words,
@@ -35,6 +37,7 @@ from testbench.report.markdown import listed
 from testbench.runs.rows import Row
 from testbench.runs.spread import middle
 from testbench.workflows.fit_numbers import COMPLIANCES
+from testbench.workflows.models import in_words, row_words
 
 # --- Figures of fits ----------------------------------------------------------------------------------------
 
@@ -89,7 +92,7 @@ def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
     axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.6 * most))
-    axes.set_title(row.name)
+    axes.set_title(row_head(row.name))
     quiet(axes)
 
 
@@ -145,7 +148,8 @@ def eigenvalue_pane(axes: Axes, rows: Sequence[Row], name: str, look: Look, *, n
     axes.axvline(0, color="0.3", linewidth=0.8)
     axes.set(xlim=(lowest, 3 * most), ylim=(len(rows) - 0.5, -0.5), xlabel=EIGENVALUE)
     count = int(bad.sum())
-    axes.set_title(f"{name}: {f'{count} of {len(every)} negative' if count else 'none negative'}")
+    negative = f"{count} of {len(every)} negative" if count else "none negative"
+    axes.set_title(f"{row_head(name)}:\n{negative}")
     ends = (least * 10, most) if lowest == -least else (least * 10, most, lowest)
     axes.set_xticks(*_symlog_ticks(ends))
     axes.set_xticks([], minor=True)
@@ -264,12 +268,12 @@ def residual_figure(
     residual_panes(panes[:-1], [rows[name] for name in known], looks)
     predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)
     panes[-1].set_title("Predicted against " + against)
-    normal = [name for name in known if (rows[name].lilliefors_p or 0) >= REJECTED]
-    answer = f"Normally distributed residuals (Lilliefors' test): {listed(normal) or 'of no model'}"
+    normal = [in_words(name) for name in known if (rows[name].lilliefors_p or 0) >= REJECTED]
+    answer = f"Residuals pass Lilliefors' test of normality: {listed(normal) or 'of no model'}"
     reading = (
-        "Left: components of residuals, reading minus model, with the normal curve of their mean and "
-        f"deviation; a p below {REJECTED:g} rejects normality. Right: a mark for each target; all marks of a "
-        "perfect model lie on the line."
+        "Histograms: components of residuals, reading minus model, with the normal curve of their mean and "
+        f"deviation; a p below {REJECTED:g} rejects normality. Predictions: a mark for each target; all "
+        "marks of a perfect model lie on the line."
     )
     say(figure, answer, reading)
     return figure
@@ -285,23 +289,22 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
     """
     shown = {name: details.eigenvalues[name] for name in names if name in details.eigenvalues}
     parts = max(len(rows) for rows in shown.values())
-    figure = page(1.15 + 0.15 * parts)
-    for k, (axes, (name, rows)) in enumerate(
-        zip(figure.subplots(1, len(shown), squeeze=False)[0], shown.items(), strict=True)
-    ):
+    figure = page(1.3 + 0.15 * parts)
+    panes = figure.subplots(1, len(shown), squeeze=False)[0]
+    for k, (axes, (name, rows)) in enumerate(zip(panes, shown.items(), strict=True)):
         eigenvalue_pane(axes, rows, name, looks[name], named=not k)
+    for_column(panes[0], panes[-1])
     bad = {name: sum(x < 0 for row in rows for x in row.urad_per_Nm) for name, rows in shown.items()}
-    told = [f"{name} ({n} negative)" for name, n in bad.items() if n]
+    told = [f"{in_words(name)} ({n} negative)" for name, n in bad.items() if n]
     answer = f"Not conservative: {', '.join(told)}" if told else "All of these models are conservative"
     say(figure, answer, OF_EIGENVALUES)
     return figure
 
 
 OF_EIGENVALUES = (
-    "Eigenvalues of the compliance of every link, and the compliance of every joint; a translation counts as "
-    f"the rotation on an arm of {LEVER_LENGTH:g} m. A part with a negative eigenvalue, a red cross, "
-    f"would move "
-    "against its load, which no body does."
+    "Eigenvalues of the compliance of each link, and compliance of each joint; a translation counts as the "
+    f"rotation on an arm of {LEVER_LENGTH:g} m. Red crosses: negative; such a part would move against its "
+    "load."
 )
 
 
@@ -316,16 +319,17 @@ def compliance_figure(rows: Sequence[Row], model: str, reference: str) -> Figure
         reference: What it is set beside, such as "true arm".
     """
     most = max(rows, key=lambda row: float(row.share_percent))
-    heads = {"reference": reference, "estimate": model, "half": "half width, 95 %"}
+    heads = {"reference": reference, "estimate": row_head(model), "half": "half width, 95 %"}
     scaled = {row.part: _scaled(row) for row in rows}
     norm = SymLogNorm(LINEAR_COMPLIANCE, vmin=-MOST_COMPLIANCE, vmax=MOST_COMPLIANCE)
-    figure = page(4.3)
+    figure = page(4.6)
     first, second = bands(figure, [2.55, 1.75 if len(rows) < MANY_LINKS else 1.5])
     panes = first.subplots(1, len(heads), sharey=True)
     for axes, (key, head) in zip(panes, heads.items(), strict=True):
         _matrix(axes, scaled[most.part][key], norm)
         axes.set_title(head)
     panes[0].set_yticks(range(6), AXES)
+    for_column(panes[1])
     axes = second.subplots()
     strip = np.full((len(heads) * STEP - 1, len(rows) * STEP - 1, 4), GAP)
     for k, row in enumerate(rows):
@@ -477,7 +481,8 @@ def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> F
         if row.name in known:
             at, _ = known[row.name]
             axes.plot((at, at), (row.ratio_low, row.ratio_high), color=looks[row.name].hex, linewidth=1.2)
-            axes.plot(at, row.ratio, linestyle="", label=row.name, **looks[row.name].dots(4.5))
+            words = row_words(row.name)
+            axes.plot(at, row.ratio, linestyle="", label=words, **looks[row.name].dots(4.5))
     front = np.array(sorted(known[name] for name in best))
     axes.plot(*front.T, ":", color=SOFT, linewidth=0.8, zorder=1)
     log_ticks(axes, "x", *axes.dataLim.intervalx)
@@ -491,7 +496,7 @@ def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> F
     )
     axes.set(xlabel="CPU time of a fit [s]", ylabel=error)
     quiet(axes)
-    answer = f"No other is both faster and better than {listed(best, 'or')}"
+    answer = f"No other is both faster and better than {listed([*map(in_words, best)], 'or')}"
     say(figure, answer, "Dotted: from the fastest to the best; lines: 95 % intervals; filled: with a prior.")
     return figure
 

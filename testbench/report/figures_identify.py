@@ -13,6 +13,8 @@ from testbench.report.figure import (
     SOFT,
     Figure,
     bands,
+    for_column,
+    forest_height,
     forest_pane,
     log_ticks,
     page,
@@ -29,12 +31,12 @@ from testbench.report.figures_fit import (
     singular_pane,
     stiffness_pane,
 )
-from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.run_figure import CHART, FOREST, HEAD, ROW, headline, model_forest, run_chart
+from testbench.report.markdown import ReportWords, as_plain, capital
+from testbench.report.run_figure import CHART, FOREST, HEAD, headline, model_forest, run_chart
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.runs.rows import Row
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import JOINTS, in_words
 
 FIT, MODEL, COMPLIANCE = "identify.png", "model.png", "compliance.png"
 PANES = 1.9  #: Height of a row of small panes [in].
@@ -72,12 +74,13 @@ def fit_figure(words: ReportWords, seen: PageContent, f: Row, known: Mapping[str
     charts = [chart for chart in seen.runs if chart.labels]
     residuals = {row.name: row for row in f.details.residuals}
     names = [name for name in compared(f) if name in residuals]
-    heights = [*([FOREST + ROW * len(models[0].rows)] if models else []), PANES, *[CHART] * len(charts)]
+    heights = [*([FOREST + forest_height(models[0])] if models else []), PANES, *[CHART] * len(charts)]
     figure = page(HEAD + sum(heights))
     parts = iter(bands(figure, heights))
     if models:
         panes = next(parts).subplots(1, 1 + bool(f.over), squeeze=False)[0]
         model_forest(panes[0], *models)
+        for_column(panes[0])
         if f.over:
             ratio_pane(panes[1], f, models[0])
     panes = next(parts).subplots(1, 1 + len(names), squeeze=False)[0]
@@ -85,7 +88,9 @@ def fit_figure(words: ReportWords, seen: PageContent, f: Row, known: Mapping[str
     predicted_pane(panes[-1], f.details.predictions, {name: known[name] for name in compared(f)})
     panes[-1].set_title("Predicted against measured")
     for part, chart in zip(parts, charts, strict=True):
-        run_chart(part.subplots(), chart)
+        axes = part.subplots()
+        run_chart(axes, chart)
+        for_column(axes)
     answer = [as_plain(words.block(part)) for part in ("badge", "answer")]
     reading = "Histograms: components of residuals with the normal curve of their mean and deviation."
     say(figure, " ".join(filter(None, answer)), reading)
@@ -108,7 +113,7 @@ def ratio_pane(axes: Axes, f: Row, models: Table) -> None:
     ends = [*axes.dataLim.intervalx.tolist(), 1.0]
     axes.axvline(1, color=SOFT, linewidth=0.8, linestyle=":")
     log_ticks(axes, "x", min(ends), max(ends))
-    axes.set_title(f"Over that of {f.recommended}, 95 % interval")
+    axes.set_title(f"Ratio to {f.recommended}, 95 % interval")
 
 
 def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:
@@ -116,13 +121,14 @@ def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:
     d, names = f.details, compared(f)
     proposals = (f.get("identifiability") or Row(help=[])).help
     parts = len(d.eigenvalues[f.recommended])
-    heights = [0.75 + 0.145 * parts, PANES + 0.3, *([0.6 + 0.2 * len(proposals)] if proposals else [])]
+    heights = [0.9 + 0.145 * parts, PANES + 0.3, *([0.6 + 0.2 * len(proposals)] if proposals else [])]
     figure = page(HEAD + sum(heights))
     first, second, *more = bands(figure, heights)
     panes = first.subplots(1, 1 + len(names))
     for k, (axes, name) in enumerate(zip(panes, names, strict=False)):
         eigenvalue_pane(axes, d.eigenvalues[name], name, known[name], named=not k)
     sag_pane(panes[-1], d.sag)
+    for_column(*panes[-2:])
     panes = second.subplots(1, 3 if d.joints else 2)
     if d.joints:
         stiffness_pane(panes[0], d.joints)
@@ -131,7 +137,8 @@ def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:
     for part in more:
         help_pane(part.subplots(), proposals)
     negative = sum(x < 0 for row in d.eigenvalues[f.recommended] for x in row.urad_per_Nm)
-    answer = f"{f.recommended} is {f'not conservative ({negative} negative)' if negative else 'conservative'}"
+    conservative = f"not conservative ({negative} negative)" if negative else "conservative"
+    answer = f"{capital(in_words(f.recommended))} is {conservative}"
     bends = f"; {d.sag[0].part} causes {d.sag[0].share_percent:.0f} % of the deflection" if d.sag else ""
     say(figure, answer + bends, OF_EIGENVALUES)
     return figure

@@ -29,6 +29,7 @@ from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, tub
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
+from testbench.workflows.models import row_words
 
 Json = Mapping[str, object]
 FOLDER = Path(__file__).parent / "page"
@@ -72,6 +73,7 @@ def grid(table: Table) -> Json:
         "brackets": brackets(table),
         "dots": dotted(c.value(row) for c in itertools.compress(table.columns, drawn) for row in table.rows),
         "looks": {name: look_plain(look) for name, look in shown.items()},
+        "words": {name: row_words(name) for name in (table.columns[0].cell(row) for row in table.rows)},
     }
 
 

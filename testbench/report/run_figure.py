@@ -2,6 +2,7 @@
 
 import math
 import re
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypedDict
@@ -27,6 +28,8 @@ from testbench.report.figure import (
     SOFT,
     Figure,
     bands,
+    for_column,
+    forest_height,
     forest_pane,
     log_ticks,
     page,
@@ -34,7 +37,7 @@ from testbench.report.figure import (
     say,
     short,
 )
-from testbench.report.markdown import ReportWords, as_plain, place
+from testbench.report.markdown import ReportWords, as_plain, capital, place
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -52,6 +55,7 @@ from testbench.report.schema import Table, TableColumn, looks, plain
 from testbench.runs.rows import Row
 from testbench.runs.spread import Spread, dotted, middle, range_of
 from testbench.workflows.cell import Cell
+from testbench.workflows.models import in_words, row_words
 
 # --- The arm as figures show it: outlines of its solids, seen along an axis, those behind drawn first -------
 
@@ -117,8 +121,7 @@ SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED, ACROSS = 40, 24, 85
 """Poses up to which a chart has dots, labels that an axis has room for, and letters of level ones."""
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
-FOREST, ROW, ROWS = 0.65, 0.19, 15
-"""Height of a table of models without its rows, of a row [in]; rows at most."""
+FOREST, ROWS = 0.65, 15  #: Height of a table of models without its rows [in]; rows at most.
 
 
 def overview(words: ReportWords, seen: PageContent) -> Figure:
@@ -130,14 +133,16 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
     across = max(1, min(KEYS, CAPTION // (KEY_LETTERS + max((len(own.words) for own in signs), default=1))))
     key = KEY * (1 + -(-len(signs) // across))
     models = headline(seen.tables)
-    forest = [FOREST + ROW * len(models[0].rows)] if models else []
+    forest = [FOREST + forest_height(models[0])] if models else []
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
     # each as wide as it can be: labels of one shrink no other
     parts = iter(bands(figure, rows) if rows else [])
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if models:
-        model_forest(next(parts).subplots(), *models)
+        axes = next(parts).subplots()
+        model_forest(axes, *models)
+        for_column(axes)
     if seen.scene:
         pose_group, sides = seen.scene.groups[0], next(parts).subplots(1, 2)
         for axes, (pose, name, plane) in zip(sides, _panes(pose_group), strict=True):
@@ -146,7 +151,9 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         _key(next(parts).subplots(), signs, across)
         more.append(f"{pose_group.name}: {seen.scene.title}")
     for part, chart in zip(parts, charts, strict=True):
-        run_chart(part.subplots(), chart)
+        axes = part.subplots()
+        run_chart(axes, chart)
+        for_column(axes)
     badge = as_plain(words.block("badge"))
     say(figure, "\n".join(filter(None, [badge, answer])), " ".join(more))
     return figure
@@ -238,7 +245,10 @@ def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
-    """The first table of several models and the column that it is about; the winner first, then by size."""
+    """The first table of several models and the column that it is about; the winner first, then by size.
+
+    Rows that each add something to the one before keep their order.
+    """
     for table in tables:
         name, *others = table.columns
         known = table.looks or looks(table.rows, name)
@@ -246,7 +256,8 @@ def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
         columns = [column for column in others if column.key == table.headline] or others[::-1]
         for column in columns:
             sizes = [(not table.marks(row), _size(column, row), k) for k, row in enumerate(own)]
-            order = [own[k] for *_, size, k in sorted(sizes) if np.isfinite(size)]
+            ranked = sizes if table.stepwise else sorted(sizes)
+            order = [own[k] for *_, size, k in ranked if np.isfinite(size)]
             if len({_size(column, row) for row in order}) > 1:
                 return replace(table, rows=order[:ROWS], looks=known), column
     return None
@@ -330,7 +341,8 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     axes.set_xlabel(chart.across)
     axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])))
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    if len(axes.get_legend_handles_labels()[1]) > 1:  # the title says what a line alone is
+        axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     quiet(axes)
 
 
@@ -346,7 +358,8 @@ HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
-KEYED = 0.3  #: Height of what says which colour errs less, and of a second line of titles [in].
+KEYED, TITLED = 0.3, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
+MAP_LETTERS = 26  #: Letters of a line of the title of a map.
 
 
 def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figure:
@@ -370,7 +383,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     count = len(lines) + bool(both)
     sides, wide = ends[1] - ends[0], min(PANE, PANES / count)
     rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
-    figure = page(HEIGHT + KEYED * bool(both) + sum(rows))
+    figure = page(HEIGHT + TITLED + KEYED * bool(both) + sum(rows))
     panes = figure.subplots(2, count, sharex="col", sharey="row", height_ratios=rows, squeeze=False)
     norm, extend = _norm(*values.values())
     middle_of = np.median(at, axis=0)
@@ -388,7 +401,8 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     for axes, (name, mm) in zip(panes[0], values.items(), strict=False):
         known = mm[np.isfinite(mm)]
         size = f"median {np.median(known):.3f} mm" if known.size else place_map.without
-        axes.set_title(f"{name}:\n{size}" if count == MAPS else f"{name}: {size}")
+        axes.set_title(f"{textwrap.fill(row_words(name), MAP_LETTERS)}:\n{size}")
+    for_column(*panes[:, len(lines) - 1])
     if both:
         _key_of_difference([*panes[:, -1]], *both, there)
     for axes in panes[-1]:
@@ -416,7 +430,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     )
     ours = lines[-1].name
     said = f"at most {largest[ours]}" if ours in largest else place_map.without
-    say(figure, f"{ours}: {what.lower()} {said}", reading)
+    say(figure, f"{capital(in_words(ours))}: {what.lower()} {said}", reading)
     return figure
 
 

@@ -109,6 +109,7 @@ class Table:
     headline: str = ""  #: Key of the column that the answer speaks of; empty for the last one.
     across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
     looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
+    stepwise: bool = False  #: Whether each row adds something to the one before, so that their order stays.
 
     def __post_init__(self) -> None:
         """What is marked is first, unless several rows are."""

@@ -14,7 +14,7 @@ from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.rows import finite
 from testbench.runs.spread import span
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER
+from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.cell import Campaign, Cell
 from testbench.workflows.error_places import (
     ErrorPlaces,
@@ -32,7 +32,16 @@ from testbench.workflows.fit_numbers import (
     residual_histograms,
     sag_by_part,
 )
-from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
+from testbench.workflows.models import (
+    DEFAULT,
+    IN_PAPER,
+    EstimatorFailed,
+    Model,
+    failed_row,
+    fit_or_rigid,
+    has_failed,
+    in_words,
+)
 from testbench.workflows.rows import (
     FAILED,
     NO_ERRORS,
@@ -195,22 +204,8 @@ def user_estimators(models: Sequence[Row]) -> list[str]:
 
 
 WORST = "name place_error_mm x_m y_m z_m joints"
-MEANINGS = {
-    DEFAULT: "GCO of all, learnt prior: default",
-    DEFAULT_WITHOUT_CONE: "the default without its cone",
-    JOINTS: "rigid links: the usual model",
-    "MGCO56": "GCO of beams, learnt weight",
-    f"MGCO56{IN_PAPER}": "GCO of beams, as in the paper",
-    "MLS56": "least squares of beams",
-}
-"""The models that are printed, in this order, and what they are."""
-METHODS = {
-    "psd": "GCO",
-    "none": "least squares",
-    "free": "least squares with GCO's prior",
-    "own": "an estimator of your own",
-}
-"""What a model is whose name is none of these, by its constraint."""
+PRINTED = (DEFAULT, DEFAULT_WITHOUT_CONE, JOINTS, "MGCO56", f"MGCO56{IN_PAPER}", "MLS56")
+"""The models that are printed, in this order."""
 
 
 def told(rows: Sequence[Row]) -> Sequence[Row]:
@@ -223,17 +218,14 @@ def told(rows: Sequence[Row]) -> Sequence[Row]:
         Rows with the column `meaning`.
     """
     models = {m.name: m for m in distinct(rows)}
-    listed = [name for name in (*MEANINGS, *user_estimators([*models.values()])) if name in models]
+    listed = [name for name in (*PRINTED, *user_estimators([*models.values()])) if name in models]
     names = listed if len(listed) > 2 else models
     return [Row(models[name], meaning=_meaning(models[name])) for name in names]
 
 
 def _meaning(model: Row) -> str:
-    """Say what a model is: its method and, where its name says nothing, its unknowns."""
-    if model.name in MEANINGS:
-        return MEANINGS[model.name]
-    method = METHODS[model.constraint]
-    return method if model.constraint == "own" else f"{method} of {model.parameters} unknowns"
+    """Describe a model by its name; an estimator of a user by what it is."""
+    return "an estimator of your own" if model.constraint == "own" else in_words(model.name)
 
 
 def worst_places(errors: ErrorPlaces) -> Table:

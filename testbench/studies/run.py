@@ -37,6 +37,7 @@ from testbench.runs.spread import MIN_PERCENTILE_TRIALS, middle
 from testbench.runs.store import TrialPlan, open_store, write_parquet
 from testbench.runs.whole import claim_folder, whole_folder
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
+from testbench.workflows.models import in_words
 from testbench.workflows.options import Common, takes
 from testbench.workflows.own_estimator import EstimatorOptions, digests_of
 
@@ -247,9 +248,8 @@ def headline(badge: Badge | None, table: Table) -> Markdown:
         if own in rows:
             found = value.value(rows[own])
             text = value.text(found if isinstance(found, str) else middle(found))
-            told.append(
-                f"{own} {text} {value.unit}" if value.unit and text[-1].isdigit() else f"{own} {text}"
-            )
+            unit = f" {value.unit}" if value.unit and text[-1].isdigit() else ""
+            told.append(f"{in_words(own)} {text}{unit}")
     return say("{what}: {told}.", what=capital(value.heading), told="; ".join(told))
 
 

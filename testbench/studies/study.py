@@ -40,7 +40,16 @@ from testbench.report.scene import (
 from testbench.report.table import Row, Trials
 from testbench.studies.intervals import clipped, ridge
 from testbench.workflows.cell import Cell, Setup, settle_both
-from testbench.workflows.models import FILLED, WITHOUT_CONE, Model, equal_fit, named_models
+from testbench.workflows.models import (
+    CLIPPED,
+    FILLED,
+    IN_PAPER,
+    RIDGE,
+    WITHOUT_CONE,
+    Model,
+    equal_fit,
+    named_models,
+)
 from testbench.workflows.own_estimator import EstimatorSource
 from testbench.workflows.rows import MM
 
@@ -134,7 +143,6 @@ class Run(Generic[S]):
 AnyRun = Run[Any]
 
 
-IN_PAPER = " (paper)"  #: Behind the name of a model that GCO identifies without a trace weight.
 LEAST_SQUARES = "MLS56"
 #: Unknowns, prior and evidence of the default; what it lacks is the cone.
 DEFAULT_WITHOUT_CONE = f"{WITHOUT_CONE}{FILLED}"
@@ -152,7 +160,7 @@ def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
     """
     models, behind = named_models(cell, names), names.index(LEAST_SQUARES) + 1
     beams = template56(cell.arm, name=LEAST_SQUARES)
-    held = [equal_fit(cell), Model("Ridge", beams, ridge), Model("Clipped LS", beams, clipped)]
+    held = [equal_fit(cell), Model(RIDGE, beams, ridge), Model(CLIPPED, beams, clipped)]
     return [*models[:behind], *held, *models[behind:]]
 
 

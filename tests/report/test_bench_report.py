@@ -21,6 +21,7 @@ from testbench.studies.bench import (
     report,
     standings,
 )
+from testbench.workflows.models import row_words
 from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 
 TASKS, SEEDS, WHOLE = ("gravity-8", "loads"), range(1, 25), 700.0
@@ -105,7 +106,7 @@ def test_tables_and_picture_hold_what_the_trials_hold(trials):
         if line.get_linestyle() == "None"
     }
     timed = {name: [row.cpu_seconds, row.ratio] for name, row in board.items() if row.cpu_seconds}
-    assert dots == timed
+    assert dots == {row_words(name): own for name, own in timed.items()}
     ends = [line.get_ydata().tolist() for line in axes.get_lines() if line.get_linestyle() == "-"]
     assert all([board[name].ratio_low, board[name].ratio_high] in ends for name in timed)
     said = f"{time.get_suptitle()} {time.get_supxlabel()}".replace(",", "").split()

@@ -179,7 +179,7 @@ def test_noise_costs_what_it_adds_in_quadrature_and_the_figure_shows_both_arms()
             calm, noisy = (own.where(sigma_um=x)["rms_um"] for x in (0.0, 200.0))
             check_spread(row.um_per_um, np.sqrt(np.maximum(0, noisy**2 - calm**2)) / 200)
     drawn = whole.study.figures(whole.found)["noise_sensitivity.png"]
-    x, y = curves(drawn.axes[0])["ALL153 + prior"]
+    x, y = curves(drawn.axes[0])["GCO of all links and joints with prior (ALL153)"]
     own = whole.trials.where(part="gravity", name="ALL153 + prior")
     assert list(x) == [25.0, 50.0, 200.0]
     assert list(y) == [np.median(own.where(sigma_um=sigma)["rms_um"]) for sigma in x]

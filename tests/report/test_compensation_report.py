@@ -31,6 +31,7 @@ from testbench.studies.compensation.trial import (
     JobsRow,
 )
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
+from testbench.workflows.models import row_words
 
 SETTINGS, SEEDS, POINTS = CompensationSettings("kr500_l480", 300), range(300, 306), 10
 LEFT = {PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, NOMINAL: 0.3, PRIOR: 0.7}
@@ -128,7 +129,7 @@ def test_the_figure_draws_what_is_left_in_the_colour_of_each_model(found):
     assert (LOOKS[DEFAULT], LOOKS["Joints"].colour) == (CHOICE, JOINTS)
     for pane, arm in zip(panes, (REAL, IDEAL), strict=True):
         for name in IDENTIFIED:
-            [dots] = [line for line in pane.get_lines() if line.get_label() == name]
+            [dots] = [line for line in pane.get_lines() if line.get_label() == row_words(name)]
             every = [group(f, name, way, arm).after.median_mm for way in SETTINGS.ways(REAL)]
             assert dots.get_xdata() == pytest.approx([own.median for own in every])
             assert dots.get_color() == LOOKS[name].hex

@@ -20,6 +20,7 @@ from testbench.model.structure import Structure, all153, template56
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios
 from testbench.report.colours import NEGATIVE, hexadecimal, look
+from testbench.report.figure import row_head
 from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
 from testbench.report.figures_identify import compared, fit_figure, model_figure
 from testbench.report.markdown import Markdown
@@ -36,6 +37,7 @@ from testbench.workflows.fit_numbers import (
     numbers_read,
     sag_by_part,
 )
+from testbench.workflows.models import in_words
 
 TAKEN = "ALL153 + prior"
 LOOKS = {
@@ -237,9 +239,8 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
     size = np.sqrt(np.diag(most.reference))
     *panes, strip = figure.axes[:4]
     limits = set()
-    for axes, key, title in zip(
-        panes, ("reference", "estimate", "half"), ("true arm", TAKEN, "half width, 95 %"), strict=True
-    ):
+    titles = "true arm", row_head(TAKEN), "half width, 95 %"
+    for axes, key, title in zip(panes, ("reference", "estimate", "half"), titles, strict=True):
         given = np.array(most[key], dtype=float) / np.outer(size, size)
         assert axes.get_title() == title
         [image] = axes.images
@@ -268,7 +269,7 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
             np.testing.assert_allclose(part, panes[0].images[0].to_rgba(own))
     at = [(text.get_position()[0], text.get_text()) for text in strip.get_xticklabels()]
     assert at == [(7 * k + 2.5, row.part) for k, row in enumerate(details.compliances)]
-    assert [text.get_text() for text in strip.get_yticklabels()] == ["true arm", TAKEN, "half width, 95 %"]
+    assert [text.get_text() for text in strip.get_yticklabels()] == [*titles]
     upper = np.triu_indices(6)
     wrong, half = (np.array(own, dtype=float)[upper] for own in (most.estimate, most.half))
     inside = np.abs(wrong - np.array(most.reference)[upper]) <= half
@@ -306,8 +307,9 @@ def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_r
         low, high = axes.get_xlim()
         assert all(low <= x <= high for _, x in given)
         bad = sum(x < 0 for _, x in given)
-        assert axes.get_title() == f"{name}: {f'{bad} of {len(given)} negative' if bad else 'none negative'}"
-    assert figure.get_suptitle().startswith("Not conservative: MLS56 (")
+        told = f"{bad} of {len(given)} negative" if bad else "none negative"
+        assert axes.get_title() == f"{row_head(name)}:\n{told}"
+    assert figure.get_suptitle().startswith("Not conservative: least squares of beam links (")
     assert [text.get_text() for text in figure.axes[0].get_yticklabels()][:2] == ["link_0", "link_1"]
 
 
@@ -327,7 +329,9 @@ def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_p
         assert low < by_name[name].edges_um[0] < by_name[name].edges_um[-1] < high
     check_predictions(figure.axes[-1], details.predictions, ("MLS56", TAKEN))
     normal = [name for name in ("MGCO56", "MLS56") if by_name[name].lilliefors_p >= 0.05]
-    assert all((name in figure.get_suptitle()) == (name in normal) for name in ("MGCO56", "MLS56"))
+    title = " ".join(figure.get_suptitle().split())
+    words = {"MGCO56": "GCO of beam links", "MLS56": "least squares of beam links"}
+    assert all((said in title) == (name in normal) for name, said in words.items())
 
 
 def check_residuals(axes, row, look):
@@ -395,8 +399,9 @@ def test_the_figure_of_a_fit_has_models_ratios_with_intervals_residuals_and_runs
     figure.draw_without_rendering()
     check_legible(figure)
     forest, ratio, *others, runs = figure.axes
-    order = [text.get_text().rsplit(maxsplit=1)[0] for text in forest.get_yticklabels()]
-    assert order == [TAKEN, "MLS56", "MGCO56"]
+    order = [TAKEN, "MLS56", "MGCO56"]
+    heads = [text.get_text().rsplit("  ", 1)[0] for text in forest.get_yticklabels()]
+    assert heads == [row_head(name) for name in order]
     dots = [line for line in ratio.get_lines() if line.get_marker() not in ("None", None)]
     by_name = {row.name: row.ratio for row in f.over}
     middles = [float(np.ravel(line.get_xdata())[0]) for line in dots]
@@ -432,7 +437,10 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     figure.draw_without_rendering()
     check_legible(figure)
     first, second, sag, stiff, told, parts, *more = figure.axes
-    assert [axes.get_title().split(":")[0] for axes in (first, second)] == ["MLS56", TAKEN]
+    assert [axes.get_title().split(":")[0] for axes in (first, second)] == [
+        row_head("MLS56"),
+        row_head(TAKEN),
+    ]
     assert [bar.get_width() for bar in sag.patches] == [row.share_percent for row in f.details.sag]
     [whiskers] = [own.get_segments() for own in sag.collections]
     assert [tuple(ends[:, 0]) for ends in whiskers] == [
@@ -464,4 +472,6 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     ]
     [last] = more
     assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
-    assert figure.get_suptitle().startswith(f"{TAKEN} is conservative; {f.details.sag[0].part} causes")
+    title = " ".join(figure.get_suptitle().split())
+    said = f"{in_words(TAKEN)} is conservative; {f.details.sag[0].part} causes"
+    assert title.startswith(said)

@@ -11,6 +11,7 @@ from matplotlib.colors import to_hex
 from testbench.report.colours import look
 from testbench.report.run_figure import error_map, silhouette, slice_of
 from testbench.report.scene import ModelLine, PageContent, PlaceMap
+from testbench.workflows.models import row_words
 
 RNG = np.random.default_rng(3)
 AT = RNG.uniform(-2, 2, (60, 3))
@@ -76,13 +77,14 @@ def test_a_map_has_two_slices_in_one_scale_the_arm_and_the_worst_place():
             np.testing.assert_allclose(line.get_xydata(), ARM[:, shown])
         assert len(arm) == 2
         if k < 2:
-            assert axes.get_title() == f"{name}: median {np.median(MAPS[name]):.3f} mm"
+            said = " ".join(axes.get_title().split())
+            assert said == f"{row_words(name)}: median {np.median(MAPS[name]):.3f} mm"
         where = f"at {'xyz'[across]} = {LEVELS[across]:.1f} m\n{'xyz'[shown[1]]} [m]"
         assert axes.get_ylabel() == ("" if k % 2 else where)
     assert figure.axes[-1].get_ylabel() == "error [mm, logarithmic]"
     title, caption = (text.replace("\n", " ") for text in (figure.get_suptitle(), figure.get_supxlabel()))
     x, y, z = AT[17]
-    assert title.startswith(f"MGCO56: error at most {MAPS['MGCO56'].max():.3f} mm at x ")
+    assert title.startswith(f"GCO of beam links: error at most {MAPS['MGCO56'].max():.3f} mm at x ")
     assert "arm under 9 kg." in caption
     assert f"MLS56 4.000 mm at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
 
@@ -138,7 +140,7 @@ def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
     first, nowhere = figure.axes[:2]
     rings, _ = first.get_lines()
     np.testing.assert_allclose(rings.get_xydata(), AT[near][:, [0, 2]])
-    assert nowhere.get_title() == "MGCO56: no bound"
+    assert " ".join(nowhere.get_title().split()) == "GCO of beam links (MGCO56): no bound"
     assert "Grey rings: no bound." in figure.get_supxlabel().replace("\n", " ")
 
 

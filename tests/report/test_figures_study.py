@@ -5,7 +5,7 @@ import pytest
 from legible import check_legible
 
 from testbench.identify.posterior import Posterior
-from testbench.report.figure import one_line
+from testbench.report.figure import split_title
 from testbench.report.figures_fit import coverage_figure, joint_error_figure
 from testbench.runs.rows import Row
 from testbench.workflows.calibration_numbers import joint_curve
@@ -94,11 +94,11 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
         ("Tie: a ties with b (error ratio 1.00, n 8).", "Tie: a ties with b", "Error ratio 1.00, n 8."),
         ("One sentence ends here. The other is long.", "One sentence ends here", "The other is long."),
         ("Holds: one is far better than two (n 8).", "Holds: one is far better than two", "N 8."),
-        ("Error 0.1 mm; by chance: 0.3 mm (n 8)", "Error 0.1 mm", "By chance: 0.3 mm (n 8)"),
+        ("Error 0.1 mm; by chance: 0.3 mm (n 8)", "Error 0.1 mm; by chance: 0.3 mm", "N 8"),
         ("Eq. (7) is better than any (n 8).", "Eq.\u00a0(7) is better than any", "N 8."),
         ("One, weightless, is better than two (n 8)", "One, weightless, is better than two", "N 8"),
         (LONG, f"{LONG[:26]}…", LONG),
     ],
 )
-def test_a_title_has_one_line_and_loses_no_word(words, title, rest):
-    assert one_line(words, 27, 36) == (title, rest)
+def test_a_title_ends_where_a_thought_ends_and_loses_no_word(words, title, rest):
+    assert split_title(words, 27, 36) == (title, rest)

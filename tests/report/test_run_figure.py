@@ -169,7 +169,11 @@ def test_models_are_dots_with_intervals_in_their_looks_and_the_winner_is_first(s
     figure = overview(REPORT, replace(seen, scene=None, runs=(), tables=[plain, table]))
     [axes] = figure.axes
     names = [text.get_text() for text in axes.get_yticklabels()]
-    assert names == ["MGCO56 + prior  0.300", "Joints  0.500", "MLS56  1.000"]
+    assert names == [
+        "GCO of beam links\nwith prior (MGCO56)  0.300",
+        "joints-only model  0.500",
+        "least squares of\nbeam links (MLS56)  1.000",
+    ]
     assert (axes.get_xlabel(), axes.get_title("left")) == (
         "error [mm]",
         "All models; dots: 3 trials",

@@ -83,8 +83,8 @@ function drawAll(table, drawn, width) {
   const rows = table.rows.filter((row) => columns.some((k) => row.cells[k].v !== undefined));
   const every = rows.flatMap((row) => columns.map((k) => row.cells[k].v)).filter((x) => x !== undefined);
   const names = rows.map((row) => row.cells[0].text);
-  const right = Math.min(24 + Math.max(...names.map(wide)), 0.45 * width);
-  const lines = names.map((name) => folded(name, right - 16)), step = lines.some((own) => own.length > 1) ? 29 : 15;
+  const right = Math.min(24 + Math.max(...names.map((name) => wide(table.words[name]))), 0.45 * width);
+  const lines = names.map((name) => folded(table.words[name], right - 16)), step = lines.some((own) => own.length > 1) ? 29 : 15;
   const titles = columns.map((k) => table.head[k].title), long = 8 + Math.max(...titles.map(wide));
   const tilted = long > (width - right - 46) / columns.length; // too many words to stand side by side
   const bottom = tilted ? 20 + 0.7 * long : 24;
@@ -172,8 +172,8 @@ function named(lines, title, { y, ...style }) {
 function drawColumn(table, k, width) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
   const names = rows.map((row) => row.cells[0].text);
-  const most = Math.max(0.42 * width, Math.min(200, 0.55 * width)) - 14, left = 14 + Math.min(most, Math.max(...names.map(wide)));
-  const lines = names.map((own) => folded(own, most));
+  const most = Math.max(0.42 * width, Math.min(200, 0.55 * width)) - 14, left = 14 + Math.min(most, Math.max(...names.map((name) => wide(table.words[name]))));
+  const lines = names.map((name) => folded(table.words[name], most));
   const [line, top, right] = [lines.some((own) => own.length > 1) ? 30 : 21, 6, 74];
   const height = top + line * rows.length + 22;
   const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).concat(row.cells[k].dots).filter((x) => x !== undefined));

@@ -36,7 +36,7 @@ from testbench.report.colours import (
     Colour,
 )
 from testbench.report.figure import Figure, forest_pane, log_ticks, short
-from testbench.report.markdown import ReportWords, as_markdown, grid
+from testbench.report.markdown import Markdown, ReportWords, as_markdown, grid
 from testbench.report.recording.stream import Pen, RecordingHeader, recording, snake, text_view
 from testbench.report.recording.world import (
     ASPECT,
@@ -63,6 +63,7 @@ from testbench.report.scene import (
 )
 from testbench.report.schema import Table, show
 from testbench.runs.spread import middle
+from testbench.workflows.models import in_words
 
 # --- Panes of a figure as views of a recording: lines, dots, names and axes that stay sharp at any size -----
 
@@ -324,7 +325,7 @@ def write_run(
         page = replace(page, map=None)  # nowhere is there a bound
     groups = _groups(page)
     titles = [own.title for own in (page.scene, page.map, *page.runs) if own]
-    documents = {"summary": summary(words), "tables": _tables(words, page)}
+    documents = {"summary": summary(words, page.tables), "tables": _tables(words, page)}
     places = len(groups[0].poses.names) if groups else 1
     with recording(path, header, [*documents.values(), *titles]) as pen:
         pen.documents(documents)
@@ -428,12 +429,21 @@ def _panes(pen: Pen, figures: Mapping[str, Figure], room: int) -> list[rrb.View]
     return panes
 
 
-def summary(words: ReportWords) -> str:
-    """What a recording says first."""
+def summary(words: ReportWords, tables: Sequence[Table] = ()) -> str:
+    """What a recording says first, and what the names of models beside it mean."""
     badge = words.block("badge")
     head = [f"## **{badge}**" if badge else "", f"### {words.block('question')}"]
     head += [f"#### **{words.block('answer')}**" if words.block("answer") else ""]
-    return "\n\n".join(filter(None, [*head, *map(words.block, ("worst", "statements"))]))
+    return "\n\n".join(filter(None, [*head, *map(words.block, ("worst", "statements")), _names(tables)]))
+
+
+def _names(tables: Sequence[Table]) -> Markdown:
+    """The models that are drawn first, each with its words; empty where names say what they are."""
+    table, _ = headline(tables) or (Table((), ()), None)
+    names = [table.columns[0].cell(row) for row in table.rows]
+    words = {name: in_words(name) for name in names if in_words(name) != name}
+    told = [f"**{as_markdown(name)}**: {as_markdown(own)}" for name, own in words.items()]
+    return Markdown("; ".join(told) and f"{'; '.join(told)}.")
 
 
 def _tables(words: ReportWords, page: PageContent) -> str:

@@ -18,16 +18,16 @@ from testbench.studies.campaign.coverage import CalibrationSettings, Options
 from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
 from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, distinct, told
 from testbench.studies.paper import SECTION_6
-from testbench.studies.study import IN_PAPER, Run, calibration_scene, write_runs
+from testbench.studies.study import Run, calibration_scene, write_runs
 from testbench.workflows.cell import build_cell, true_cell
-from testbench.workflows.models import DEFAULT, JOINTS
+from testbench.workflows.models import DEFAULT, IN_PAPER, JOINTS
 
 PAPERS_ARM = "kr500_l480"
 PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}
 PANES = {
-    TRUE: "whole workspace, against the truth",
-    "ratio": "the same over that of the default",
-    "check.rms_mm": "check poses, against readings",
+    TRUE: "workspace, truth",
+    "ratio": "ratio to the default",
+    "check.rms_mm": "check poses, readings",
 }
 """Columns that are drawn, where it matters first."""
 FIGURE_5, METHODS_BESIDE = ("MGCO68", "MLS32"), ("MLS56", "MGCO56", DEFAULT)
