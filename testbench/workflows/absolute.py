@@ -57,6 +57,7 @@ from testbench.plant.tracker import (
     LaserTracker,
     PlaneProbe,
     Tracker,
+    place_block,
     precision,
     read_orientations,
     read_positions,
@@ -282,6 +283,9 @@ def of_held(calibration: Calibration) -> list[str]:
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
                 unseen = "heights do not show where the base is along it or how it is turned about its normal"
+                normals = calibration.active.unknowns.normals[series.frame]
+                if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
+                    unseen = f"it is a face of block {series.frame}, which is found as a whole"
             words.append(f"{series.name}: {place}; {unseen}")
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
@@ -620,27 +624,58 @@ def simulate_distances(
     [station], rng = truth.stations, trial_rng(seed, 3)
     world = (exact.position - station.position) @ station.rotation
     used = [name for name in cell.arm.markers if name in {own.marker for own in mounted}]
-    found = []
-    for k, own in enumerate(mounted, 1):
-        series = _read_distances(exact, own, world[:, cell.arm.markers.index(own.marker)], used, rng)
+    faces, found = _true_faces(mounted, rng), []
+    for k, (own, face) in enumerate(zip(mounted, faces, strict=True), 1):
+        places = world[:, cell.arm.markers.index(own.marker)]
+        series = _read_distances(exact, own, face, places, used, rng)
         name = f"{'point' if series.normal is None else 'plane'} {k}"
         if not series.rows:
             raise BenchError(f"--instrument: no pose brings {own.marker} near {name}; expected poses on it")
-        found.append(replace(series, name=name, frame=name))
+        found.append(replace(series, name=name, frame=own.block or name))
     return tuple(found), truth
 
 
+Face = tuple[Array, Array]  #: A point of a plane [m] and its unit normal [1], (3,) each.
+
+
+def _true_faces(mounted: Sequence[Mounted], rng: np.random.Generator) -> list[Face | None]:
+    """Place the faces of all planes, those of a block together; None for other instruments."""
+    faces: list[Face | None] = [None] * len(mounted)
+    blocks: dict[str, list[int]] = {}
+    for k, own in enumerate(mounted):
+        if isinstance(own.instrument, PlaneProbe):
+            blocks.setdefault(own.block or f"plane {k}", []).append(k)
+    for name, members in blocks.items():
+        if len(members) == 1 and mounted[members[0]].block:
+            raise BenchError(f"--instrument: block {name!r} has one face; expected two or more, or no block")
+        stated = [(np.asarray(mounted[k].fixed), unit_normal(mounted[k])) for k in members]
+        probes = [own for k in members if isinstance(own := mounted[k].instrument, PlaneProbe)]
+        shift, tilt = max(own.fixed_point_sigma for own in probes), max(own.tilt for own in probes)
+        for k, face in zip(members, place_block(stated, shift, tilt, rng), strict=True):
+            faces[k] = face
+    return faces
+
+
 def _read_distances(
-    exact: Series, own: Mounted, places: Array, used: Sequence[str], rng: np.random.Generator
+    exact: Series,
+    own: Mounted,
+    face: Face | None,
+    places: Array,
+    used: Sequence[str],
+    rng: np.random.Generator,
 ) -> Series:
-    """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances."""
+    """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances.
+
+    The face is that of a plane as it truly is.
+    """
     assert own.fixed is not None
     normal: tuple[float, float, float] | None = None
     tilt, zero = NOMINAL_TILT, 0.0
     if isinstance(own.instrument, PlaneProbe):
+        assert face is not None
         x, y, z = unit_normal(own).tolist()
         normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
-        read = own.instrument.read_absolute((own.fixed, np.array(normal)), places, exact.pose, rng)
+        read = own.instrument.read_absolute(face, places, exact.pose, rng)
         sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
     else:
         assert isinstance(own.instrument, DistanceMeter)
