@@ -31,12 +31,15 @@ from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, place_block
+from testbench.report.readings import draw_calibration
 from testbench.workflows.absolute import (
     AbsoluteCampaign,
+    calibrate_with_masses,
     position_errors,
     simulate_distances,
     simulate_series,
 )
+from testbench.workflows.calibration_numbers import remaining_errors
 from testbench.workflows.campaign_flags import AXES, Mounted
 from testbench.workflows.cell import Cell
 
@@ -233,6 +236,41 @@ def test_a_face_is_no_repetition_of_others_and_is_not_held_out_as_a_whole(stiff,
     assert np.isfinite(points.series_after)
     assert np.isnan(faces.series_after)
     assert faces.after < faces.before
+
+
+def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, read, rng):
+    """Targets are drawn as high over a face, and as far from a point, as was read, to 10 um of noise."""
+
+    def noisy(one):
+        error = 1e-5 * rng.standard_normal(one.distance.shape)
+        return replace(one, name=f"file {one.name}", sigma=1e-5, distance=one.distance + error)
+
+    every, options = [*map(noisy, (*touched, *read))], CalibrationOptions(only=frozenset({"joint springs"}))
+    found = calibrate_with_masses(stiff.vjm, every, options)
+    [group] = draw_calibration(stiff, found, remaining_errors(found)).scene.groups
+    layers = {layer.name: layer for layer in group.layers}
+    squares, points, lines = (layers[name] for name in ("faces", "fixed points", "distances"))
+    assert squares.labels == ["plane 1", "plane 2", "plane 3"]
+    assert points.labels == ["point 1", "point 2"]
+    assert np.abs(points.at[0] - POINTS).max() < 0.05  # with what a zero of the first joint moves it by
+    at, normals = layers["target as read"].at[:, 0], squares.to[0] - squares.at[0]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    numbers = {
+        f"{one.name}, row {row}": number
+        for one in every
+        for row, number in zip(one.row, one.distance[:, 0], strict=True)
+    }
+    for k, one in enumerate(every):
+        own = np.array([name.startswith(f"{one.name},") for name in group.names])
+        read_there = [numbers[name] for name in np.array(group.names)[own]]
+        if one.normal is None:
+            away = np.linalg.norm(at[own] - lines.at[own, 0], axis=1)
+            np.testing.assert_allclose(away, read_there, atol=1e-6)
+        else:
+            off = at[own] - squares.at[0, k]
+            np.testing.assert_allclose(off @ normals[k], read_there, atol=1e-6)
+            assert (np.linalg.norm(off, axis=1) < 1.5 * squares.radius).all()
+            assert np.isnan(lines.at[own]).all()
 
 
 def test_distances_are_read_back_by_fixed_point_and_lost_ones_are_blank(kr500, tmp_path):
