@@ -4,6 +4,7 @@ For tasks under loads, or for absolute readings: then geometry, joint errors and
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -310,6 +311,8 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     if not cell.arm.joints:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
     known = given and model_of(given.calibration)
+    check_markers(cell, settings.mounted)
+    blocks_of(settings.mounted)
     union = union_after(known, settings) if known else union_of(cell, settings)
     instruments, q = settings.mounted, workspace_poses(cell, settings)
     planes = [own for own in instruments if isinstance(own.instrument, PlaneProbe)]
@@ -351,6 +354,14 @@ def _touching(cell: Cell, settings: PlanSettings, planes: Sequence[Mounted]) -> 
     why = why_not(build_checks(cell, settings.conditions), q)
     clear = np.array([reason is None for reason in why], dtype=bool)
     kind = np.arange(len(q)) % len(planes)
+    for k, count in enumerate(np.bincount(kind[clear], minlength=len(planes)).tolist()):
+        if count < MIN_POSES:
+            reasons = Counter(reason for reason, own in zip(why, kind, strict=True) if reason and own == k)
+            most = next((f": {name}" for name, _ in reasons.most_common(1)), "")
+            raise PoseError(
+                f"--instrument: {count} candidate poses touch plane {k + 1}, expected at least {MIN_POSES}"
+                f"{most}; move the face, or draw more candidates"
+            )
     found = Candidates(nearest_turn(q, cell.arm), len(q), {name: why.count(name) for name in REASONS})
     return _within(found, kind, clear, settings.poses)
 
@@ -427,7 +438,7 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
         The unknowns.
     """
     pose, vjm = _one_pose(cell.vjm, settings), cell.vjm
-    kinds = _kinds_of_poses(cell, settings, pose)
+    kinds = _kinds_of_poses(settings, pose)
     every = tuple({one.name: one for own in kinds for one in own}.values()) or (pose,)
     pose = replace(pose, frame=every[0].frame)
     unknowns = unknowns_of(
@@ -455,11 +466,9 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
     return JointUnknowns(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), kinds=kinds)
 
 
-def _kinds_of_poses(cell: Cell, settings: PlanSettings, pose: Series) -> tuple[tuple[Series, ...], ...]:
+def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series, ...], ...]:
     """What instruments read in every kind of pose: all distances, and the height over one plane if any."""
     instruments = settings.mounted
-    check_markers(cell, instruments)
-    blocks_of(instruments)  # refused here, not after the search
     every = [
         distances_of(
             own,
