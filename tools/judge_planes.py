@@ -5,10 +5,11 @@
 Every true arm has typical errors of geometry, and its folder has wrong compliances. In 60 poses that touch
 three faces it is read without load and under 460 kg: by a tracker of 50 um, by a probe that reads its height
 over the face to 10 um, and by touches, for which the joints are moved until the height is 0. In 60 other
-poses it touches four faces of one box, whose angles and distances are known. All are fitted by geometry,
-joint springs and links. Errors are those of 150 poses that were never read, under own weight and under load,
-after frame and target were fitted to 30 others. An arm and instrument is a line of JSON in the file; the
-judge may be stopped and started again. `--seeds 0` prints the table alone.
+poses it touches four faces of one box, whose angles and distances are known; the box as a whole is off its
+stated place by 2 mm and half a degree. All are fitted by geometry, joint springs and links. Errors are those
+of 150 poses that were never read, under own weight and under load, after frame and target were fitted to 30
+others. An arm and instrument is a line of JSON in the file; the judge may be stopped and started again.
+`--seeds 0` prints the table alone.
 """
 
 import json
@@ -43,7 +44,7 @@ from testbench.workflows.models import wrong_prior
 
 ARM, POSES, MASS = "kr500_l480", 60, 460.0
 FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
-BOX = (*FACES, "plane:P1:y:1.5,-1.2,1.4")
+BOX = tuple(f"{face}:box" for face in (*FACES, "plane:P1:y:1.5,-1.2,1.4"))
 CHECKED, PLACED = 180, 30  #: Poses that are never fitted, and those of them that give frame and target.
 OPTIONS = CalibrationOptions(without=frozenset(SELECTABLE_ERRORS) - {"joint springs", "links"})
 CAMPAIGN = AbsoluteCampaign(
@@ -75,10 +76,8 @@ def by_touches(cell, true, seed):
 
 def in_a_box(cell, true, seed):
     """Touch four faces of one box, which is known."""
-    exact = {"tilt": 0.0, "fixed_point_sigma": 0.0}
-    faces = [replace(own, instrument=replace(own.instrument, **exact)) for own in map(mounted, BOX)]
-    read = touches(true, faces, seed, poses_on_planes(cell, faces, POSES, trial_rng(seed, 7)))
-    return [replace(one, frame="box") for one in read]
+    faces = [*map(mounted, BOX)]
+    return touches(true, faces, seed, poses_on_planes(cell, faces, POSES, trial_rng(seed, 7)))
 
 
 KINDS = {
@@ -91,7 +90,8 @@ KINDS = {
 
 def touches(cell, faces, seed, q):
     """Move the joints of every row until the true arm touches, and read noise about zero there."""
-    exact = [replace(own, instrument=replace(own.instrument, sigma=1e-9, flatness=0.0)) for own in faces]
+    quiet = {"sigma": 1e-9, "flatness": 0.0, "travel": 1.0}  # the joints move until it touches
+    exact = [replace(own, instrument=replace(own.instrument, **quiet)) for own in faces]
     parts = []
     for mass in CAMPAIGN.masses:
         campaign, at = CAMPAIGN.model_copy(update={"masses": (mass,)}), q.copy()

@@ -159,8 +159,8 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
         TableColumn(f"q_shown.{k}", name, unit, ".2f", short=f"q{k + 1}\n{unit}")
         for k, (name, unit) in enumerate(zip(f.joints, f.units, strict=True))
     ]
-    gauges = "gauges" if f.get("gauges") else ""
-    head = (*columns("run"), *joints, *columns(f"{moved} error_there_mm travel_deg {slid} way {gauges}"))
+    placed = "gauges" if f.get("gauges") else "face" if "face" in f.plan[0] else ""
+    head = (*columns("run"), *joints, *columns(f"{moved} error_there_mm travel_deg {slid} way {placed}"))
     over = TableColumn("mm", f"expected error {where}", "mm", none="no bound")
     return {
         "beside": Table(
@@ -198,7 +198,7 @@ def printed(said: Report) -> Table:
 
 def _warnings(f: Row) -> Iterator[Markdown]:
     """List what must not be overlooked before anybody measures; `docs/planning.md` says what each means."""
-    if f.tracker_m is None and not f.gauges:
+    if f.tracker_m is None and not f.gauges and not f.instruments:
         yield Markdown("**Visibility was not checked**: add `--tracker x,y,z`.")
     if f.blocked:
         yield say(

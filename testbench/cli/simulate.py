@@ -150,9 +150,10 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
 
 
 def _named(series: Series, stem: str, *, alone: bool) -> Series:
-    """Name a series, its frame and its mount after the file."""
-    name = stem if alone else f"{stem} {series.name}"
-    return replace(series, name=name, frame=name, target=stem)
+    """Name a series, its frame and its mount after the file; faces of one block share a frame."""
+    if alone:
+        return replace(series, name=stem, frame=stem, target=stem)
+    return replace(series, name=f"{stem} {series.name}", frame=f"{stem} {series.frame}", target=stem)
 
 
 def _files(out: Path, series: int) -> list[Path]:

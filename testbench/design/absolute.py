@@ -4,6 +4,9 @@ Unknowns are in units of what the prior expects, x ~ N(e, 1). Each pose is read 
 move in between. Joint errors that the model does not explain are one more noise, common to all readings of a
 pose. So the covariance of a pose's readings is that of the tracker plus J diag(rest^2) J^T. `candidate_set`
 turns this into a problem for `planning`.
+
+Instead of a tracker, instruments may read distances from fixed points and heights over planes. A pose is
+then of one kind: all fixed points, and at most one plane, are read in it.
 """
 
 from collections.abc import Iterator
@@ -15,10 +18,10 @@ from scipy.linalg import block_diag
 from testbench.data.dataset import Series
 from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
 from testbench.identify.metric import PriorScaling, Strength, precision_root
-from testbench.identify.rows import series_rows
+from testbench.identify.rows import beams, series_rows
 from testbench.model.vjm import chain, translation_rows
 
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
@@ -40,16 +43,14 @@ class JointUnknowns:
     unknowns: Unknowns  #: Layout of the unknowns.
     state: ArmState  #: Arm with its unknowns at their expected values.
     L: Array  #: Unknowns per unit x of what the prior expects, (size, r).
-    #: Readings of one pose: a row per load in the order of reading, with targets and noise.
+    #: Positions of one pose: a row per load in the order of reading, with targets and noise.
     pose: Series
     unmodelled: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
     #: Threshold of information over the prior's, see `LITTLE_INFORMATION` [1].
     min_information: float = LITTLE_INFORMATION
-
-    @property
-    def loads(self) -> int:
-        """Return the number of readings per pose, one under each load."""
-        return self.pose.rows
+    #: Distances and heights of one pose, which are read instead of positions, for every kind of pose; each of
+    #: one target. Empty if the positions are read.
+    kinds: tuple[tuple[Series, ...], ...] = ()
 
 
 def expected_root(
@@ -68,47 +69,53 @@ def expected_root(
         L with unknowns = L x, block diagonal, (size, size).
     """
     d = np.full(unknowns.starts["elastic"], FRAME_DEVIATION)
+    for name, sizes in unknowns.fixed.items():
+        d[unknowns.columns(f"frame {name}")] = sizes
     d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
     B, _ = precision_root(metric, Strength(uncertainty, SCALE_UNCERTAINTY))
     return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, metric.L.T).T))
 
 
-def series_at(union: JointUnknowns, q: Array) -> Series:
-    """Build the series of readings that poses would give: one row per pose and load, positions still zero.
+def series_at(pose: Series, q: Array) -> Series:
+    """Build the series of readings that poses would give: one row per pose and load, readings still zero.
 
     Args:
-        union: The unknowns and how a pose is read.
+        pose: How one pose is read, a row per load.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         The series, poses times loads rows.
     """
-    series, loads = union.pose, union.loads
-    rows = len(q) * loads
+    rows, times = len(q) * pose.rows, len(q)
     return replace(
-        series,
+        pose,
         row=np.arange(rows),
-        pose=np.arange(rows) // loads,
-        q=np.repeat(q, loads, axis=0),
-        wrench=np.tile(series.wrench, (len(q), 1)),
-        point=np.tile(series.point, (len(q), 1)),
-        position=np.zeros((rows, len(series.markers), 3)),
-        rotation=None if series.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
+        pose=np.arange(rows) // pose.rows,
+        q=np.repeat(q, pose.rows, axis=0),
+        wrench=np.tile(pose.wrench, (times, 1)),
+        point=np.tile(pose.point, (times, 1)),
+        position=np.zeros((rows, len(pose.markers), 3)),
+        precision=None if pose.precision is None else np.tile(pose.precision, (times, 1, 1, 1)),
+        rotation=None if pose.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
+        distance=None if pose.distance is None else np.tile(pose.distance, (times, 1)),
     )
 
 
-def measured_rows(union: JointUnknowns, q: Array, onto: Array | None = None) -> Array:
+def measured_rows(
+    union: JointUnknowns, q: Array, onto: Array | None = None, kind: Ids | None = None
+) -> Array:
     """Compute whitened rows of poses per unit of x.
 
     Args:
         union: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
         onto: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
+        kind: Kind of every pose, (poses,); None if there is one.
 
     Returns:
         Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
     """
-    rows = (_whitened(union, batch) for batch in _batches(q))
+    rows = (_whitened(union, *batch) for batch in _batches(q, kind))
     if onto is None:
         return np.concatenate([whitened @ union.L for whitened in rows])
     scale = union.L @ onto
@@ -118,6 +125,9 @@ def measured_rows(union: JointUnknowns, q: Array, onto: Array | None = None) -> 
 def position_rows(union: JointUnknowns, q: Array) -> Array:
     """Compute positions of all targets per unit of x, under one load after the other.
 
+    Positions are those in the tracker's frame. Distances and heights have none: then the arm's base is moved
+    and turned so that all positions together change least.
+
     Args:
         union: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
@@ -126,12 +136,38 @@ def position_rows(union: JointUnknowns, q: Array) -> Array:
         Rows, (poses, 3 loads m, r) [m].
     """
     m = len(union.pose.markers)
+    frame = np.arange(union.unknowns.size)[union.unknowns.columns(f"frame {union.pose.frame}")][:6]
 
     def rows(batch: Array) -> Array:
-        A = series_rows(union.unknowns, union.state, series_at(union, batch))[:m, :, :-1]
-        return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]) @ union.L)
+        A = series_rows(union.unknowns, union.state, series_at(union.pose, batch))[:m, :, :-1]
+        return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]))
 
-    return np.concatenate([rows(batch) for batch in _batches(q)])
+    if not union.kinds:
+        return np.concatenate([rows(batch) @ union.L for batch, _ in _batches(q, None)])
+    A = np.concatenate([rows(batch) for batch, _ in _batches(q, None)])
+    Q = np.linalg.qr(A[:, :, frame].reshape(-1, 6))[0]
+    A[:, :, frame] = 0
+    flat = A.reshape(-1, A.shape[2])
+    return np.asarray((flat - Q @ (Q.T @ flat)).reshape(A.shape) @ union.L)
+
+
+def scale_row(union: JointUnknowns, rows: Array, q: Array) -> tuple[Array, float]:
+    """Compute the scale of predicted positions per unit of x: how they grow with the distance of each other.
+
+    Args:
+        union: The unknowns and how a pose is read.
+        rows: Positions per unit of x, `position_rows`, (poses, 3 loads m, r) [m].
+        q: Their poses, (poses, n) [rad, m].
+
+    Returns:
+        Scale, (r,) [m/m], and the RMS distance of a position from the middle of all [m].
+    """
+    series = series_at(union.pose, q)
+    at = series_equilibrium(union.state, series).chain.points(union.state.mount(series).points)
+    off = at - at.reshape(-1, 3).mean(axis=0)
+    return off.ravel() @ rows.reshape(-1, rows.shape[2]) / (off**2).sum(), float(
+        np.sqrt((off**2).sum(axis=2).mean())
+    )
 
 
 def realignment_loss(union: JointUnknowns, rows: Array) -> float:
@@ -163,7 +199,7 @@ def unmodelled_joint_error(union: JointUnknowns, q: Array) -> Array:
         RMS distance over the targets, (poses,) [m].
     """
     m = len(union.pose.markers)
-    return np.asarray(np.sqrt(np.square(_joint_rows(union, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
+    return np.asarray(np.sqrt(np.square(_joint_rows(union, union.pose, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
 def sag(union: JointUnknowns, q: Array) -> Array:
@@ -176,7 +212,7 @@ def sag(union: JointUnknowns, q: Array) -> Array:
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    series, state = series_at(union, q), union.state
+    series, state = series_at(union.pose, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
     bent, straight = (
@@ -186,7 +222,7 @@ def sag(union: JointUnknowns, q: Array) -> Array:
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
 
-def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
+def candidate_set(union: JointUnknowns, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
     """Make poses the candidates of a plan, in the directions that such a plan can see.
 
     A direction counts as seen where `poses` average candidates tell more than `union.min_information` of it.
@@ -195,16 +231,17 @@ def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
         union: The unknowns and how a pose is read.
         q: Actuated joints, (candidates, n) [rad, m].
         poses: Number of poses of the plan.
+        kind: Kind of every pose, (candidates,); None if there is one.
 
     Returns:
-        The candidates, one problem for all of them.
+        The candidates, one problem for all of them; their kinds are in place of loads.
 
     Raises:
         BenchError: When no direction is seen.
     """
     mean = np.zeros((union.L.shape[1],) * 2)
-    for batch in _batches(q):
-        A = measured_rows(union, batch).reshape(-1, len(mean))
+    for batch, own in _batches(q, kind):
+        A = measured_rows(union, batch, kind=own).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
     # directions in which `poses` average candidates tell more than the threshold
     values, V = np.linalg.eigh(mean)
@@ -212,13 +249,13 @@ def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
     if not seen.any():
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
-    rows = np.concatenate([measured_rows(union, batch) @ lift for batch in _batches(q)])
+    rows = np.concatenate([measured_rows(union, batch, kind=own) @ lift for batch, own in _batches(q, kind)])
     problem = DesignProblem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
-    return CandidateSet(q, np.zeros(len(q), dtype=int), problem)
+    return CandidateSet(q, np.zeros(len(q), dtype=int) if kind is None else kind, problem)
 
 
 def information_of(union: JointUnknowns, q: Array) -> Array:
-    """Compute the information matrix of readings in some poses, without a prior.
+    """Compute the information matrix of positions that are read in some poses, without a prior.
 
     Args:
         union: The unknowns and how a pose is read.
@@ -227,37 +264,64 @@ def information_of(union: JointUnknowns, q: Array) -> Array:
     Returns:
         Sum of A^T A of the whitened rows A per unit of the unknowns, (size, size).
     """
-    rows = (_whitened(union, batch).reshape(-1, union.unknowns.size) for batch in _batches(q))
+    rows = (_whitened(union, *batch).reshape(-1, union.unknowns.size) for batch in _batches(q, None))
     return np.asarray(sum(A.T @ A for A in rows))
 
 
-def _batches(q: Array) -> Iterator[Array]:
-    yield from np.array_split(q, max(1, -(-len(q) // POSES_AT_ONCE)))
+def _batches(q: Array, kind: Ids | None) -> Iterator[tuple[Array, Ids | None]]:
+    parts = max(1, -(-len(q) // POSES_AT_ONCE))
+    kinds = [None] * parts if kind is None else np.array_split(kind, parts)
+    yield from zip(np.array_split(q, parts), kinds, strict=True)
 
 
-def _whitened(union: JointUnknowns, q: Array) -> Array:
+def _whitened(union: JointUnknowns, q: Array, kind: Ids | None = None) -> Array:
     """Compute whitened rows of poses per unit of the unknowns, (poses, k, size) [1/m, 1/rad].
 
-    The covariance of a pose's readings is that of the tracker plus that of joint errors beyond the model.
+    The covariance of a pose's readings is that of the instruments plus that of joint errors beyond the model.
     """
-    series = union.pose
-    A = series_rows(union.unknowns, union.state, series_at(union, q))[:, :, :-1]
-    A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
-    sigma = np.full((union.loads, A.shape[1] // union.loads), series.sigma)
-    sigma[:, 3 * len(series.markers) :] = series.sigma_rotation or series.sigma
-    G = np.tile(_joint_rows(union, q), (1, union.loads, 1))
-    root = np.linalg.cholesky(G @ G.swapaxes(1, 2) + np.diag(sigma.ravel() ** 2))
-    return np.asarray(np.linalg.solve(root, A))
+    kinds = union.kinds or ((union.pose,),)
+    own = np.zeros(len(q), dtype=int) if kind is None else kind
+    rows = np.empty((len(q), 0, union.unknowns.size))
+    for k in np.unique(own):
+        at = own == k
+        parts = [_read(union, one, q[at]) for one in kinds[k]]
+        A, sigma, G = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+        noise = np.einsum("pk,kl->pkl", sigma**2, np.eye(sigma.shape[1]))
+        whitened = np.linalg.solve(np.linalg.cholesky(G @ G.swapaxes(1, 2) + noise), A)
+        if not rows.shape[1]:
+            rows = np.empty((len(q), *whitened.shape[1:]))
+        rows[at] = whitened
+    return rows
 
 
-def _joint_rows(union: JointUnknowns, q: Array) -> Array:
-    """Compute readings per unit of joint errors beyond the model, the arm rigid, (poses, 3 s, n) [m, rad].
+def _read(union: JointUnknowns, pose: Series, q: Array) -> tuple[Array, Array, Array]:
+    """Compute the readings of one instrument, k of every pose.
 
-    They do not depend on the load.
+    Returns:
+        Readings per unit of the unknowns, (poses, k, size) [m, rad], their noise, (poses, k) [m, rad], and
+        readings per unit of joint errors beyond the model, (poses, k, n) [m, rad].
+    """
+    series, G = series_at(pose, q), np.repeat(_joint_rows(union, pose, q)[:, None], pose.rows, axis=1)
+    A = series_rows(union.unknowns, union.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
+    sigma = np.full((len(q), pose.rows, A.shape[1] * A.shape[2]), pose.sigma)
+    sigma[:, :, 3 * len(pose.markers) :] = pose.sigma_rotation or pose.sigma
+    if pose.distance is not None:  # of the rows of a position that along the beam
+        [k] = np.flatnonzero(pose.seen[0])
+        u = beams(union.state, series, series_equilibrium(union.state, series))[0][k].T
+        A, sigma = np.einsum("rx,rxc->rc", u, A[:, k])[:, None], sigma[:, :, :1]
+        G = np.einsum("plx,plxn->pln", u.reshape(len(q), -1, 3), G[:, :, 3 * k : 3 * k + 3])[:, :, None]
+    flat = (len(q), -1)
+    return A.reshape(*flat, union.unknowns.size), sigma.reshape(flat), G.reshape(*flat, G.shape[-1])
+
+
+def _joint_rows(union: JointUnknowns, pose: Series, q: Array) -> Array:
+    """Compute positions and orientations per unit of joint errors beyond the model, (poses, 3 s, n) [m, rad].
+
+    The arm is rigid: they do not depend on the load.
     """
     n, state = union.unknowns.vjm.arm.n_joints, union.state
     where = chain(state.vjm, q)
-    J = translation_rows(where, state.mount(union.pose).points)[:, -n:]
-    if union.pose.rotation is not None:
+    J = translation_rows(where, state.mount(pose).points)[:, -n:]
+    if pose.rotation is not None:
         J = np.concatenate([J, where.J_theta[3:, -n:]])
     return np.asarray(J.transpose(2, 0, 1) * union.unmodelled)

@@ -435,19 +435,28 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     return _assemble(search, criterion, extended, chosen, last)
 
 
-def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
+def choose_greedily(
+    search: Search, criterion: Criterion, examined: CandidateSet, least: int = 0
+) -> ChosenPoses:
     """Choose each pose as the best next one of those examined: fast for many unknowns, with a loose bound.
 
     Args:
         search: Number of poses and feasibility of ways.
         criterion: Information function.
         examined: Candidates.
+        least: Fewest poses of every kind (in place of a load); these come first.
 
     Returns:
         The plan in the order of measuring, with the bound of the tangent at the plan itself.
     """
     problem, poses = examined.problem, search.poses
-    chosen = greedy(problem, criterion, problem.rows, poses)
+    chosen, rest = np.zeros(0, dtype=int), problem
+    # the fewest of every kind, then the best next ones of all
+    for kind in np.unique(examined.load) if least else ():
+        own = np.flatnonzero(examined.load == kind)
+        chosen = np.r_[chosen, own[greedy(rest, criterion, problem.rows[own], least)]]
+        rest = replace(problem, prior=information(problem, chosen))
+    chosen = np.r_[chosen, greedy(rest, criterion, problem.rows, poses - len(chosen))]
     chosen = chosen[_measuring_order(examined.q[chosen], examined.load[chosen], search.feasibility)]
     M = information(problem, chosen)
     Z = criterion.tangent(M).Z

@@ -531,6 +531,7 @@ class SeriesBlock:
     series: int  #: Place of the series.
     gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
     counts: Array  #: Scalar equations of every kind, (kinds,).
+    face: bool = False  #: Whether they are heights over a plane face.
 
 
 @dataclass(frozen=True)
@@ -595,7 +596,8 @@ def reduce_series(
             factors = [part.factor(kind, [0]) for kind in kinds]
             numbers = 1 if readings.distance is None else 3  # two of three rows of a distance are zero
             counts = np.array([part.equations[kind, 0] for kind in kinds]) // numbers
-            parts.append(SeriesBlock(place, np.array([T.T @ T for T in factors]), counts))
+            grams, face = np.array([T.T @ T for T in factors]), readings.normal is not None
+            parts.append(SeriesBlock(place, grams, counts, face))
             whole.join(part)
     return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
 

@@ -13,6 +13,7 @@ said to be. A distance meter (ballbar, draw-wire, interferometer) reads from a f
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -419,24 +420,46 @@ class PlaneProbe:
             raise BenchError(f"plane probe: expected a travel and a radius, got {self.travel}, {self.radius}")
 
     def read_absolute(
-        self, stated: tuple[Array, Array], places: Array, pose: Ids, rng: np.random.Generator
+        self, face: tuple[Array, Array], places: Array, pose: Ids, rng: np.random.Generator
     ) -> Array:
         """Read the height of a marker over the face.
 
         Args:
-            stated: Point of the face [m] and its unit normal [1], as they are said to be, (3,) each.
+            face: Point of the face [m] and its unit normal [1], as they truly are, (3,) each.
             places: The marker in every row, (runs, 3) [m].
             pose: Identifier of the pose of every row, (runs,).
-            rng: Source of the face's errors and of noise.
+            rng: Source of noise and of the unevenness of the face.
 
         Returns:
             Heights, (runs,) [m]; NaN out of range and beside the face.
         """
-        off = places - (stated[0] + self.fixed_point_sigma * rng.standard_normal(3))
-        [normal] = tilt_directions(stated[1][None], self.tilt, np.zeros(1, dtype=int), rng)
+        point, normal = face
+        off = places - point
         height = off @ normal
         beside = np.linalg.norm(off - height[:, None] * normal, axis=1)
         _, spot = np.unique(pose, return_inverse=True)
         uneven = self.flatness * rng.standard_normal(int(spot.max()) + 1)[spot]
         read = height - uneven + self.sigma * rng.standard_normal(len(height))
         return np.where((np.abs(height) <= self.travel) & (beside <= self.radius), read, np.nan)
+
+
+def place_block(
+    stated: Sequence[tuple[Array, Array]], shift: float, tilt: float, rng: np.random.Generator
+) -> list[tuple[Array, Array]]:
+    """Place the faces of one rigid block where they truly are: shifted, and turned about their mean point.
+
+    Args:
+        stated: Point of every face [m] and its unit normal [1], as they are said to be, (3,) each.
+        shift: Standard deviation of the block's place along each axis [m].
+        tilt: Standard deviation of the block's rotation about each axis [rad].
+        rng: Source of shift and rotation.
+
+    Returns:
+        Point and unit normal of every face.
+    """
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
+    centre = np.mean([point for point, _ in stated], axis=0)
+    moved = shift * rng.standard_normal(3)
+    turn = Rotation.from_rotvec(tilt * rng.standard_normal(3)).as_matrix()
+    return [(centre + moved + turn @ (point - centre), turn @ normal) for point, normal in stated]

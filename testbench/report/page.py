@@ -25,7 +25,7 @@ from testbench.files.robot.robot import Surface
 from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
 from testbench.report.colours import SCALE, Look, hexadecimal
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, tube_colours
+from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, squares, tube_colours
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
@@ -210,6 +210,8 @@ def _group(pose_group: PoseGroup, scale: ErrorScale | None) -> Json:
             own["colours"] = [hexadecimal(tuple(map(int, each))) for each in tube_colours(layer, scale)]
         if layer.kind == "trackers":
             own["legs"] = _whole(legs(layer.at[0]))
+        if layer.kind == "faces":
+            own["squares"] = _whole(squares(layer))
     return found if pose_group.near is None else {**found, "near": _near(pose_group.near)}
 
 

@@ -9,7 +9,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import evenly
 from testbench.design.planning import Plan
 from testbench.errors import Array
-from testbench.model.vjm import chain, tool_points
+from testbench.model.vjm import chain, marker_points, tool_points
 from testbench.plant.shapes import rigid_frames
 from testbench.report.colours import GREY, MEASURED, NOMINAL, TASK, Look
 from testbench.report.colours import look as look_of
@@ -21,6 +21,7 @@ from testbench.report.scene import (
     PoseGroup,
     RunChart,
     Scene,
+    faces,
     gauges,
     largest_and_even,
     loads,
@@ -29,6 +30,8 @@ from testbench.report.scene import (
     workspace,
 )
 from testbench.runs.rows import Row
+from testbench.workflows.absolute import names_of, unit_normal
+from testbench.workflows.campaign_flags import Mounted
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import ErrorPlaces
 from testbench.workflows.plan import Planned
@@ -50,6 +53,8 @@ class World:
     plan: Array  #: Tools of the plan, in its order, (poses, 3) [m].
     tasks: Array  #: Tools of the tasks, (tasks, 3) [m].
     candidates: Array  #: Tools of the feasible poses, (c, 3) [m].
+    #: Instruments of distances and heights, with their names.
+    instruments: Sequence[tuple[Mounted, str]] = ()
 
     def poses(
         self,
@@ -91,6 +96,11 @@ class World:
         """
         markers = tool_points(self.cell.vjm, q, self.cell.vjm.markers)
         layers = [Layer("markers", MEASURED, "dots", markers)]
+        if points := [(own, name) for own, name in self.instruments if own.direction is None]:
+            read = marker_points(self.cell.vjm, tuple(own.marker for own, _ in points))
+            to = tool_points(self.cell.vjm, q, read)
+            fixed = np.array([own.fixed for own, _ in points])
+            layers.append(Layer("distances", MEASURED, "lines", np.broadcast_to(fixed, to.shape), to))
         if self.station is not None:
             tracker = np.broadcast_to(np.array(self.station), markers.shape)
             layers.append(Layer("lines of sight", MEASURED, "lines", tracker, markers))
@@ -135,6 +145,18 @@ class World:
             layers.append(Layer("tasks", TASK, "dots", self.tasks[None]))
         if self.station is not None:
             layers.append(trackers(np.array(self.station)))
+        points = [(own.fixed, name) for own, name in self.instruments if own.direction is None]
+        if points:
+            fixed, names = zip(*points, strict=True)
+            layers.append(Layer("fixed points", MEASURED, "dots", np.array([fixed]), labels=names))
+        planes = [(own, name) for own, name in self.instruments if own.direction is not None]
+        if planes:
+            at, normals = (
+                np.array(part)
+                for part in zip(*((own.fixed, unit_normal(own)) for own, _ in planes), strict=True)
+            )
+            half = max(own.instrument.radius for own, _ in planes)
+            layers.append(faces(at, normals, half, [name for _, name in planes]))
         return layers
 
 
@@ -150,7 +172,10 @@ def seen(made: Planned, f: Row) -> PageContent:
     """
     cell, tasks = made.cell, f.get("tasks", [])
     plan, work = (np.array([row.tool_m for row in rows]).reshape(-1, 3) for rows in (f.plan, tasks))
-    world = World(cell, f.tracker_m, plan, work, chain(cell.vjm, made.found.q).position)
+    instruments = made.settings.mounted
+    named_instruments = [*zip(instruments, names_of(instruments), strict=True)]
+    feasible = chain(cell.vjm, made.found.q).position
+    world = World(cell, f.tracker_m, plan, work, feasible, named_instruments)
     force = np.array([row.get("pull_N") or [0, 0, -GRAVITY * row.get("load_kg", 0.0)] for row in f.plan])
     named = {f"Run {row.run}": _said(cell, row, q) for row, q in zip(f.plan, made.plan.q, strict=True)}
     layers = [*world.measured(made.plan.q, force), *_gauges(made)]

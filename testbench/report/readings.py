@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.data.dataset import Dataset, select_rows
-from testbench.errors import Ids
+from testbench.errors import Array, Ids
+from testbench.identify.absolute.align import placed_off
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
@@ -31,6 +32,7 @@ COLUMNS = (
     TableColumn("rows", "rows with a value"),
 )
 SHARE = 0.15  #: Length of deflections over the reach [1].
+FACE = 0.05  #: Half a side of a face at least, over the reach [1]; it holds all of its touches.
 ARROW_LENGTH, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
 NOMINAL_ARM, CALIBRATED_ARM = "nominal arm", "calibrated arm"
 LOOKS = {NOMINAL_ARM: Look(NOMINAL, 1, prior=True), CALIBRATED_ARM: Look(GCO, 0, prior=True)}
@@ -236,7 +238,11 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
         ],
         rigid=straight,
         bent=elastic_frames(cell.plant, rows.q, M * rows.sag) if soft else None,
-        layers=[*arrows, draw.Layer("target as read", MEASURED, "dots", rows.read)],
+        layers=[
+            *arrows,
+            draw.Layer("target as read", MEASURED, "dots", rows.read),
+            *_read_from(calibrated, rows),
+        ],
         first=int(np.argmax(sizes[1])),
     )
     title = f"Arrows from where the arm should have its target to the reading x {A:g}."
@@ -245,3 +251,42 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
     chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
     errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
     return draw.PageContent(draw.Scene(cell, title, [group]), errors, [chart])
+
+
+def _read_from(calibrated: Calibrated, rows: Row) -> list[draw.Layer]:
+    """Draw plane faces and fixed points where they were found, and lines from these points to the targets."""
+    state, reach = calibrated.calibration.state, calibrated.calibration.state.vjm.reach
+    plane_faces: dict[object, tuple[str, Array, Array]] = {}
+    points: dict[object, tuple[str, Array]] = {}
+    start, half = np.full_like(rows.read, np.nan), FACE * reach
+    for series in calibrated.series:
+        if series.distance is None:
+            continue
+        frame, own = state.frame(series), rows.name == series.name
+        _, _, found = placed_off(series, frame)
+        place = series.frame, series.fixed, series.normal
+        if series.normal is None:
+            points.setdefault(place, (series.name, found))
+            start[own] = np.where(np.isfinite(rows.read[own]), found, np.nan)
+        else:
+            normal = frame.rotation.T @ series.normal
+            plane_faces.setdefault(place, (series.name, found, normal))
+            off = rows.read[own] - found
+            across = np.linalg.norm(off - (off @ normal)[..., None] * normal, axis=-1)
+            half = max(half, float(np.max(across, where=np.isfinite(across), initial=0.0)))
+    layers = []
+    if plane_faces:
+        names, at, normals = zip(*plane_faces.values(), strict=True)
+        layers.append(draw.faces(np.array(at), np.array(normals), half, _short_names(names)))
+    if points:
+        names, at = zip(*points.values(), strict=True)
+        labels = _short_names(names)
+        layers.append(draw.Layer("fixed points", MEASURED, "dots", np.array([at]), labels=labels))
+        layers.append(draw.Layer("distances", MEASURED, "lines", start, rows.read))
+    return layers
+
+
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Shorten names of series to their last two words, such as "plane 2", if these differ."""
+    short = [" ".join(name.split()[-2:]) for name in names]
+    return short if len({*short}) == len(names) else list(names)

@@ -49,6 +49,7 @@ from testbench.report.scene import (
     ellipsoid_layer,
     scale_of,
     shadow,
+    squares,
     tube_colours,
 )
 from testbench.report.schema import Table, TableColumn, looks, plain
@@ -191,6 +192,9 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     if layer.semi_axes is not None:
         draw_ellipsoids(axes, at, layer.semi_axes, shown, colour)
         return
+    if layer.kind == "faces":
+        _faces(axes, layer, shown, colour)
+        return
     if layer.to is None:
         size = 2 if layer.kind == "specks" else 4.3
         axes.plot(*at[:, shown].T, "^" if layer.kind == "trackers" else "o", color=colour, markersize=size)
@@ -209,6 +213,28 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
         squares = [Rectangle((x, y), side, side) for x, y in below]
         axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
+
+
+def _faces(axes: Axes, layer: Layer, shown: list[int], colour: str) -> None:
+    """Draw squares that are seen through, their normals, and their names in the middle."""
+    assert layer.to is not None  # by its kind
+    _fill(axes, [*squares(layer)[:, :, shown]], colour)
+    ends = np.stack([layer.at[0], layer.to[0]], axis=1)[:, :, shown]
+    axes.add_collection(LineCollection(ends, colors=colour, linewidths=1.0))
+    axes.plot(*ends[:, 1].T, "o", color=colour, markersize=2)
+    named: dict[tuple[float, float], list[str]] = {}  # faces behind each other share a place
+    for (x, y), words in zip(ends[:, 0].round(1).tolist(), layer.labels, strict=False):
+        named.setdefault((x, y), []).append(words)
+    for middle_of, words in named.items():
+        axes.annotate(
+            ", ".join(words), middle_of, xytext=(2, 2), textcoords="offset points", fontsize=MIN_LETTER_SIZE
+        )
+
+
+def _fill(axes: Axes, outlines: Sequence[Array], colour: str) -> None:
+    """Draw areas that are seen through, with their outlines, (corners, 2) each [m]."""
+    areas = PolyCollection(outlines, facecolors=to_rgba(colour, 0.3), edgecolors=colour, linewidths=0.7)
+    axes.add_collection(areas, autolim=True)
 
 
 def _write_size(axes: Axes, layer: Layer, to: Array, shown: list[int]) -> None:
@@ -240,8 +266,7 @@ def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int
         colour: As #RRGGBB.
     """
     outlines = [centre[list(plane)] + shadow(own, plane) for centre, own in zip(at, semi_axes, strict=True)]
-    shadows = PolyCollection(outlines, facecolors=to_rgba(colour, 0.3), edgecolors=colour, linewidths=0.7)
-    axes.add_collection(shadows, autolim=True)
+    _fill(axes, outlines, colour)
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
@@ -304,7 +329,14 @@ def _signs(layers: Sequence[Layer], *, bent: bool) -> list[_Sign]:
     """What each colour is, and the bent arm; layers that are drawn alike share their sign."""
     signs: dict[tuple[str, str], list[str]] = {}
     for layer in layers:
-        marks = {"specks": ".", "trackers": "^", "weights": "s", "ellipsoids": "o", "cylinders": "d"}
+        marks = {
+            "specks": ".",
+            "trackers": "^",
+            "weights": "s",
+            "ellipsoids": "o",
+            "cylinders": "d",
+            "faces": "s",
+        }
         mark = marks.get(layer.kind, "o" if layer.to is None else "-")
         signs.setdefault((hexadecimal(layer.colour), mark), []).append(layer.name)
     found = [_Sign(colour, mark, "; ".join(names)) for (colour, mark), names in signs.items()]

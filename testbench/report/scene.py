@@ -35,20 +35,31 @@ class Layer:
     """Marks of one kind, the same number in every pose, or the same in all of them.
 
     Dots, small ones, arrows, lines, cylinders; tubes, coloured by a number each; weights on cords; trackers
-    on tripods; ellipsoids.
+    on tripods; ellipsoids; faces, which are squares that are seen through, each with its normal.
     """
 
     name: str  #: For the legend.
     colour: Colour
     kind: Literal[
-        "dots", "specks", "arrows", "lines", "cylinders", "tubes", "weights", "trackers", "ellipsoids"
+        "dots",
+        "specks",
+        "arrows",
+        "lines",
+        "cylinders",
+        "tubes",
+        "weights",
+        "trackers",
+        "ellipsoids",
+        "faces",
     ]
     at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
-    to: Array | None = None  #: Where arrows, lines, cylinders, tubes and cords of weights end, as many [m].
+    #: Where arrows, lines, cylinders, tubes, cords of weights and normals of faces end, as many [m].
+    to: Array | None = None
     labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
     shown: bool = True  #: Whether it is visible at first.
     values: Array | None = None  #: Of tubes, on one scale in the scene, (k,) [mm]; NaN where there is none.
-    radius: float = 0.0  #: Of cylinders, and of weights, which are as high as wide [m].
+    #: Of cylinders, and of weights, which are as high as wide; of faces half a side [m].
+    radius: float = 0.0
     semi_axes: Array | None = None  #: Of ellipsoids, which stand still, one axis per row, (k, 3, 3) [m].
 
 
@@ -346,6 +357,7 @@ CORD, ARROW = (
 UPRIGHT = 1e-6  #: Of a force, most of what is not straight down in a weight [1].
 KINDS = 4  #: Most masses or forces that have a label each.
 GAUGE, GAUGE_RADIUS = 0.05, 0.008  #: Length and radius of a gauge over the reach [1].
+NORMAL = 0.6  #: Length of the arrow of a face's normal over half a side [1].
 LEGS, HEIGHT, SPREAD = 3, 1.2, 0.35  #: Of a tripod; how high and how wide it stands at most [m].
 
 
@@ -469,6 +481,40 @@ def read_along(data: Dataset, tool: Array, reach: float) -> list[Layer]:
     meters = Layer("distances", MEASURED, "lines", marker - length * along, marker)
     layers = gauges(data.before, np.where(length > 0, 0.0, along), tool, reach)
     return [*layers, meters] if np.isfinite(marker).any() else layers
+
+
+def faces(points: Array, normals: Array, half: float, names: Sequence[str]) -> Layer:
+    """Draw plane faces as squares with their normals.
+
+    Args:
+        points: Middle of every face, (k, 3) [m].
+        normals: Unit normals, (k, 3) [1].
+        half: Half a side of the squares [m].
+        names: Of the faces, k.
+
+    Returns:
+        The layer.
+    """
+    at = np.reshape(points, (1, -1, 3))
+    tips = at + NORMAL * half * np.reshape(normals, (1, -1, 3))
+    return Layer("faces", MEASURED, "faces", at, tips, labels=names, radius=half)
+
+
+def squares(layer: Layer) -> Array:
+    """Compute the corners of the squares of faces, one after the other around each, (k, 4, 3) [m]."""
+    assert layer.to is not None  # by its kind
+    [at], [to] = layer.at, layer.to
+    x, y = np.moveaxis(frames_along(to - at)[:, :, :2], 2, 0)
+    around = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    return np.asarray(at[:, None] + layer.radius * (around[:, :1] * x[:, None] + around[:, 1:] * y[:, None]))
+
+
+def frames_along(way: Array) -> Array:
+    """Rotations whose z axes are along vectors, (n, 3) to (n, 3, 3)."""
+    z = way / np.linalg.norm(way, axis=1, keepdims=True)
+    x = np.cross(np.eye(3)[np.abs(z).argmin(axis=1)], z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def legs(head: Array) -> Array:

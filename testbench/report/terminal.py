@@ -307,6 +307,9 @@ def _rehearsal(asked: Mapping[str, JsonValue]) -> str:
     loads = asked.get("loads_kg")
     masses = [kg for kg in loads if isinstance(kg, float)] if isinstance(loads, list) else []
     flags += " --orientations" if asked.get("orientations") else ""
+    instruments = asked.get("instruments")
+    for text in instruments if isinstance(instruments, list) else []:
+        flags += f" --instrument {shell_word(Path(str(text)))}"
     return flags + (f" --loads {','.join(f'{kg:g}' for kg in masses)}" if len(masses) > 1 else "")
 
 

@@ -57,6 +57,7 @@ from testbench.plant.tracker import (
     LaserTracker,
     PlaneProbe,
     Tracker,
+    place_block,
     precision,
     read_orientations,
     read_positions,
@@ -282,6 +283,9 @@ def of_held(calibration: Calibration) -> list[str]:
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
                 unseen = "heights do not show where the base is along it or how it is turned about its normal"
+                normals = calibration.active.unknowns.normals[series.frame]
+                if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
+                    unseen = f"it is a face of block {series.frame}, which is found as a whole"
             words.append(f"{series.name}: {place}; {unseen}")
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
@@ -620,37 +624,100 @@ def simulate_distances(
     [station], rng = truth.stations, trial_rng(seed, 3)
     world = (exact.position - station.position) @ station.rotation
     used = [name for name in cell.arm.markers if name in {own.marker for own in mounted}]
+    bare = replace(exact, markers=tuple(used), position=np.zeros((exact.rows, len(used), 3)))
     found = []
-    for k, own in enumerate(mounted, 1):
-        series = _read_distances(exact, own, world[:, cell.arm.markers.index(own.marker)], used, rng)
-        name = f"{'point' if series.normal is None else 'plane'} {k}"
+    for own, face, name in zip(mounted, _true_faces(mounted, rng), names_of(mounted), strict=True):
+        places = world[:, cell.arm.markers.index(own.marker)]
+        series = distances_of(own, bare, _read_distances(own, face, places, exact.pose, rng))
+        if own.direction is not None:  # beside a face nothing is read
+            series = select_rows(series, np.asarray(series.seen.any(axis=1)))
         if not series.rows:
             raise BenchError(f"--instrument: no pose brings {own.marker} near {name}; expected poses on it")
-        found.append(replace(series, name=name, frame=name))
+        found.append(replace(series, name=name, frame=own.block or name))
     return tuple(found), truth
 
 
+Face = tuple[Array, Array]  #: A point of a plane [m] and its unit normal [1], (3,) each.
+
+
+def names_of(mounted: Sequence[Mounted]) -> list[str]:
+    """Name fixed points and planes by their place among all instruments, from 1."""
+    return [f"{'point' if own.direction is None else 'plane'} {k}" for k, own in enumerate(mounted, 1)]
+
+
+def blocks_of(mounted: Sequence[Mounted]) -> list[list[int]]:
+    """Group planes by the block whose faces they are.
+
+    Args:
+        mounted: Distance meters and plane probes.
+
+    Returns:
+        Places of the planes of every block; a plane alone is a block by itself.
+
+    Raises:
+        BenchError: When a named block has one face.
+    """
+    blocks: dict[str, list[int]] = {}
+    for k, (own, name) in enumerate(zip(mounted, names_of(mounted), strict=True)):
+        if own.direction is not None:
+            blocks.setdefault(own.block or name, []).append(k)
+    for name, members in blocks.items():
+        if len(members) == 1 and mounted[members[0]].block:
+            raise BenchError(f"--instrument: block {name!r} has one face; expected two or more, or no block")
+    return [*blocks.values()]
+
+
+def _true_faces(mounted: Sequence[Mounted], rng: np.random.Generator) -> list[Face | None]:
+    """Place the faces of all planes, those of a block together; None for other instruments."""
+    faces: list[Face | None] = [None] * len(mounted)
+    for members in blocks_of(mounted):
+        stated = [(np.asarray(mounted[k].fixed), unit_normal(mounted[k])) for k in members]
+        probes = [own for k in members if isinstance(own := mounted[k].instrument, PlaneProbe)]
+        shift, tilt = max(own.fixed_point_sigma for own in probes), max(own.tilt for own in probes)
+        for k, face in zip(members, place_block(stated, shift, tilt, rng), strict=True):
+            faces[k] = face
+    return faces
+
+
 def _read_distances(
-    exact: Series, own: Mounted, places: Array, used: Sequence[str], rng: np.random.Generator
-) -> Series:
-    """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances."""
+    own: Mounted, face: Face | None, places: Array, pose: Ids, rng: np.random.Generator
+) -> Array:
+    """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances, (rows,).
+
+    The face is that of a plane as it truly is.
+    """
+    assert own.fixed is not None
+    if isinstance(own.instrument, PlaneProbe):
+        assert face is not None
+        return own.instrument.read_absolute(face, places, pose, rng)
+    assert isinstance(own.instrument, DistanceMeter)
+    return own.instrument.read_absolute(own.fixed, places, rng)
+
+
+def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
+    """Put what one instrument of distances reads into a series.
+
+    Args:
+        own: The instrument.
+        bare: Poses, loads and markers.
+        read: Distances or heights, (rows,) [m]; NaN for lost ones.
+
+    Returns:
+        The series; its other markers are lost.
+    """
     assert own.fixed is not None
     normal: tuple[float, float, float] | None = None
     tilt, zero = NOMINAL_TILT, 0.0
     if isinstance(own.instrument, PlaneProbe):
         x, y, z = unit_normal(own).tolist()
         normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
-        read = own.instrument.read_absolute((own.fixed, np.array(normal)), places, exact.pose, rng)
         sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
     else:
         assert isinstance(own.instrument, DistanceMeter)
-        read, zero = own.instrument.read_absolute(own.fixed, places, rng), own.instrument.zero_sigma
-        sigma = own.instrument.sigma
-    seen = np.isfinite(read)[:, None] & np.equal(used, own.marker)
-    series = replace(
-        exact,
-        markers=tuple(used),
-        position=np.zeros((exact.rows, len(used), 3)),
+        sigma, zero = own.instrument.sigma, own.instrument.zero_sigma
+    seen = np.isfinite(read)[:, None] & np.equal(bare.markers, own.marker)
+    return replace(
+        bare,
         sigma=sigma,
         precision=None if seen.all() else seen[..., None, None] * np.eye(3) / sigma**2,
         distance=np.where(seen, read[:, None], 0.0),
@@ -660,7 +727,6 @@ def _read_distances(
         tilt=tilt,
         zero_sigma=zero,
     )
-    return series if normal is None else select_rows(series, np.asarray(seen.any(axis=1)))
 
 
 def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.random.Generator) -> Array:

@@ -86,6 +86,7 @@ PROBE = Tracker(50e-6, 5e-5)
 
 Instrument = Tracker | Gauge | DistanceMeter | PlaneProbe  #: What reads a marker.
 SIZE = re.compile(r"([0-9.]{1,10})(um|mm|deg)")  #: Of an instrument: noise, unknown constant, or tilt.
+BLOCK = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")  #: Name of a block of faces.
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,7 @@ class Mounted:
     on_tool: bool = False  #: Whether the direction is in the tool's axes, so that it turns with the pose.
     #: Where the fixed point of a distance meter is said to be, or a point of a plane, (3,) [m].
     fixed: Array | None = None
+    block: str = ""  #: Name of the block of which a plane is a face; "" for a face alone.
 
 
 KINDS: dict[str, Instrument] = {
@@ -120,8 +122,8 @@ AXES = {
 """Directions by name."""
 ON_TOOL = "tool_"  #: Before the name of a direction in the tool's axes.
 FORMS = (
-    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, plane:MARKER:z:X,Y,Z, tracker, camera or "
-    "probe, then :5um, :0.5deg or :1000mm"
+    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, plane:MARKER:z:X,Y,Z or "
+    "plane:MARKER:z:X,Y,Z:BLOCK, tracker, camera or probe, then :5um, :0.5deg or :1000mm"
 )
 """Forms of an instrument's text."""
 
@@ -130,8 +132,8 @@ def mounted(text: str) -> Mounted:
     """Read an instrument from a text, such as "gauge:P1:z:5um:0.5deg" or "wire:P2:1.5,0,0.2".
 
     Args:
-        text: Kind, marker, direction, fixed point in metres, then sigma in um, an unknown constant of
-            distances in mm, and a tilt in deg.
+        text: Kind, marker, direction, fixed point in metres, name of the block of a plane, then sigma in um,
+            an unknown constant of distances in mm, and a tilt in deg.
 
     Returns:
         The instrument.
@@ -156,11 +158,12 @@ def mounted(text: str) -> Mounted:
             name = name.removeprefix(ON_TOOL) if on_tool else name
             direction = AXES[name] if name in AXES else _vector(name)
         fixed = None if isinstance(instrument, Gauge) else _vector(where.pop(0))
-        if where or (direction is not None and not direction.any()):
+        block = where.pop(0) if where and isinstance(instrument, PlaneProbe) else ""
+        if where or (block and not BLOCK.fullmatch(block)) or (direction is not None and not direction.any()):
             raise ValueError
     except (KeyError, ValueError, IndexError):
         raise BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}") from None
-    return Mounted(instrument, marker, direction, on_tool, fixed)
+    return Mounted(instrument, marker, direction, on_tool, fixed, block)
 
 
 def _vector(text: str) -> Array:

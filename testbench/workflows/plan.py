@@ -4,7 +4,8 @@ For tasks under loads, or for absolute readings: then geometry, joint errors and
 """
 
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,21 +38,31 @@ from testbench.design.planning import (
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_type
+from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_type
+from testbench.identify.absolute.align import stated_frame
 from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.posterior import ArmModel
-from testbench.identify.registration import Frame
+from testbench.identify.registration import MIN_POSES, Frame
 from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load, read_weights, weight
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, marker_points, tool_points
 from testbench.plant.site import build_site, contacts
-from testbench.plant.tracker import Station, trial_rng
-from testbench.workflows.absolute import Calibrated
+from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station, trial_rng
+from testbench.workflows.absolute import Calibrated, blocks_of, distances_of, names_of, poses_on_planes
+from testbench.workflows.campaign_flags import Mounted, check_markers
 from testbench.workflows.cell import Cell
 from testbench.workflows.identifiability import FREE_DEVIATION, unobservable
-from testbench.workflows.plan_input import Candidates, PoseConditions, build_checks, feasible, find
+from testbench.workflows.plan_input import (
+    REASONS,
+    Candidates,
+    PoseConditions,
+    build_checks,
+    feasible,
+    find,
+    why_not,
+)
 from testbench.workflows.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.workflows.predicted_error import linear_fit_after
 from testbench.workflows.rows import MM, UM
@@ -306,22 +317,82 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     if not cell.arm.joints:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
     known = given and model_of(given.calibration)
+    check_markers(cell, settings.mounted)
+    blocks_of(settings.mounted)
     union = union_after(known, settings) if known else union_of(cell, settings)
-    candidates, q = search(cell, settings), workspace_poses(cell, settings)
+    instruments, q = settings.mounted, workspace_poses(cell, settings)
+    planes = [own for own in instruments if isinstance(own.instrument, PlaneProbe)]
+    reach = reach_of(cell, settings)
+    if settings.poses < MIN_POSES * len(planes):
+        raise BenchError(f"--poses: expected at least {MIN_POSES * len(planes)}, {MIN_POSES} for each plane")
+    if planes:
+        candidates, kind = _touching(cell, settings, planes)
+    else:
+        candidates = search(cell, settings)
+        kind = np.zeros(len(candidates.q), dtype=int)
+    if len(planes) < len(instruments):
+        in_range, feasible_pose = _ranges(cell, instruments, candidates.q), reach.feasible
+        reach = replace(reach, feasible=lambda q: feasible_pose(q) & in_range(q))
+        candidates, kind = _within(candidates, kind, in_range(candidates.q), settings.poses)
     wanted = absolute.position_rows(union, q)
-    examined = absolute.candidate_set(union, candidates.q, settings.poses)
+    examined = absolute.candidate_set(union, candidates.q, settings.poses, kind)
     asked = Search(
-        measured=lambda q, _load, lift: absolute.measured_rows(union, q, lift),
+        measured=lambda q, kind, lift: absolute.measured_rows(union, q, lift, kind),
         poses=settings.poses,
         limits=cell.arm.limits,
-        feasibility=reach_of(cell, settings),
+        feasibility=reach,
         rng=trial_rng(settings.seed, 1),
         with_dependent_joints=cell.arm.with_dependent_joints,
     )
-    best_of = search_best if given is None else choose_greedily
-    best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
+    criterion = criterion_of(settings.criterion, examined.problem, wanted)
+    if planes:  # a pose that touches a plane would leave it by a step of its joints
+        best = choose_greedily(asked, criterion, examined, MIN_POSES)
+    else:
+        best_of = search_best if given is None else choose_greedily
+        best = best_of(asked, criterion, examined)
     there, over = (forecast_errors(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
     return AbsolutePlanned(cell, settings, candidates, best, there, over, over, union, q, wanted, given)
+
+
+def _touching(cell: Cell, settings: PlanSettings, planes: Sequence[Mounted]) -> tuple[Candidates, Ids]:
+    """Find feasible poses that touch planes, and which plane each of them touches, (poses,)."""
+    q = poses_on_planes(cell, planes, settings.candidates_wanted, trial_rng(settings.seed, 0))
+    why = why_not(build_checks(cell, settings.conditions), q)
+    clear = np.array([reason is None for reason in why], dtype=bool)
+    kind = np.arange(len(q)) % len(planes)
+    for k, count in enumerate(np.bincount(kind[clear], minlength=len(planes)).tolist()):
+        if count < MIN_POSES:
+            reasons = Counter(reason for reason, own in zip(why, kind, strict=True) if reason and own == k)
+            most = next((f": {name}" for name, _ in reasons.most_common(1)), "")
+            raise PoseError(
+                f"--instrument: {count} candidate poses touch plane {k + 1}, expected at least {MIN_POSES}"
+                f"{most}; move the face, or draw more candidates"
+            )
+    found = Candidates(nearest_turn(q, cell.arm), len(q), {name: why.count(name) for name in REASONS})
+    return _within(found, kind, clear, settings.poses)
+
+
+def _within(candidates: Candidates, kind: Ids, allowed: Mask, poses: int) -> tuple[Candidates, Ids]:
+    """Keep the candidates that are allowed, and their kinds; PoseError if they are too few."""
+    if allowed.sum() < poses:
+        raise PoseError(
+            f"--instrument: {allowed.sum()} of {len(allowed)} candidate poses can be read; expected at least "
+            f"{poses}: move the faces or fixed points, lighten the load, or draw more candidates"
+        )
+    return replace(candidates, q=candidates.q[allowed]), kind[allowed]
+
+
+def _ranges(cell: Cell, instruments: Sequence[Mounted], q: Array) -> Callable[[Array], Mask]:
+    """Tell in which poses all distances are in range: the middle of a range is the median of candidates."""
+    meters = [own for own in instruments if isinstance(own.instrument, DistanceMeter)]
+
+    def lengths(q: Array) -> Array:
+        at = tool_points(cell.vjm, q, marker_points(cell.vjm, tuple(own.marker for own in meters)))
+        return np.asarray(np.linalg.norm(at - np.array([own.fixed for own in meters]), axis=2))
+
+    middle = np.median(lengths(q), axis=0)
+    travel = np.array([own.instrument.travel for own in meters])
+    return lambda q: np.asarray((np.abs(lengths(q) - middle) <= travel).all(axis=1))
 
 
 def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
@@ -373,8 +444,11 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
         The unknowns.
     """
     pose, vjm = _one_pose(cell.vjm, settings), cell.vjm
+    kinds = _kinds_of_poses(settings, pose)
+    every = tuple({one.name: one for own in kinds for one in own}.values()) or (pose,)
+    pose = replace(pose, frame=every[0].frame)
     unknowns = unknowns_of(
-        vjm, (pose,), JointErrors(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
+        vjm, every, JointErrors(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
     )
     prior, n = cad_prior(cell.arm), cell.arm.n_joints
     state = replace(
@@ -382,8 +456,8 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
         C_theta=prior.C_theta,
         errors=unknowns.errors,
         n=np.zeros((n, unknowns.errors.size)),
-        frames={FRAME: Frame(np.eye(3), np.zeros(3))},
-        mounts={MOUNT: Mount(vjm.markers[: len(pose.markers)], np.eye(3), pose.markers)},
+        frames={one.frame: stated_frame(one) for one in every},
+        mounts={MOUNT: Mount(marker_points(vjm, pose.markers), np.eye(3), pose.markers)},
     )
     assert settings.uncertainty_percent is not None
     L = absolute.expected_root(
@@ -395,7 +469,23 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
     )
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
-    return JointUnknowns(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))
+    return JointUnknowns(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), kinds=kinds)
+
+
+def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series, ...], ...]:
+    """What instruments read in every kind of pose: all distances, and the height over one plane if any."""
+    instruments = settings.mounted
+    every = [
+        distances_of(
+            own,
+            replace(pose, name=name, frame=own.block or name),
+            np.full(pose.rows, 1.0 if own.direction is None else 0.0),
+        )
+        for own, name in zip(instruments, names_of(instruments), strict=True)
+    ]
+    points = tuple(one for one in every if one.normal is None)
+    planes = [one for one in every if one.normal is not None]
+    return tuple((plane, *points) for plane in planes) or ((points,) if points else ())
 
 
 def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
@@ -433,6 +523,9 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
     load = weight(vjm, np.array([0.0, *settings.loads_kg]))
     rows, sigma = len(load.wrench), settings.sigma_um / UM
     markers = targets or (vjm.arm.markers[:1] if settings.orientations else vjm.arm.markers)
+    if settings.instruments:
+        used = {own.marker for own in settings.mounted}
+        markers = tuple(name for name in vjm.arm.markers if name in used)
     return Series(
         name="plan",
         markers=markers,
@@ -451,7 +544,7 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
 
 
 def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
-    """Say what poses leave unknown.
+    """Say what positions in some poses leave unknown.
 
     Args:
         union: All unknowns.
@@ -460,7 +553,7 @@ def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
     Returns:
         Sentences.
     """
-    once = absolute.series_at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
+    once = absolute.series_at(select_rows(union.pose, np.arange(1)), q)
     pull = further_information(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
@@ -468,3 +561,29 @@ def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
     set_up = union.unknowns.starts["geometry"]
     prior[:set_up, :set_up] = FREE_DEVIATION**2 * np.eye(set_up)
     return unobservable(union.unknowns, tells, prior, pull)
+
+
+@dataclass(frozen=True)
+class ScaleForecast:
+    """Hold how well the scale of an arm is known: by how much all distances are wrong in proportion."""
+
+    before: float  #: Standard deviation by the prior of the geometry alone [m/m].
+    after: float  #: Standard deviation after the plan [m/m].
+    error: float  #: RMS error of positions over the workspace by the scale alone, after the plan [m].
+
+
+def scale_forecast(made: AbsolutePlanned) -> ScaleForecast:
+    """Forecast the scale of an arm after a plan.
+
+    Args:
+        made: The plan.
+
+    Returns:
+        Its standard deviations.
+    """
+    problem = made.plan.examined.problem
+    h, far = absolute.scale_row(made.union, made.wanted, made.q)
+    known = h @ problem.lift @ np.linalg.solve(made.plan.information, problem.lift.T @ h)
+    after = math.sqrt(known + float(h @ problem.hidden @ h))
+    geometry = h[made.union.unknowns.columns("geometry")]
+    return ScaleForecast(float(np.linalg.norm(geometry)), after, after * far)

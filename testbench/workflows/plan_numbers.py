@@ -35,7 +35,7 @@ from testbench.plant.site import has_surroundings
 from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, places_at, rms
-from testbench.workflows.plan import AbsolutePlanned, Planned, undetermined_by
+from testbench.workflows.plan import AbsolutePlanned, Planned, scale_forecast, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
     Expected,
@@ -51,6 +51,7 @@ from testbench.workflows.predicted_error import (
 )
 from testbench.workflows.rows import MM
 
+HIDDEN_SCALE = 0.5  #: Share of the deviation of an arm's scale that a plan leaves, above which it says so.
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
 CHANCE = 100  #: Random plans of absolute readings that a plan is compared with.
@@ -134,9 +135,10 @@ def _beside(f: Row) -> list[Row]:
 
 def _rests(f: Row) -> list[Row]:
     """List what a plan rests on: noise, prior, directions, certificate, advice."""
-    seen, told = f.get("directions") or Row(), f.get("advice") or Row()
+    seen, told, scale = f.get("directions") or Row(), f.get("advice") or Row(), f.get("scale") or Row()
+    noise = f.gauge_um if f.get("gauges") else f.sigma_um
     pairs = {
-        "noise of a reading, um": f.gauge_um if f.get("gauges") else f.sigma_um,
+        "noise of a reading, um": None if f.get("instruments") else noise,
         "uncertainty of the prior, %": f.uncertainty_percent,
         f"lower bound of the efficiency by criterion {f.criterion}, %": 100 * f.certificate.efficiency,
         "candidate poses examined": f.certificate.examined,
@@ -149,6 +151,11 @@ def _rests(f: Row) -> list[Row]:
         f"fewest poses for an expected error of {TARGET:g} mm at the tasks": told.get("fewest"),
         f"poses beyond which {MORE} more improve it by less than {100 * LITTLE:g} %": told.get("enough"),
         "error from periodic joint errors of higher orders, mm": f.get("beyond_mm"),
+        "standard deviation of the arm's scale by the prior of its geometry, mm per m": scale.get(
+            "before_mm_per_m"
+        ),
+        "standard deviation of the arm's scale after the plan, mm per m": scale.get("after_mm_per_m"),
+        "error over the workspace from the scale alone, mm": scale.get("error_mm"),
     }
     return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
 
@@ -246,10 +253,12 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_ways)]
-    tools, gauges = chain(made.cell.vjm, q).position, gauge_words(made)
+    tools, gauges, faces = chain(made.cell.vjm, q).position, gauge_words(made), face_words(made)
     return [
         Row(
-            row | ({} if gauges is None else {"gauges": gauges[k]}),
+            row
+            | ({} if gauges is None else {"gauges": gauges[k]})
+            | ({} if faces is None else {"face": faces[k]}),
             run=k + 1,
             q=arm.to_file(q[k]).tolist(),
             travel_deg=float(np.rad2deg(turned[k])),
@@ -346,6 +355,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         error_after(problem, made.wanted),
     )
     middle, low, _ = _random(made, error, asked, rng)
+    scale = _scale(made) if union.kinds else None
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy(problem, criterion, problem.rows, counts[-1])
     workspace_poses = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag(union, q))
@@ -359,10 +369,37 @@ def _absolute(made: AbsolutePlanned) -> Row:
         before_mm=None if made.given is None else MM * absolute.realignment_loss(union, made.wanted),
         filled=[] if made.given is None else list(joint_coverage(arm, made.given.series, plan.q)),
         plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
-        hidden=[] if made.given is not None else list(undetermined_by(union, plan.q)),
+        scale=scale,
+        hidden=_hidden(made, scale),
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
         map=error_places(workspace_poses, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
     )
+
+
+def _scale(made: AbsolutePlanned) -> Row:
+    """How well the scale of the arm is known, and the error that it causes."""
+    known = scale_forecast(made)
+    return Row(before_mm_per_m=MM * known.before, after_mm_per_m=MM * known.after, error_mm=MM * known.error)
+
+
+def _hidden(made: AbsolutePlanned, scale: Row | None) -> list[str]:
+    """Say what the plan leaves unknown."""
+    if made.given is not None:
+        return []
+    if scale is None:
+        return list(undetermined_by(made.union, made.plan.q))
+    said = []
+    if scale.after_mm_per_m > HIDDEN_SCALE * scale.before_mm_per_m:
+        said.append(
+            f"the scale of the arm stays known to {scale.after_mm_per_m:.2f} mm per metre, which alone is an "
+            f"error of {scale.error_mm:.3f} mm; parallel faces of one block, a bar or positions determine it"
+        )
+    if any(one.normal is not None for own in made.union.kinds for one in own):
+        said.append(
+            "the base's position along a plane, and its turn about the plane's normal, unless faces of one "
+            "block have three directions"
+        )
+    return said
 
 
 def _counts(made: AbsolutePlanned) -> Row:
@@ -425,12 +462,14 @@ def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
     masses, pulls = f.loads_kg, bool(f.pulls_n)
     head = plan_columns(joints, pulls=pulls, gauges=bool(f.get("gauges")))
     if f.absolute:
-        head = absolute_columns(joints, loaded=len(masses) == 1)
+        faces = any("face" in row for row in f.plan)
+        head = absolute_columns(joints, loaded=len(masses) == 1, faces=faces)
     rows = []
     for row in f.plan:
         force = row.get("pull_N")
         mass = "" if force else repr(row.get("load_kg", masses[0] if masses else 0.0))
         cells = {"run": row.run, "load_kg": mass, "way": row.way, "gauges": row.get("gauges", "")}
+        cells |= {"face": row.get("face", "")}
         cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
         cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
         cells |= _cells(row, joints)
@@ -504,23 +543,33 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: boo
     ]
 
 
-def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool) -> list[str]:
+def face_words(made: Planned) -> list[str] | None:
+    """Write the plane that is touched in every pose, such as "plane 2"; None without planes."""
+    kinds = made.union.kinds if isinstance(made, AbsolutePlanned) else ()
+    if not kinds or kinds[0][0].normal is None:
+        return None
+    return [kinds[k][0].name for k in made.plan.load]
+
+
+def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool, faces: bool = False) -> list[str]:
     """List the columns of a plan of absolute readings, in order.
 
     As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
     expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
-    positions after calibration.
+    positions after calibration. face, of a plan with planes: name of the one that the pose touches.
 
     Args:
         joints: Joints of the arm.
         loaded: Whether a mass hangs in some readings.
+        faces: Whether poses touch planes.
 
     Returns:
         Names of the columns.
     """
     names = plan_columns(joints)
-    return [
+    kept = [
         "expected_sag_mm" if name == "expected_deflection_mm" else name
         for name in names
         if name != "load_kg" or loaded
     ]
+    return [*kept, *["face"] * faces]

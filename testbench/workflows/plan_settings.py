@@ -19,6 +19,7 @@ from testbench.model.vjm import WorkArea
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
+from testbench.workflows.campaign_flags import Mounted, mounted
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import ALL_UNKNOWNS, arm_model_names, canonical_name, named_models, plain_name
 from testbench.workflows.options import ArmName, MapFile, mass, payload_of
@@ -57,6 +58,8 @@ class PlanSettings:
     #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
     pulls_n: tuple[Place, ...] = ()
     orientations: bool = False  #: Whether the orientation of one target is read.
+    #: Instruments of distances or heights instead of a tracker, as `campaign_flags.mounted` reads them.
+    instruments: tuple[str, ...] = ()
     #: Standard deviation of one reading along one axis [um]; of an orientation about one axis [urad].
     sigma_um: float = 50.0
     #: Relative uncertainty of the CAD prior [%]; None for an identification without a prior.
@@ -80,6 +83,7 @@ class PlanSettings:
     def __post_init__(self) -> None:
         check_criterion(self.criterion, absolute=self.absolute)
         self._check_loads()
+        self._check_instruments()
         doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters
         ranges: tuple[tuple[str, float | None, float, float], ...] = (
             ("poses", self.poses, 1, MAX_POSES),
@@ -125,6 +129,22 @@ class PlanSettings:
             _check_range("pulls_n, its size", math.hypot(*pull), *PULL_RANGE)
         every = self.candidates_wanted * (1 if self.absolute else len(loads) + len(pulls))
         _check_range("loads_kg and pulls_n, times candidates_wanted", every, 1, MAX_CANDIDATES)
+
+    def _check_instruments(self) -> None:
+        if not self.instruments:
+            return
+        if not self.absolute:
+            raise BenchError("instruments: expected --absolute with them; gauges are planned by --gauges")
+        others = {"tracker_m": self.tracker_m, "orientations": self.orientations, "given": self.given}
+        if named := [name for name, own in others.items() if own]:
+            raise BenchError(f"instruments: expected no {named[0]} with them")
+        if any(own.fixed is None for own in self.mounted):
+            raise BenchError("instruments: expected ballbar, bar, wire or plane")
+
+    @property
+    def mounted(self) -> tuple[Mounted, ...]:
+        """Return the instruments that read distances or heights."""
+        return tuple(map(mounted, self.instruments))
 
     @property
     def station(self) -> Station | None:
@@ -200,6 +220,7 @@ FLAGS = {
     "loads_kg": "--load [kg]",
     "pulls_n": "--pull",
     "pulls_n, its size": "--pull [N], its size",
+    "instruments": "--instrument",
     "loads_kg and pulls_n, times candidates_wanted": "--load and --pull, times --candidates",
 }
 """The flag of every field of `PlanSettings`, as errors name it."""
@@ -262,6 +283,10 @@ class AbsolutePlanOptions:
     orientations: Annotated[
         bool, typer.Option("--orientations", help="Read one target's orientation too.")
     ] = False
+    instrument: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND:...", help="plane:P1:z:X,Y,Z, bar:P1:X,Y,Z, ...; repeatable."),
+    ] = None
     geometry_mm: Annotated[float, typer.Option(metavar="MM", help="Expected geometric errors.")] = 1.0
     gear_urad: Annotated[float, typer.Option(metavar="URAD", help="Expected periodic joint errors.")] = 30.0
     orders: Annotated[int, typer.Option(metavar="N", help="Highest order of periodic errors.")] = 3
@@ -313,8 +338,10 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
         )
     percent = 30.0 if options.uncertainty_percent is None else options.uncertainty_percent
     with in_flags(FLAGS):
+        own = {key: value for key, value in vars(flags).items() if key != "instrument"}
         settings = PlanSettings(
-            **{**vars(flags), "given": tuple(path.name for path in flags.given or ()), **chosen},
+            **{**own, "given": tuple(path.name for path in flags.given or ()), **chosen},
+            instruments=tuple(flags.instrument or ()),
             model=model,
             loads_kg=tuple(loads),
             pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in options.pull or []),

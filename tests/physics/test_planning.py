@@ -27,24 +27,26 @@ from testbench.design.planning import (
     make_plan,
     place_gauges,
 )
+from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.posterior import information as told_by
-from testbench.identify.absolute.state import series_equilibrium
+from testbench.identify.absolute.state import moved_frame, series_equilibrium
 from testbench.identify.metric import Strength, cad_prior, precision_root, scale_by_prior, weighted_rows
 from testbench.identify.observability import hidden_quantities
+from testbench.identify.rows import beams
 from testbench.model.structure import all153, joints_only, mgco68, template56
-from testbench.model.vjm import WorkArea, random_poses
+from testbench.model.vjm import WorkArea, marker_points, random_poses, tool_points
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Gauge, trial_rng
 from testbench.workflows import predicted_error
-from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
-from testbench.workflows.campaign_flags import Mounted, read_instruments
+from testbench.workflows.absolute import AbsoluteCampaign, poses_on_planes, simulate_series, unit_normal
+from testbench.workflows.campaign_flags import Mounted, mounted, read_instruments
 from testbench.workflows.cell import Scenario, measure_markers, poses_with_weight
 from testbench.workflows.identifiability import quantities, unobservable
-from testbench.workflows.plan import undetermined_by, union_after, union_of
+from testbench.workflows.plan import plan_absolute, undetermined_by, union_after, union_of
 from testbench.workflows.plan_input import PoseConditions, build_checks, find
-from testbench.workflows.plan_numbers import joint_coverage
+from testbench.workflows.plan_numbers import joint_coverage, numbers
 from testbench.workflows.predicted_error import open_laws
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -259,7 +261,7 @@ def places(kr500):
 def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
     q, rng = places[:1], np.random.default_rng(0)
-    series, state = absolute.series_at(union, q), union.state
+    series, state = absolute.series_at(union.pose, q), union.state
     draws = rng.normal(0, union.unmodelled, (4000, len(union.unmodelled)))
 
     def targets(moved):
@@ -275,6 +277,113 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     assert np.linalg.norm(ours - drawn) < 0.1 * np.linalg.norm(ours)
     rms = np.sqrt(np.square(draws @ J.T).sum(axis=1).mean() / (2 * len(series.markers)))
     assert absolute.unmodelled_joint_error(union, q) == pytest.approx(rms, rel=0.03)
+
+
+FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
+BOX = tuple(f"{face}:box" for face in (*FACES, "plane:P1:y:1.5,-1.2,1.4"))
+WITH_BAR = (*BOX[1:], "bar:P2:2.2,0,0.1")
+TOUCHED = replace(
+    ASKED, gear_urad=1.0, orders=0, poses=24, candidates_wanted=200, sling_m=0.2, instruments=FACES
+)
+
+
+@pytest.mark.parametrize("kind", [0, 2])
+def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(kr500, rng, kind):
+    """Of a rigid arm: columns of geometry leave out that a bent arm's loads move with it."""
+    union = union_of(kr500, replace(TOUCHED, instruments=WITH_BAR, gear_urad=1e-6, orders=1))
+    union = replace(union, state=replace(union.state, C_theta=0 * union.state.C_theta))
+    planes = [*map(mounted, WITH_BAR[:3])]
+    q = poses_on_planes(kr500, planes, 6, rng)[kind::3]
+    unknowns = union.unknowns
+    rows = absolute.measured_rows(replace(union, L=np.eye(unknowns.size)), q, kind=np.full(2, kind))
+    readers = union.kinds[kind]
+    assert [one.normal is None for one in readers] == [False, True]
+    assert len({one.frame for own in union.kinds for one in own[:1]}) == 1  # a block
+
+    def read(way):
+        frames = {
+            name: moved_frame(frame, way[unknowns.columns(f"frame {name}")])
+            for name, frame in union.state.frames.items()
+        }
+        mounts = {
+            name: moved_mount(mount, way[unknowns.columns(f"mount {name}")])
+            for name, mount in union.state.mounts.items()
+        }
+        theta_0 = union.state.theta_0.copy()
+        theta_0[unknowns.geometry_slice] += way[unknowns.columns("geometry")]
+        n = union.state.n + way[unknowns.columns("errors")].reshape(union.state.n.shape)
+        C = union.state.C_theta + unknowns.structure.matrix(way[unknowns.columns("elastic")])
+        state = replace(union.state, theta_0=theta_0, n=n, C_theta=C, frames=frames, mounts=mounts)
+        parts = []
+        for one in readers:
+            series = absolute.series_at(one, q)
+            [k] = np.flatnonzero(one.seen[0])
+            _, length = beams(state, series, series_equilibrium(state, series))
+            parts.append(length[k].reshape(2, -1) / one.sigma)
+        return np.concatenate(parts, axis=1)
+
+    for k in np.setdiff1d(np.arange(unknowns.size), unknowns.turns_of_points):
+        step = 1e-9 if k >= unknowns.starts["elastic"] else 1e-5
+        way = step * np.eye(unknowns.size)[k]
+        slope = (read(way) - read(-way)) / (2 * step)
+        largest = np.abs(slope).max() + 1.0
+        np.testing.assert_allclose(rows[:, :, k] / largest, slope / largest, atol=1e-6)
+
+
+@pytest.mark.parametrize(("instruments", "left"), [(FACES, True), (BOX, False)], ids=["faces", "box"])
+def test_a_plan_touches_every_face_and_says_if_the_scale_stays_unknown(kr500, instruments, left):
+    made = plan_absolute(kr500, replace(TOUCHED, instruments=instruments))
+    f = numbers(made)
+    planes = [*map(mounted, instruments)]
+    count = np.bincount(made.plan.load)
+    assert (count >= 6).all()  # fewer leave a face open to calibrate
+    assert len(count) == len(instruments)
+    for q, k, row in zip(made.plan.q, made.plan.load, f.plan, strict=True):
+        at = tool_points(kr500.vjm, q[None], marker_points(kr500.vjm, ("P1",)))[0, 0]
+        assert abs(unit_normal(planes[k]) @ (at - planes[k].fixed)) < 1e-6
+        assert row.face == f"plane {k + 1}"
+    assert any("scale of the arm" in words for words in f.hidden) == left
+    assert (f.scale.after_mm_per_m > 0.5 * f.scale.before_mm_per_m) == left
+    assert f.error_mm.expected < f.random_plans.median_mm
+
+
+def test_bars_are_planned_in_range_and_show_the_scale(kr500):
+    bars = ("bar:P1:2.2,0,0.1", "bar:P1:0.5,2,0.8")
+    made = plan_absolute(kr500, replace(TOUCHED, instruments=bars, candidates_wanted=60))
+    at = tool_points(kr500.vjm, made.plan.q, marker_points(kr500.vjm, ("P1",)))
+    fixed = np.array([mounted(text).fixed for text in bars])
+    length = np.linalg.norm(at - fixed, axis=2)
+    assert (np.ptp(length, axis=0) <= 2.0).all()  # a metre to either side
+    assert not numbers(made).hidden
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"absolute": False, "criterion": "test"}, "instruments: expected --absolute"),
+        ({"tracker_m": (4.5, -2.5, 1.6)}, "instruments: expected no tracker_m"),
+        ({"orientations": True}, "instruments: expected no orientations"),
+        ({"instruments": ("gauge:P1:z",)}, "instruments: expected ballbar, bar, wire or plane"),
+        ({"instruments": ("plane:P1:z",)}, "--instrument: expected gauge:MARKER:z"),
+    ],
+)
+def test_instruments_that_no_plan_of_absolute_readings_has_are_refused(changed, words):
+    with pytest.raises(BenchError, match=words):
+        replace(TOUCHED, **changed)
+
+
+def test_too_few_poses_or_faces_out_of_reach_are_refused(kr500):
+    with pytest.raises(BenchError, match="--poses: expected at least 18, 6 for each plane"):
+        plan_absolute(kr500, replace(TOUCHED, poses=17))
+    low = replace(TOUCHED, loads_kg=(460.0,), sling_m=3.0)
+    with pytest.raises(BenchError, match="touch plane 1, expected at least 6: payload does not hang clear"):
+        plan_absolute(kr500, low)
+    alone = replace(TOUCHED, instruments=BOX[:1])
+    with pytest.raises(BenchError, match="block 'box' has one face"):
+        plan_absolute(kr500, alone)
+    other = replace(TOUCHED, instruments=("plane:P9:z:1.9,0.3,0.6",))
+    with pytest.raises(BenchError, match="no marker 'P9'"):
+        plan_absolute(kr500, other)
 
 
 def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_directions(union, places):
@@ -315,7 +424,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     )
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
-    series = absolute.series_at(union, places[:POSES])
+    series = absolute.series_at(union.pose, places[:POSES])
     pull = further_information(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))

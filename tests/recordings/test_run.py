@@ -24,6 +24,7 @@ from testbench.report.scene import (
     PageContent,
     at_one_target,
     ellipsoid_layer,
+    faces,
     gauges,
     legs,
     loads,
@@ -398,6 +399,41 @@ def test_a_weight_hangs_below_its_hook_as_large_as_steel_and_a_force_is_an_arrow
         assert np.array(at or np.zeros((0, 3))) == pytest.approx(
             below if here else np.zeros((0, 3)), abs=1e-6
         )
+
+
+def test_a_face_is_a_square_across_its_normal_seen_through_and_named(seen, tmp_path):
+    rng = np.random.default_rng(5)
+    at, u = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    layer = faces(at, u, 0.4, ["plane 1", "plane 2", "plane 3"])
+    own = replace(seen.scene.groups[0], layers=[layer])
+    file = written(tmp_path / "a.rrd", replace(seen, scene=replace(seen.scene, groups=[own]), map=None))
+    chunks, path = sound(file, "It is 3.000 mm off."), "/world/runs/faces"
+
+    def still(path, column):
+        [part] = columns(chunks, path)[column]
+        return part
+
+    corners = np.array(still(path, "Mesh3D:vertex_positions")).reshape(3, 4, 3)
+    assert corners.mean(axis=1) == pytest.approx(at, abs=1e-6)
+    assert np.vecdot(corners - at[:, None], u[:, None]) == pytest.approx(0, abs=1e-6)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    assert sides == pytest.approx(0.8, abs=1e-6)
+    assert np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) == pytest.approx(0.8 * np.sqrt(2), abs=1e-6)
+    [colour] = still(path, "Mesh3D:albedo_factor")
+    assert colour & 0xFF == 70  # of 255
+    way = np.array(still(f"{path}_normals", "Arrows3D:vectors"))
+    assert way / np.linalg.norm(way, axis=1, keepdims=True) == pytest.approx(u, abs=1e-6)
+    assert list(still(f"{path}_names", "Points3D:labels")) == ["plane 1", "plane 2", "plane 3"]
+    drawn = replace(seen, scene=replace(seen.scene, groups=[own]), map=None)
+    [on_page] = seen_plain(drawn)["scene"]["groups"][0]["layers"]
+    assert np.reshape(on_page["squares"], (3, 4, 3)) == pytest.approx(1e4 * corners, abs=0.51)
+    first, _, *_ = overview(REPORT, drawn).axes
+    panes = [axes for axes in first.figure.axes if axes.get_xlabel() == "x [m]"]
+    outlines = [path.vertices[:4] for c in panes[0].collections for path in c.get_paths()]
+    for square in corners[:, :, [0, 2]]:
+        assert any(len(found) == 4 and np.allclose(found, square, atol=1e-6) for found in outlines)
+    assert {"plane 1", "plane 2", "plane 3"} <= {text.get_text() for text in panes[0].texts}
 
 
 def test_a_gauge_is_a_cylinder_along_its_direction_that_touches_its_marker_from_outside(seen, tmp_path):

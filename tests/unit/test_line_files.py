@@ -142,6 +142,8 @@ def test_readings_along_lines_need_no_frame_and_lie_at_their_markers(kr500):
         "plane:P1:z",
         "plane:P1:0,0,0:1,0,0",
         "plane:P1:z:1,0,0:10mm",
+        "plane:P1:z:1,0,0:5 um",
+        "wire:P1:1,0,0:box",
     ],
 )
 def test_a_wrong_instrument_is_refused(text):
@@ -158,5 +160,6 @@ def test_an_instrument_is_a_few_words():
     assert mounted("wire:P1:1.5,0,0.2:1000mm").instrument.zero_sigma == 1.0
     own = mounted("plane:P1:-x:2,0,1:20um:1deg")
     assert (own.direction.tolist(), own.fixed.tolist()) == ([-1, 0, 0], [2, 0, 1])
-    assert own.instrument.sigma == 2e-5
+    assert (own.instrument.sigma, own.block) == (2e-5, "")
+    assert mounted("plane:P1:-x:2,0,1:box:20um").block == "box"
     assert mounted("tracker:20um").marker == ""

@@ -501,7 +501,7 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     frame_sizes = np.array(series.frame_deviation)
     sizes = np.r_[frame_sizes, np.full(targets.size, NOMINAL_DEVIATION if named else UNNAMED_DEVIATION)]
     free, f = sizes > 0, len(frame_sizes)
-    stated = Frame(np.eye(3), -place if series.normal is None else np.zeros(3))
+    stated = stated_frame(series)
 
     def placed(steps: Array) -> tuple[Frame, Array]:
         """Move the frame and the targets, (m, 3) [m], by steps of what is free."""
@@ -528,6 +528,16 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     frame, points = placed(steps)
     _check_placed(state, series, (left(start), left(steps)), frame)
     return frame, Mount(points, np.eye(3), series.markers)
+
+
+def stated_frame(series: Series) -> Frame:
+    """Return the frame of a series whose fixed point or plane is where it is stated, the base's without one.
+
+    Args:
+        series: Distances, heights or positions.
+    """
+    point = series.fixed is not None and series.normal is None
+    return Frame(np.eye(3), -np.array(series.fixed) if point else np.zeros(3))
 
 
 def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], frame: Frame) -> None:

@@ -263,7 +263,9 @@ def _evaluate(
     learnt = learn_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
     most = (1 - MIN_EQUATIONS_SHARE) * reduced.counts.sum()
-    fair = [parts for parts in every if len(every) > 1 and sum(part.counts.sum() for part in parts) <= most]
+    # A face is no repetition of the others: only its own heights show motion along its normal.
+    repeated = [parts for parts in every if len(every) > 1 and not any(part.face for part in parts)]
+    fair = [parts for parts in repeated if sum(part.counts.sum() for part in parts) <= most]
     blocks = _held_out_sums(active, reduced, learnt, rules, _blocks_to_hold_out(reduced))
     return _Trial(active, learnt, blocks, _held_out_sums(active, reduced, learnt, rules, fair))
 

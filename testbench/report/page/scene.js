@@ -32,6 +32,7 @@ class Scene {
     for (const layer of own.layers) {
       if (layer.kind === "specks") continue;
       for (const rows of [layer.at, layer.to]) if (rows) for (const part of ofPose(rows, pose)) if (part !== null) points.push(part / 1e4);
+      if (layer.squares) for (const part of layer.squares) points.push(part / 1e4);
     }
     return points;
   }
@@ -218,7 +219,7 @@ function ofPose(rows, pose) {
 }
 
 const DOTS = { dots: 4.5, specks: 1.6, trackers: 7 };
-const WIDTHS = { lines: 1.5, weights: 1.5, tubes: 6, cylinders: 8 };
+const WIDTHS = { lines: 1.5, weights: 1.5, tubes: 6, cylinders: 8, faces: 1.5 };
 
 /** Dots, arrows or lines of one pose, over everything else. */
 function drawLayer(pen, project, layer, pose, ratio, taken) {
@@ -237,6 +238,7 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     pen.strokeStyle = pen.fillStyle = layer.colours ? layer.colours[k / 3] : layer.colour;
     pen.lineWidth = (WIDTHS[layer.kind] || 2.6) * ratio;
     pen.lineCap = layer.kind === "tubes" ? "round" : "butt";
+    if (layer.squares) square(pen, project, layer.squares.slice(4 * k, 4 * k + 12));
     pen.beginPath();
     if (layer.kind in DOTS) {
       pen.arc(out[0], out[1], DOTS[layer.kind] * ratio, 0, 7);
@@ -246,10 +248,23 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     pen.moveTo(out[0], out[1]);
     pen.lineTo(out[3], out[4]);
     pen.stroke();
-    if (layer.kind === "arrows") head(pen, out, ratio);
+    if (layer.kind === "arrows" || layer.kind === "faces") head(pen, out, ratio);
     if (layer.kind === "weights") weight(pen, project, to.slice(k, k + 3).map((part) => part / 1e4), layer.radius);
   }
   if (layer.legs) tripods(pen, project, layer.legs, ratio);
+}
+
+/** A plane face: a square that is seen through, by its four corners. */
+function square(pen, project, corners) {
+  const out = new Float32Array(12);
+  for (let k = 0; k < 12; k += 3) project(corners[k] / 1e4, corners[k + 1] / 1e4, corners[k + 2] / 1e4, out, k);
+  pen.beginPath();
+  for (let k = 0; k < 12; k += 3) pen.lineTo(out[k], out[k + 1]);
+  pen.closePath();
+  pen.stroke();
+  pen.globalAlpha = 0.25;
+  pen.fill();
+  pen.globalAlpha = 1;
 }
 
 /** The outline of an ellipsoid: the eye is far, so it is an ellipse by the shadows of the three semi-axes. */

@@ -60,6 +60,7 @@ from testbench.report.scene import (
     Scene,
     charts_of,
     sorting_numbers,
+    squares,
 )
 from testbench.report.schema import Table, show
 from testbench.runs.spread import middle
@@ -655,6 +656,7 @@ def _eye(group: _Group, aspect: float) -> tuple[Array, Array]:
     points = poses.near
     if points is None:
         moved = [layer.at[min(k, len(layer.at) - 1)] for layer in poses.layers if layer.kind != "specks"]
+        moved += [squares(layer).reshape(-1, 3) for layer in poses.layers if layer.kind == "faces"]
         hung = [
             (layer.to, layer.radius)
             for layer in poses.layers

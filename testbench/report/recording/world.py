@@ -14,11 +14,22 @@ from testbench.plant.shapes import BodyFrames, Shape, join_meshes, quaternions, 
 from testbench.report.colours import GREY, MEASURED, SCALE, Colour
 from testbench.report.markdown import Markdown, as_markdown, place
 from testbench.report.recording.stream import Pen, snake, text_view
-from testbench.report.scene import ErrorScale, Layer, PlaceMap, legs, scale_of, shades, tube_colours
+from testbench.report.scene import (
+    ErrorScale,
+    Layer,
+    PlaceMap,
+    frames_along,
+    legs,
+    scale_of,
+    shades,
+    squares,
+    tube_colours,
+)
 from testbench.report.schema import show
 from testbench.workflows.cell import Cell
 
-GHOST = (*MEASURED, 70)  #: The arm under load: seen through.
+THROUGH = 70  #: Opacity of what is seen through, of 255.
+GHOST = (*MEASURED, THROUGH)  #: The arm under load.
 THICK = {"dots": 0.008, "specks": 0.004, "arrows": 0.004, "lines": 0.0025, "weights": 0.0025, "tubes": 0.012}
 """Radius of what is drawn over the size of what is in view [1]."""
 HALF_VIEW = np.tan(np.deg2rad(27.5))  #: Tangent of half the viewer's vertical angle of view.
@@ -120,6 +131,9 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
     if layer.semi_axes is not None:
         _write_ellipsoids(rows, path, layer.at[0], layer.semi_axes, layer.colour)
         return
+    if layer.kind == "faces":
+        _write_faces(rows, path, layer, THICK["lines"] * size)
+        return
     ends = layer.at if layer.to is None else layer.to
     known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
     counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
@@ -159,6 +173,27 @@ def _write_trackers(rows: Pen, path: str, layer: Layer) -> None:
     rows.still(f"{path}_legs", rr.LineStrips3D([*legs(heads)], colors=layer.colour, radii=HEAD / 10))
     if layer.labels:
         rows.names(f"{path}_names", heads + np.array([0, 0, 2 * HEAD]), list(layer.labels), layer.colour)
+
+
+def _write_faces(rows: Pen, path: str, layer: Layer, radius: float) -> None:
+    """Squares that are seen through from both sides, their edges, normals and names."""
+    assert layer.to is not None  # by its kind
+    corners, way = squares(layer), layer.to[0] - layer.at[0]
+    first = 4 * np.arange(len(corners))[:, None, None]
+    front = np.array([(0, 1, 2), (0, 2, 3)])
+    normal = way / np.linalg.norm(way, axis=1, keepdims=True)
+    square = rr.Mesh3D(
+        vertex_positions=corners.reshape(-1, 3),
+        vertex_normals=np.repeat(normal, 4, axis=0),
+        triangle_indices=(first + np.concatenate([front, front[:, ::-1]])).reshape(-1, 3),
+        albedo_factor=(*layer.colour, THROUGH),
+    )
+    rows.still(path, square)
+    edges = [*np.concatenate([corners, corners[:, :1]], axis=1)]
+    rows.still(f"{path}_edges", rr.LineStrips3D(edges, colors=layer.colour, radii=radius))
+    normals = rr.Arrows3D(origins=layer.at[0], vectors=way, colors=layer.colour, radii=radius)
+    rows.still(f"{path}_normals", normals)
+    _write_names(rows, f"{path}_names", replace(layer, at=layer.to))
 
 
 def _write_ellipsoids(rows: Pen, path: str, at: Array, semi_axes: Array, colour: Colour) -> None:
@@ -218,14 +253,6 @@ def _parts(layer: Layer, at: Array, to: Array) -> tuple[Any, dict[str, Array]]:
     if layer.kind in ("lines", "weights"):
         return rr.LineStrips3D, {"strips": np.stack([at, to], axis=1)}
     return rr.Points3D, {"positions": at}
-
-
-def frames_along(way: Array) -> Array:
-    """Rotations whose z axes are along vectors, (n, 3) to (n, 3, 3)."""
-    z = way / np.linalg.norm(way, axis=1, keepdims=True)
-    x = np.cross(np.eye(3)[np.abs(z).argmin(axis=1)], z)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def orbit(eye: Array, target: Array) -> rrb.EyeControls3D:
