@@ -1,6 +1,6 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,13 +18,10 @@ from testbench.identify.absolute.posterior import model_of
 from testbench.identify.registration import MIN_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
-from testbench.report.colours import GCO, GREY, Look
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
-from testbench.report.readings import CALIBRATED_ARM, LOOKS, NOMINAL_ARM, draw_calibration
+from testbench.report.readings import CALIBRATED_ARM, NOMINAL_ARM, calibration_tables, draw_calibration
 from testbench.report.report import Report, bullets, say
-from testbench.report.schema import Table, columns
-from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import claim_folder
 from testbench.workflows import calibration_numbers as counted
@@ -47,24 +44,6 @@ if TYPE_CHECKING:
 
 KEPT = "Green kinds of error are kept, because they improve held-out readings. Grey ones are dropped."
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
-TABLES = {
-    "steps": (
-        "Kinds of error tried, and the held-out error of the calibrated arm with each",
-        "tried verdict after_mm series_after_mm",
-    ),
-    "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
-    "series": ("Series", "series after.n before.mean_mm after.mean_mm after.max_mm"),
-    "values": ("Compliances and geometry", "what value half_95 unit folder"),
-    "numbers": ("Other numbers", "what value"),
-    "spectrum": (
-        "Periodic errors of the joints",
-        "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant",
-    ),
-    "pattern": ("Periodic error that joints share", "joint turn_deg mirrored"),
-    "ranges": ("Joint ranges with the largest errors after calibration", "what rms_mm"),
-    "outliers": ("Readings with little weight", "series row marker error_mm pull"),
-}
-"""Titles and columns of the report's tables."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +188,7 @@ def report(
     heads = (("What is not determined", f.left_open), ("How the readings were read", f.notes))
     lists = [Markdown(f"## {head}\n\n{bullets(texts) or 'Nothing.'}") for head, texts in heads]
     badge = decide((CALIBRATED_ARM, own_mm), rival, "block held out", counted.reason_against_use(f))
-    tables = _tables(f)
+    tables = calibration_tables(f)
     return Report(
         scenario="calibrate",
         question=say("How large are the position errors of {arm}, nominal and calibrated?", f),
@@ -223,59 +202,3 @@ def report(
         body=[*tables, *lists, Markdown("What each table means: docs/calibration.md, *The report*.")],
         badge=replace(badge, article="the "),
     )
-
-
-def _tables(f: Row) -> dict[str, Table]:
-    start = {"name": "geometry", "kept": True}
-    first = [Row(r, **start, after_mm=r.before_mm, series_after_mm=r.series_before_mm) for r in f.steps[:1]]
-    tried = [Row(row, tried=row.name, verdict="kept" if row.kept else "dropped") for row in first + f.steps]
-    far = sorted((row for row in f.places if row.n), key=lambda row: -float(row.after_mm))[:5]
-    rows = {
-        "steps": tried,
-        "errors": [
-            Row(what=w, error=f[k]) for w, k in zip(LOOKS, ("total_before", "total_after"), strict=True)
-        ],
-        "series": f.series,
-        "values": [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)],
-        "numbers": [Row(what=name, value=own) for name, own in _others(f) if own is not None],
-        "spectrum": f.spectrum,
-        "pattern": f.pattern,
-        "ranges": [Row(what=counted.range_words(row), rms_mm=row.after_mm) for row in far],
-        "outliers": f.outliers,
-    }
-    looks = {
-        "steps": {row.tried: Look(GCO if row.kept else GREY, 0, prior=row.kept) for row in tried},
-        "errors": LOOKS,
-    }
-    heads = {"steps": "after_mm", "series": "after.mean_mm"}
-    shown = {name: keys for name, (_, keys) in TABLES.items()}
-    if len(f.series) == 1:  # no whole series was held out
-        shown["steps"] = shown["steps"].removesuffix(" series_after_mm")
-    return {
-        name: Table(
-            columns(shown[name]),
-            rows[name],
-            title,
-            headline=heads.get(name, ""),
-            looks=looks.get(name, {}),
-            stepwise=name == "steps",
-        )
-        for name, (title, _) in TABLES.items()
-    }
-
-
-def _others(f: Row) -> Iterator[tuple[str, object]]:
-    """Numbers that stand in no other table, with their units."""
-    yield "solver", f"{f.program.method}: {f.program.status}" if f.program else "the arm is rigid"
-    yield "smallest eigenvalue of the compliances, SI", min((row.smallest for row in f.blocks), default=None)
-    yield "noise of a reading along an axis, as stated, um", f.noise.sigma_um
-    yield "error of the model at a position, without noise, um", f.noise.open_position_um
-    yield "error of the model at an orientation, without noise, urad", f.noise.open_rotation_urad or None
-    yield "scatter of the readings / (noise and model error together)", f.noise.position_factor
-    yield "positions that count less as likely outliers, % (0.7 % expected)", f.less_pull_percent
-    if f.more:
-        yield "expected error over the workspace now, mm", f.more.now_mm
-        yield (
-            f"expected error over the workspace after {f.more.poses} more planned poses, mm",
-            f.more.after_mm,
-        )

@@ -1,6 +1,5 @@
 """testbench compare RUN_A RUN_B: which inputs of two runs differ, and which run errs less."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,17 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbench.errors import BenchError
-from testbench.plant.true_arms import TRUTHS, true_arm_label, true_arm_of_seed
 from testbench.report import terminal
 from testbench.report.colours import look_of
 from testbench.report.join import (
     KINDS,
     badge_of,
+    inputs_differ,
     leading,
-    leaves,
     models_compared,
     models_of,
     numbers_compared,
+    refuse_unlike,
+    seeds,
 )
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
@@ -38,9 +38,7 @@ COMMAND = "testbench compare"  #: As manifest.json names it.
 PICTURE = "compare.png"
 DIFFER = "Inputs that differ"
 MAX_NUMBERS = 200  #: Numbers beside the models that are listed.
-MAX_INPUT_LENGTH, PRINTED = 60, 20  #: Letters of an input in the report, and in a terminal.
-VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.log")
-"""Ends of files in the folder of a model that only show it."""
+PRINTED = 20  #: Letters of an input in a terminal.
 
 
 @dataclass(frozen=True)
@@ -164,12 +162,6 @@ def _made(a: Finished, b: Finished) -> Row:
     )
 
 
-def seeds(run: Finished) -> str:
-    """Name the seeds of a run."""
-    first, count = run.manifest.seed, run.manifest.seeds
-    return "none" if not count else str(first) if count == 1 else f"{first} to {first + count - 1}"
-
-
 def _tables(
     lead: Row | None, models: Sequence[Row], numbers: Sequence[Row], inputs: Sequence[Row]
 ) -> dict[str, Table]:
@@ -201,61 +193,3 @@ def _tables(
         "numbers": Table(plain, numbers[:MAX_NUMBERS], "Numbers that differ"),
         "inputs": Table(texts, inputs, DIFFER),
     }
-
-
-def inputs_differ(a: Finished, b: Finished) -> list[Row]:
-    """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit.
-
-    Args:
-        a: A finished run.
-        b: Another one.
-
-    Returns:
-        A row per entry.
-    """
-    ours, theirs = _inputs(a), _inputs(b)
-    keys = [key for key in dict.fromkeys([*ours, *theirs]) if ours.get(key) != theirs.get(key)]
-    return [Row(what=key, a=ours.get(key, "none"), b=theirs.get(key, "none")) for key in keys]
-
-
-def _inputs(run: Finished) -> dict[str, str]:
-    """Flatten a manifest; files of arms count in their order, whatever their folders are called."""
-    m = run.manifest
-    arms = {
-        f"arm {k}": {"folder": name, **{f: sha for f, sha in own.items() if not f.endswith(VIEWS)}}
-        for k, (name, own) in enumerate(m.models.items(), 1)
-    }
-    whole = {"command": m.command, "settings": m.scenario, "seeds": seeds(run), **arms}
-    whole |= {"version": m.versions, "commit": m.git}
-    return {key: json.dumps(value).strip('"')[:MAX_INPUT_LENGTH] for key, value in leaves(whole)}
-
-
-def refuse_unlike(runs: Sequence[Finished]) -> None:
-    """Refuse runs of other true arms, or one seed beside several: which errs less then says nothing.
-
-    Raises:
-        BenchError: Names the arms, or the seeds.
-    """
-    counts = {run.manifest.seeds for run in runs if run.manifest.seeds}
-    problem, known = "", [(run, arms) for run in runs if (arms := _true_arms(run))]
-    alone = {run.manifest.seed for run, _ in known if run.manifest.seeds == 1}
-    if 1 in counts and len(counts) > 1:
-        told = "; ".join(f"{run.folder}: {seeds(run)}" for run in runs)
-        problem = f"one seed in both runs or several in both (one seed has no spread), got seeds {told}"
-    elif len({arms for _, arms in known}) > 1 or (len(alone) > 1 and len(known) > 1):
-        told = "; ".join(
-            f"{run.folder}: {', '.join(sorted(arms))}, seeds {seeds(run)}" for run, arms in known
-        )
-        problem = f"the same true arms (and the same seed, if each run has one), got {told}"
-    if problem:
-        raise BenchError(f"runs: expected {problem}; --anyway compares them nevertheless")
-
-
-def _true_arms(run: Finished) -> frozenset[str]:
-    """Name the true arms that a simulated run has met; none if it names none."""
-    manifest = run.manifest
-    named = {leaf for key, leaf in leaves(manifest.scenario) if key.split(".")[-1] == "true_arm"}
-    if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
-        return frozenset()
-    own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
-    return frozenset(true_arm_label(name) for name in (true_arm_of_seed(family, seed) for seed in own))

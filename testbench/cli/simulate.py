@@ -11,15 +11,15 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Series
-from testbench.errors import BenchError, Ids, InputError
+from testbench.errors import BenchError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.site import check_position
-from testbench.plant.tracker import Gauge, trial_rng
+from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
 from testbench.runs.whole import Kind, check_file, whole_files
-from testbench.workflows.campaign_flags import Mounted, mounted, planned_gauges, read_instruments
+from testbench.workflows.campaign_flags import instruments, mounted, read_instruments
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.options import (
     ArmName,
@@ -33,13 +33,13 @@ from testbench.workflows.options import (
     takes,
 )
 from testbench.workflows.plan_input import (
-    FORCES,
     Place,
     PoseConditions,
     build_checks,
     find,
     given_poses,
     hung_masses,
+    masses_in_turn,
     place,
     read_loads,
 )
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
-PLANNED = "planned"  #: Instrument that stands for the gauges of a plan.
 MAX_POSES = 10_000  #: Random poses that are drawn at most.
 
 
@@ -127,7 +126,7 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
     from testbench.workflows.absolute import simulate_distances, simulate_series
 
     console = plain_console()
-    masses = _one_after_the_other(cell, asked)
+    masses = masses_in_turn(cell.arm, asked.file, asked.payload_kg, asked.loads)
     q = given_poses(cell, asked.file, asked.mapping, asked.poses, len(masses) * absolute.series)
     _say_overload(console, cell, masses)
     campaign, paths = _campaign(cell, asked, absolute, masses), _files(asked.out, absolute.series)
@@ -182,20 +181,6 @@ def _campaign(
     )
 
 
-def _one_after_the_other(cell: Cell, asked: SimulateOptions) -> tuple[float, ...]:
-    """What hangs in every pose, nothing at first [kg]."""
-    stated, pulls = (None, None) if asked.file is None else read_loads(asked.file)
-    if asked.file is not None and pulls is not None:
-        raise InputError(asked.file, FORCES, "expected no forces with --absolute")
-    if stated is None and asked.loads is None and asked.payload_kg is None:
-        return (0.0,)
-    masses = hung_masses(cell.arm, asked.file, asked.payload_kg, asked.loads, 1)
-    if (masses != masses[0]).any():
-        problem = "expected the same load in all runs with --absolute; remove the column and state --loads"
-        raise InputError(asked.file or Path(), "column load_kg", problem)
-    return (0.0, *masses[0].tolist())
-
-
 def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     times = 1 if asked.loads is None else len(read_masses(asked.loads))
     q = given_poses(cell, asked.file, asked.mapping, asked.poses, times)
@@ -216,7 +201,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     if asked.instrument:
         if trackers or asked.sigma_um is not None:
             raise BenchError("--instrument: expected neither --tracker nor --sigma-um with it")
-        own = _mounted(cell, asked, pose)
+        own = instruments(asked.instrument, cell.arm.markers, asked.file, pose)
         data = read_instruments(cell, scenario.truth, loaded, own, trial_rng(asked.seed, 1))
     else:
         data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
@@ -235,20 +220,6 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     )
     text += seen + (f", read by {', '.join(asked.instrument)}" if asked.instrument else "")
     console.print(text, soft_wrap=True)
-
-
-def _mounted(cell: Cell, asked: SimulateOptions, pose: Ids) -> list[Mounted]:
-    """Read the instruments; "planned" stands for the gauges of a plan.csv, by the pose of every run."""
-    texts, found = asked.instrument or [], list[Mounted]()
-    for text in texts:
-        if text != PLANNED:
-            found.append(mounted(text))
-        elif asked.file is None:
-            raise BenchError(f"--instrument {PLANNED}: expected a plan.csv")
-        else:
-            gauges = planned_gauges(asked.file, Gauge(), cell.arm.markers)
-            found += [replace(own, direction=np.asarray(own.direction)[pose]) for own in gauges]
-    return found
 
 
 def _sigma(asked: SimulateOptions) -> float:

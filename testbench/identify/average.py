@@ -309,15 +309,12 @@ class LinksAndJoints:
         with it a fit without a pose is one solution of normal equations. The cone is left out.
         """
         pose_variation, rigid = self.likeliest.regression.pose_variation, self.joints_regression.poses
-        rows_by_pose = restrict_to(self.regression, self.likeliest.structure).poses
+        poses = restrict_to(self.regression, self.likeliest.structure).poses
         weighed = (
-            rows_by_pose
-            if pose_variation is None
-            else tuple(_weigh_pose(rows, pose_variation) for rows in rows_by_pose)
+            poses if pose_variation is None else tuple(_weigh_pose(rows, pose_variation) for rows in poses)
         )
-        return _held_out_errors(rows_by_pose, weighed, self.links_prior), _held_out_errors(
-            rigid, rigid, self.joints_prior
-        )
+        ours = _held_out_errors(poses, weighed, self.links_prior)
+        return ours, _held_out_errors(rigid, rigid, self.joints_prior)
 
 
 def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
@@ -347,18 +344,15 @@ def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> 
 def _likeliest(estimate: Estimate) -> Estimate:
     """Select the model of greatest weight in an average, joints alone apart."""
     known = estimate.average
-    if known is None:
-        return estimate
-    if known.with_ties is not None and known.ties_weight > 0.5:
+    if known is not None and known.with_ties is not None and known.ties_weight > 0.5:
         return known.with_ties
-    return known.with_laws if known.with_laws is not None and known.laws_weight > 0.5 else known.all_parts
+    return _uncoupled_fit(estimate)
 
 
 def _weigh_pose(rows: Array, pose_variation: Array) -> Array:
     """Weigh the rows of a pose for links that change: they are uncorrelated and of unit noise then."""
-    G = rows[:, :-1] @ pose_variation.T
-    values, Q = np.linalg.eigh(np.eye(len(rows)) + G @ G.T)
-    return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
+    variances, rows = _pose_variances(rows, pose_variation)
+    return np.asarray(rows / np.sqrt(1 + variances)[:, None])
 
 
 def _held_out_errors(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: WeightedPrior) -> Array:
@@ -421,13 +415,13 @@ def average_with_joints(
     # Joints alone, fitted with their wide prior, and the average of both.
     regression, bare = _joints_only(r, prior)
     rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
-    pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
     average = replace(
         known,
         weight=weight + (1 - weight) * known.weight,
         laws_weight=(weight < 1) * known.laws_weight,
     )
-    mean = _average(estimate.regression, pi, (estimate, rigid), estimate.weighted_prior, average)
+    weighed = (1 - weight, estimate), (weight, rigid)
+    mean = _average(estimate.regression, weighed, estimate.weighted_prior, average)
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
 
 
@@ -451,9 +445,7 @@ def _average_priors(
     share = share if share > MIN_LAW_PROBABILITY else 0.0
     likelier, widest = (second if share > 0.5 else first), max(first, second, key=lambda e: e.structure.n)
     # The mean, and the models that it contains.
-    pi, weighed = np.zeros(widest.structure.n), ((1 - share, first), (share, second))
-    for weight, estimate in weighed:
-        pi[: estimate.structure.n] += weight * estimate.pi
+    weighed = (1 - share, first), (share, second)
     known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighed]
     average = ModelAverage(
         weight=sum(weight * model.weight for weight, model in known),
@@ -465,17 +457,22 @@ def _average_priors(
         with_ties=next((model.with_ties for _, model in known if model.with_ties is not None), None),
         parts=((1 - likely, first), (likely, second)),
     )
-    return _average(widest.regression, pi, (first, second), likelier.weighted_prior, average)
+    return _average(widest.regression, weighed, likelier.weighted_prior, average)
 
 
 def _average(
     regression: Regression,
-    pi: Array,
-    models: Sequence[Estimate],
+    weighed: Sequence[tuple[float, Estimate]],
     prior: WeightedPrior | None,
     average: ModelAverage,
 ) -> Estimate:
-    """Make the estimate of averaged parameters; its status is that of the first model that is not solved."""
+    """Average models by their weights; parameters that one lacks are zero in it.
+
+    The status is that of the first model that is not solved.
+    """
+    models = [model for _, model in weighed]
+    parameters = (w * scatter_to(model.pi, model.structure, regression.structure) for w, model in weighed)
+    pi = np.sum(list(parameters), axis=0)
     mean = make_estimate(regression, pi, method=models[0].method, constraint=models[0].constraint)
     return replace(
         mean,
@@ -527,14 +524,11 @@ def _average_ties(
         return mean, together
     share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
     estimate, known = solve(coupled, constraint, belief), mean.average or ModelAverage(0.0, mean)
-    # The average of their compliances.
-    pi = share * scatter_to(estimate.pi, estimate.structure, r.structure)
-    pi[: len(mean.pi)] += (1 - share) * mean.pi
     average = replace(
         known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
     )
     likelier = belief if share > 0.5 else mean.weighted_prior
-    return _average(r, pi, (mean, estimate), likelier, average), together
+    return _average(r, ((1 - share, mean), (share, estimate)), likelier, average), together
 
 
 def _average_laws(
@@ -559,12 +553,10 @@ def _average_laws(
         weight = likely = 1.0
     elif weight < MIN_LAW_PROBABILITY:
         weight = 0.0
-    pi = weight * lawful.pi
-    pi[r.structure.a < r.structure.n_compliance_rows] += (1 - weight) * straight.pi
     known = straight.average or ModelAverage(0.0, straight)
     average = replace(known, laws_weight=weight, laws_probability=likely, with_laws=lawful)
     likelier = belief if weight > 0.5 else known.all_parts.weighted_prior
-    return _average(r, pi, (straight, lawful), likelier, average), together
+    return _average(r, ((1 - weight, straight), (weight, lawful)), likelier, average), together
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
@@ -613,14 +605,12 @@ def _average_joints(
     if weight < NEGLIGIBLE_WEIGHT:
         return whole, together
     rigid = solve(regression, constraint, alone)
-    pi = (1 - weight) * whole.pi
-    pi[joints] += weight * rigid.pi
     probability = min(
         _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
         for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
     )
     average = ModelAverage(weight, whole, joints_probability=probability, joints_only=rigid)
-    return _average(r, pi, (whole, rigid), belief, average), together
+    return _average(r, ((1 - weight, whole), (weight, rigid)), belief, average), together
 
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:

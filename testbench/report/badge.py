@@ -260,9 +260,7 @@ def incumbents(models: Iterable[Row], ours: str) -> list[str]:
     ]
 
 
-def of_models(
-    trials: Trials, models: Sequence[Row], ours: str, value: str, each: str = "trial"
-) -> Badge | None:
+def of_models(trials: Trials, models: Sequence[Row], ours: str, value: str) -> Badge | None:
     """Compare a model with the strongest incumbent of its class.
 
     Args:
@@ -270,14 +268,13 @@ def of_models(
         models: What the names are: structure, constraint, prior.
         ours: Which of them is asked about.
         value: Column of the error.
-        each: What a trial is.
 
     Returns:
         The badge; None without an incumbent.
     """
     there = set(trials.values(MODEL))
     rivals = [name for name in incumbents(models, ours) if name in there]
-    return of_rivals(trials, ours, rivals, value, each)
+    return of_rivals(trials, ours, rivals, value)
 
 
 def of_rivals(
@@ -338,20 +335,19 @@ def ratios(ours: str, pairs: Mapping[str, Pair], each: str = "trial") -> list[Ro
     return rows
 
 
-def ratios_of(trials: Trials, ours: str, value: str, each: str = "trial") -> list[Row]:
+def ratios_of(trials: Trials, ours: str, value: str) -> list[Row]:
     """Compare all models of trials with ours: see `ratios`; of one trial pose by pose.
 
     Args:
         trials: Rows of the trials.
         ours: Name of our model.
         value: Column of the error.
-        each: What a trial is.
 
     Returns:
         A row for every other model.
     """
     others = [name for name in trials.values(MODEL) if name != ours]
-    return ratios(ours, *_pairs(trials, ours, others, value, each))
+    return ratios(ours, *_pairs(trials, ours, others, value, "trial"))
 
 
 def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str]:

@@ -11,7 +11,7 @@ from testbench.identify.absolute.align import placed_off
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
-from testbench.report.colours import GCO, MEASURED, NOMINAL, SERIES, Look
+from testbench.report.colours import GCO, GREY, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as with_noun
 from testbench.report.report import Report, bullets, say
@@ -290,3 +290,87 @@ def _short_names(names: Sequence[str]) -> list[str]:
     """Shorten names of series to their last two words, such as "plane 2", if these differ."""
     short = [" ".join(name.split()[-2:]) for name in names]
     return short if len({*short}) == len(names) else list(names)
+
+
+CALIBRATION_TABLES = {
+    "steps": (
+        "Kinds of error tried, and the held-out error of the calibrated arm with each",
+        "tried verdict after_mm series_after_mm",
+    ),
+    "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
+    "series": ("Series", "series after.n before.mean_mm after.mean_mm after.max_mm"),
+    "values": ("Compliances and geometry", "what value half_95 unit folder"),
+    "numbers": ("Other numbers", "what value"),
+    "spectrum": (
+        "Periodic errors of the joints",
+        "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant",
+    ),
+    "pattern": ("Periodic error that joints share", "joint turn_deg mirrored"),
+    "ranges": ("Joint ranges with the largest errors after calibration", "what rms_mm"),
+    "outliers": ("Readings with little weight", "series row marker error_mm pull"),
+}
+"""Titles and columns of the tables of a calibration."""
+
+
+def calibration_tables(f: Row) -> dict[str, Table]:
+    """Tabulate a calibration: errors that were tried and remain, series, compliances, periodic errors.
+
+    Args:
+        f: Its numbers.
+
+    Returns:
+        The tables, by name.
+    """
+    start = {"name": "geometry", "kept": True}
+    first = [Row(r, **start, after_mm=r.before_mm, series_after_mm=r.series_before_mm) for r in f.steps[:1]]
+    tried = [Row(row, tried=row.name, verdict="kept" if row.kept else "dropped") for row in first + f.steps]
+    far = sorted((row for row in f.places if row.n), key=lambda row: -float(row.after_mm))[:5]
+    rows = {
+        "steps": tried,
+        "errors": [
+            Row(what=w, error=f[k]) for w, k in zip(LOOKS, ("total_before", "total_after"), strict=True)
+        ],
+        "series": f.series,
+        "values": [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)],
+        "numbers": [Row(what=name, value=own) for name, own in _single_numbers(f) if own is not None],
+        "spectrum": f.spectrum,
+        "pattern": f.pattern,
+        "ranges": [Row(what=counted.range_words(row), rms_mm=row.after_mm) for row in far],
+        "outliers": f.outliers,
+    }
+    looks = {
+        "steps": {row.tried: Look(GCO if row.kept else GREY, 0, prior=row.kept) for row in tried},
+        "errors": LOOKS,
+    }
+    heads = {"steps": "after_mm", "series": "after.mean_mm"}
+    shown = {name: keys for name, (_, keys) in CALIBRATION_TABLES.items()}
+    if len(f.series) == 1:  # no whole series was held out
+        shown["steps"] = shown["steps"].removesuffix(" series_after_mm")
+    return {
+        name: Table(
+            columns(shown[name]),
+            rows[name],
+            title,
+            headline=heads.get(name, ""),
+            looks=looks.get(name, {}),
+            stepwise=name == "steps",
+        )
+        for name, (title, _) in CALIBRATION_TABLES.items()
+    }
+
+
+def _single_numbers(f: Row) -> Iterator[tuple[str, object]]:
+    """Numbers that stand in no other table, with their units."""
+    yield "solver", f"{f.program.method}: {f.program.status}" if f.program else "the arm is rigid"
+    yield "smallest eigenvalue of the compliances, SI", min((row.smallest for row in f.blocks), default=None)
+    yield "noise of a reading along an axis, as stated, um", f.noise.sigma_um
+    yield "error of the model at a position, without noise, um", f.noise.open_position_um
+    yield "error of the model at an orientation, without noise, urad", f.noise.open_rotation_urad or None
+    yield "scatter of the readings / (noise and model error together)", f.noise.position_factor
+    yield "positions that count less as likely outliers, % (0.7 % expected)", f.less_pull_percent
+    if f.more:
+        yield "expected error over the workspace now, mm", f.more.now_mm
+        yield (
+            f"expected error over the workspace after {f.more.poses} more planned poses, mm",
+            f.more.after_mm,
+        )

@@ -12,7 +12,6 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
-from pydantic import JsonValue
 
 from testbench.errors import InputError
 from testbench.report.badge import Badge
@@ -161,12 +160,11 @@ class Report:
         return data
 
 
-def read_report(file: Path, found: JsonValue = None) -> Report:
+def read_report(file: Path) -> Report:
     """Read a report that holds its words and tables; numbers as rows.
 
     Args:
         file: report.json, perhaps a stranger's.
-        found: What is in it, if it was read.
 
     Returns:
         The report.
@@ -175,7 +173,7 @@ def read_report(file: Path, found: JsonValue = None) -> Report:
         InputError: When it is none, or not one of this version.
     """
     try:
-        return read(found or read_plain(file))  # type: ignore[arg-type]  # what is no table of keys raises
+        return read(read_plain(file))  # type: ignore[arg-type]  # what is no table of keys raises
     except KeyError as err:
         raise InputError(file, str(err).strip("'"), "not a report of this version: expected it") from err
     except (TypeError, ValueError, AttributeError, LookupError) as err:

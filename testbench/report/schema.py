@@ -132,12 +132,11 @@ class Table:
 MAX_COLUMNS = 6  #: Columns that a terminal or a study's page has room for.
 
 
-def with_fewer_columns(table: Table, most: int = MAX_COLUMNS) -> Table:
-    """Drop columns but the first ones, and that of which the answer speaks.
+def with_fewer_columns(table: Table) -> Table:
+    """Drop columns but the first ones, at most MAX_COLUMNS, and that of which the answer speaks.
 
     Args:
         table: The table.
-        most: Largest number of columns.
 
     Returns:
         The table.
@@ -145,7 +144,7 @@ def with_fewer_columns(table: Table, most: int = MAX_COLUMNS) -> Table:
     first, *others = table.columns
     answer = table.headline or table.columns[-1].key
     keep = [c for c in others if c.key == answer]
-    keep += [c for c in others if c not in keep][: most - 1 - len(keep)]
+    keep += [c for c in others if c not in keep][: MAX_COLUMNS - 1 - len(keep)]
     return replace(table, columns=(first, *(c for c in others if c in keep)))
 
 

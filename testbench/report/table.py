@@ -214,23 +214,21 @@ def shared(trials: Trials, models: Sequence[str]) -> Cells | None:
     return aligned(trials, models, SHARED)[:, 0] if SHARED in trials else None
 
 
-def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str] = (TRIAL,)) -> Cells:
+def aligned(trials: Trials, models: Sequence[str], value: str) -> Cells:
     """Collect one quantity of several models in the trials that all of them have.
 
     Args:
         trials: Rows of the trials.
         models: Names of the models.
         value: Column of the quantity.
-        by: Columns that name a trial.
 
     Returns:
         The quantity, (trials, models).
     """
-    found: list[dict[tuple[Any, ...], float]] = []
+    found: list[dict[Any, float]] = []
     for model in models:
         own = trials.where(**{MODEL: model})
-        each = zip(*(own[name].tolist() for name in by), strict=True)
-        found.append(dict(zip(each, own[value], strict=True)))
+        found.append(dict(zip(own[TRIAL].tolist(), own[value], strict=True)))
     keys = [key for key in found[0] if all(key in other for other in found[1:])]
     return np.array([[own[key] for own in found] for key in keys]).reshape(len(keys), len(models))
 

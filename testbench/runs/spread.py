@@ -235,12 +235,11 @@ def dotted(values: Iterable[object]) -> str:
     return dots if counts[-1] < MIN_PERCENTILE_TRIALS else f"{dots}; line: 95 % interval of their median"
 
 
-def spans(values: Iterable[object], of: str = "trials") -> str:
+def spans(values: Iterable[object]) -> str:
     """Say what the ends of spreads are: percentiles, or of few trials the range; empty without any.
 
     Args:
         values: Numbers, some of them spreads.
-        of: What is counted.
 
     Returns:
         The words.
@@ -248,9 +247,9 @@ def spans(values: Iterable[object], of: str = "trials") -> str:
     spreads = [own for own in values if isinstance(own, Spread) and own.ends[0] < own.ends[1]]
     counts, few = sorted({own.trials for own in spreads}), {own.too_few for own in spreads}
     if len(few) == 2:
-        return f"5 to 95 %, of fewer than {MIN_PERCENTILE_TRIALS} {of} their range"
+        return f"5 to 95 %, of fewer than {MIN_PERCENTILE_TRIALS} trials their range"
     number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
-    told = f" of {number} {of}" if counts and counts[0] else ""
+    told = f" of {number} trials" if counts and counts[0] else ""
     return ("range" if True in few else "5 to 95 %") + told if spreads else ""
 
 

@@ -104,19 +104,18 @@ def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
     return max(alike, key=lambda name: own[name].parameters, default="")
 
 
-def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
-    """Merge a quantity of every model, or of what another column names, by true arm.
+def by_arm(trials: Trials, value: str) -> list[Row]:
+    """Merge a quantity of every model by true arm.
 
     Args:
         trials: Rows of the trials.
         value: Column of the quantity.
-        of: Column of the name.
 
     Returns:
         Rows; none where there is one true arm.
     """
     several = len(trials.values("true_arm")) > 1
-    return merged(trials.keep(of, "true_arm", value), of, "true_arm") if several else []
+    return merged(trials.keep("name", "true_arm", value), "name", "true_arm") if several else []
 
 
 def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:

@@ -13,7 +13,7 @@ import typer
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, Ids, InputError
 from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.tracker import (
     BALLBAR,
@@ -120,6 +120,7 @@ AXES = {
     **{f"-{name}": -axis for name, axis in zip("xyz", np.eye(3), strict=True)},
 }
 """Directions by name."""
+PLANNED = "planned"  #: Instrument that stands for the gauges of a plan.
 ON_TOOL = "tool_"  #: Before the name of a direction in the tool's axes.
 FORMS = (
     "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, plane:MARKER:z:X,Y,Z or "
@@ -185,12 +186,11 @@ def _with_size(instrument: Instrument, value: float, unit: str) -> Instrument:
     raise ValueError
 
 
-def planned_gauges(path: Path, instrument: Gauge, markers: Sequence[str]) -> list[Mounted]:
+def _planned_gauges(path: Path, markers: Sequence[str]) -> list[Mounted]:
     """Read the gauges of every pose of a plan, the column `gauges` of plan.csv.
 
     Args:
         path: The plan.
-        instrument: Every gauge.
         markers: Those of the arm.
 
     Returns:
@@ -212,7 +212,34 @@ def planned_gauges(path: Path, instrument: Gauge, markers: Sequence[str]) -> lis
     if not direction.any():
         raise InputError(path, "column gauges", "expected gauges, as `plan --gauges` writes them")
     used = [k for k in range(len(markers)) if direction[:, k].any()]
-    return [Mounted(instrument, markers[k], direction[:, k]) for k in used]
+    return [Mounted(Gauge(), markers[k], direction[:, k]) for k in used]
+
+
+def instruments(texts: Sequence[str], markers: Sequence[str], plan: Path | None, pose: Ids) -> list[Mounted]:
+    """Read instruments from texts; "planned" stands for the gauges of a plan.csv.
+
+    Args:
+        texts: One per instrument, see `mounted`.
+        markers: Those of the arm.
+        plan: The plan; None without one.
+        pose: Pose of every run, an index, (runs,).
+
+    Returns:
+        The instruments.
+
+    Raises:
+        BenchError: When a text is none of an instrument, or there is no plan.
+    """
+    found = list[Mounted]()
+    for text in texts:
+        if text != PLANNED:
+            found.append(mounted(text))
+        elif plan is None:
+            raise BenchError(f"--instrument {PLANNED}: expected a plan.csv")
+        else:
+            gauges = _planned_gauges(plan, markers)
+            found += [replace(own, direction=np.asarray(own.direction)[pose]) for own in gauges]
+    return found
 
 
 def read_instruments(

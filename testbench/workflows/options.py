@@ -175,13 +175,13 @@ class Project(Strict):
     files: dict[File, FileSettings] = Field({}, max_length=200)
 
 
-def read_project(path: Path = NAME) -> Project | None:
+def read_project() -> Project | None:
     """Read the project file; None where there is none.
 
     Raises:
         InputError: Names the key and what was expected.
     """
-    return parse_project(path, read_text(path, MAX_BYTES)) if path.is_file() else None
+    return parse_project(NAME, read_text(NAME, MAX_BYTES)) if NAME.is_file() else None
 
 
 def parse_project(path: Path, text: str) -> Project:

@@ -245,6 +245,35 @@ def hung_masses(
     return stated[:, None]
 
 
+def masses_in_turn(
+    arm: Arm, file: Path | None, payload_kg: float | None, loads: str | None
+) -> tuple[float, ...]:
+    """Find what hangs in every pose of absolute readings, one after the other, nothing at first [kg].
+
+    Args:
+        arm: The arm.
+        file: File of poses that may say what hangs; None for random poses.
+        payload_kg: Flag of one mass [kg].
+        loads: Flag of several masses, commas between.
+
+    Returns:
+        Masses [kg].
+
+    Raises:
+        BenchError: When the file has forces, or other masses from run to run, or two say what hangs.
+    """
+    stated, pulls = (None, None) if file is None else read_loads(file)
+    if file is not None and pulls is not None:
+        raise InputError(file, FORCES, "expected no forces with --absolute")
+    if stated is None and loads is None and payload_kg is None:
+        return (0.0,)
+    masses = hung_masses(arm, file, payload_kg, loads, 1)
+    if (masses != masses[0]).any():
+        problem = "expected the same load in all runs with --absolute; remove the column and state --loads"
+        raise InputError(file or Path(), "column load_kg", problem)
+    return (0.0, *masses[0].tolist())
+
+
 # --- Candidate poses to measure -----------------------------------------------------------------------------
 
 POSES_PER_BATCH = 1024

@@ -4,12 +4,16 @@ Plain mistakes need no fit: equal or repeated readings, absurd sizes. Pairs do n
 the targets on the tool, moved, unless that falls between the two of a run; the order in time does.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Series, select
-from testbench.errors import Array
+from testbench.data.dataset import Dataset, Series, evenly, select, select_rows, series_of
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.align import with_targets
+from testbench.identify.absolute.fit import first_fit
+from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.diagnosis.deflections import Loads, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (
     DOWN,
@@ -22,6 +26,7 @@ from testbench.identify.diagnosis.gravity import (
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
 from testbench.identify.diagnosis.kinematics import (
+    ORIGIN,
     SOUND_DISTANCE,
     FreeParameters,
     Issue,
@@ -33,11 +38,18 @@ from testbench.identify.diagnosis.kinematics import (
     listed_issues,
     of_series,
 )
-from testbench.identify.diagnosis.timeline import Timeline
+from testbench.identify.diagnosis.moves import (
+    chance,
+    most_significant_step,
+    nuisance_model,
+    step_places,
+    with_shift,
+)
 from testbench.identify.metric import Prior, scale_by_prior
 from testbench.identify.registered import RegisteredDataset
 from testbench.identify.rows import MAX_READINGS, check_runs
-from testbench.model.structure import all153
+from testbench.model.load import weights_with_note
+from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
 from testbench.progress import stepwise
 
@@ -95,7 +107,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if off else data)
     if not loads.data.seen.any():
         return said
-    moved = listed_issues(Timeline(vjm, loads.data, prior), hypotheses.steps)
+    moved = moves_in_time(vjm, loads.data, prior)
     pushed = _load_issues(loads, hypotheses)
     if any(issue.name == "mounting" for issue in pushed):
         return [*pushed, *said]
@@ -233,4 +245,82 @@ def _observations(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = N
         runs=data.run[runs],
         poses=data.pose[runs],
         free=free,
+    )
+
+
+# --- What moved between two readings ------------------------------------------------------------------------
+
+MAX_CHANCE = 0.05
+"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
+MIN_POSES = 3  #: Poses before and behind a step that is doubted.
+MAX_ORDER = 2  #: Periodic errors that may explain it: few poses tell no more.
+MAX_TARGETS = 30
+"""Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
+MOUNT_NAME = "targets"  #: Of the mount.
+
+
+def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
+    """Find what moved between two readings of runs, tracker or targets, at most one step per station.
+
+    It is the step that `calibrate` looks for (`moves`): from one reading on all lie elsewhere than the arm
+    says, by a move that no error of geometry, spring or slow joint error explains. Only steps count whose
+    chance is below MAX_CHANCE divided by twice the number of places.
+
+    Args:
+        vjm: The arm's virtual joint model, with targets as measured.
+        data: Runs in the base's frame, in order of time.
+        prior: Prior of the compliances, from the arm's folder.
+
+    Returns:
+        Moves of targets, then of trackers; none when there are too few readings. In their numbers `before`
+        and `after`, 2 k is the unloaded reading of run k and 2 k + 1 the loaded one.
+    """
+    series = tuple(_series_in_time(select_rows(data, evenly(np.arange(data.runs)))))
+    steps = [step_places(readings, MIN_POSES) for readings in series]
+    if not vjm.arm.joints or not any(map(len, steps)):
+        return []
+    try:
+        state, noise = first_fit(
+            _folder_state(vjm, series), series, scale_by_prior(prior, vjm, joints_only(vjm.arm))
+        )
+    except BenchError:  # too few readings for where arm and targets are: no step can be told
+        return []
+    linear = nuisance_model(state, series, noise, scale_by_prior(prior, vjm, all153(vjm.arm)), MAX_ORDER)
+    clear = MAX_CHANCE / (2 * sum(map(len, steps)))
+    moves = [
+        with_shift(linear, readings, step)
+        for readings, step in most_significant_step(linear, series, steps)
+        if chance(step) < clear
+    ]
+    moves = [replace(step, numbers={**step.numbers, "pairs": True}) for step in moves]
+    return sorted(moves, key=lambda step: step.name)
+
+
+def _series_in_time(data: Dataset) -> Iterator[Series]:
+    """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
+
+    An unloaded reading that several loads share is one.
+    """
+    pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
+    stations = 1 if data.station is None else len(np.unique(data.station))
+    for every in series_of(data, "station", MOUNT_NAME):
+        series = with_targets(every, every.markers[:: -(-len(every.markers) // MAX_TARGETS)])
+        loaded = np.arange(series.rows) >= series.rows // 2
+        poses = np.array([pose[run] for run in series.row.tolist()])
+        read = np.column_stack(
+            [poses, loaded, np.where(loaded, series.pose, 0), series.position.reshape(series.rows, -1)]
+        )
+        first = np.unique(read, axis=0, return_index=True)[1]
+        first = first[np.argsort((2 * series.pose + loaded)[first])]
+        name = series.frame if stations > 1 else ""
+        yield select_rows(replace(series, name=name, row=2 * series.row + loaded, pose=poses), first)
+
+
+def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
+    """The arm as its folder has it, in the base's frame."""
+    weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
+    return replace(
+        nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
+        frames={readings.frame: ORIGIN for readings in series},
+        mounts={MOUNT_NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
     )

@@ -39,7 +39,6 @@ from testbench.identify.diagnosis.kinematics import (
     longer_than,
 )
 from testbench.identify.diagnosis.screens import find_slip, likely_orders
-from testbench.identify.diagnosis.timeline import Timeline
 from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
 
@@ -652,12 +651,6 @@ def _distance(issue: Issue) -> float:
 # --- What moved between two readings ------------------------------------------------------------------------
 
 
-def _steps(time: Timeline, *, name: str) -> Iterator[Change[Timeline]]:
-    for step in time.steps:
-        if step.name == name:
-            yield Change(step.where, step.size, step.numbers, nats=step.nats)
-
-
 def _moved_words(issue: Issue, _: Arm) -> str:
     """A tracker that moved between the readings of every run, or what moved between two rows."""
     size, b = issue.numbers, issue.size
@@ -697,13 +690,12 @@ class Hypotheses:
     work: tuple[Hypothesis[Dataset], ...]  #: Tested on the work of the force.
     loads: tuple[Hypothesis[Loads], ...]  #: Tested on all deflections.
     runs: tuple[Hypothesis[Loads], ...]  #: Tested on deflections of single runs.
-    steps: tuple[Hypothesis[Timeline], ...]  #: Tested on the order in time.
 
     @property
     def words(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
         """Map the name of each hypothesis to its words and its remedy."""
-        parts = (self.steps, self.runs, self.loads, self.work, self.poses, self.places, self.registered)
-        return {row.name: (row.words, row.remedy) for part in (*parts, self.plain) for row in part}
+        parts = (self.runs, self.loads, self.work, self.poses, self.places, self.registered, self.plain)
+        return {row.name: (row.words, row.remedy) for part in parts for row in part}
 
 
 HYPOTHESES = Hypotheses(
@@ -803,10 +795,6 @@ HYPOTHESES = Hypotheses(
         ),
         Hypothesis("reading", partial(_bumps, all_targets=False), _reading_words, nats=MIN_NATS_OF_RUN),
     ),
-    steps=tuple(
-        Hypothesis(name, partial(_steps, name=name), _moved_words)
-        for name in ("target_moved", "tracker_moved")
-    ),
 )
 """Every mistake that is looked for."""
 
@@ -840,6 +828,8 @@ OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
         "arm's kinematics, and no single mistake explains that: is this the arm?"
     ),
     "scale": _scale_words,
+    "target_moved": _moved_words,
+    "tracker_moved": _moved_words,
     "noise": lambda issue, _: (
         f"the readings scatter {issue.numbers['factor']:.2g} times as much as their noise of "
         f"{1e6 * issue.numbers['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
@@ -855,7 +845,7 @@ OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
         "or mounts"
     ),
 }
-"""Words of what no hypothesis explains, and of what a calibration does by itself."""
+"""Words of what no hypothesis explains, of moves in time, and of what a calibration does by itself."""
 
 
 def describe(

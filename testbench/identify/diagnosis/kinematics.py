@@ -72,7 +72,6 @@ class Change(Generic[Case]):
     rows: tuple[int, int] | None = None  #: First row, and the one after the last; None for all.
     unit: float = 1.0  #: Size of one unit of the parameters of Z: their prior deviation, SI.
     parameters: int = 0  #: Number of parameters that the choice of this change counts as.
-    nats: float | None = None  #: As in `Issue`, if the change was weighed already.
     large: Callable[[Array], bool] = lambda _: True  #: Tells whether a size is larger than on sound arms.
 
 
@@ -109,7 +108,7 @@ class Submission:
 
 
 def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
-    """List the mistakes that need no fit, or that were weighed already.
+    """List the mistakes that need no fit.
 
     Args:
         case: What the hypotheses look at, such as the submitted runs.
@@ -119,7 +118,7 @@ def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Is
         One issue per change that they find, in the order of the table.
     """
     return [
-        Issue(row.name, change.where, change.size, change.numbers, change.nats)
+        Issue(row.name, change.where, change.size, change.numbers)
         for row in hypotheses
         for change in row.changes(case)
     ]

@@ -244,7 +244,7 @@ def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     return found
 
 
-def posterior(case: CoverageCase, k: int, strength: Strength = DRAWN_STRENGTH) -> list[Covered]:
+def posterior(case: CoverageCase, k: int) -> list[Covered]:
     """Compute posterior intervals where the truth of dataset k is a draw of the prior.
 
     It is x = s e + u N(0, 1) in the metric, drawn again until it is conservative; s = 1 where the prior
@@ -253,12 +253,11 @@ def posterior(case: CoverageCase, k: int, strength: Strength = DRAWN_STRENGTH) -
     Args:
         case: What datasets are drawn for.
         k: Number of the dataset.
-        strength: Strength of the prior.
 
     Returns:
         The intervals.
     """
-    rng = trial_rng(k)
+    rng, strength = trial_rng(k), DRAWN_STRENGTH
     pi = case.metric.L @ draw_conservative(case.metric, strength, rng)
     regression, truth = resampler(case.regression)(pi, rng), case.functionals @ pi
     found = []
