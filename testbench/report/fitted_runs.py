@@ -35,7 +35,7 @@ from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
 from testbench.workflows.fit_numbers import COUNTS, compared_models, held_out, largest_vector
 from testbench.workflows.fits import IdentifyResult
-from testbench.workflows.predicted_error import ErrorPlaces
+from testbench.workflows.place_errors import ErrorPlaces
 from testbench.workflows.rows import MM
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].

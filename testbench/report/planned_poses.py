@@ -30,8 +30,8 @@ from testbench.report.scene import (
 )
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
+from testbench.workflows.place_errors import ErrorPlaces
 from testbench.workflows.plan import Planned
-from testbench.workflows.predicted_error import ErrorPlaces
 
 OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
 CHANCE = Look(GREY, 0, prior=False)  #: Of plans that were not chosen.

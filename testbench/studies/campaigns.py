@@ -7,8 +7,7 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify import Estimate
-from testbench.identify.estimate import DeflectionErrors, all_deflections, score
+from testbench.identify.estimate import DeflectionErrors, Estimate, all_deflections, score
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested
@@ -25,7 +24,7 @@ from testbench.workflows.fit_numbers import (
     sag_by_part,
 )
 from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
-from testbench.workflows.predicted_error import (
+from testbench.workflows.place_errors import (
     ErrorPlaces,
     WorkspacePoses,
     error_places,

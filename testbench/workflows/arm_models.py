@@ -20,7 +20,6 @@ from testbench.data.dataset import Dataset, Series
 from testbench.errors import Array, BenchError, InputError, check_array, check_type, read_bytes, read_text
 from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
 from testbench.identify.absolute.align import EQUATION_KINDS, Noise
-from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import ArmState, Mount, Unknowns
 from testbench.identify.metric import WeightedPrior
@@ -38,6 +37,7 @@ from testbench.workflows.advice import advice
 from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
+    from testbench.identify.absolute.fit import Calibration
     from testbench.workflows.fits import IdentifyResult
     from testbench.workflows.read_runs import MeasuredRuns
 
@@ -487,7 +487,7 @@ def _finite(x: float) -> float | None:
 
 
 def write_model(
-    calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
+    calibration: "Calibration", data: Mapping[str, str], doubts: Sequence[str], folder: Path
 ) -> None:
     """Write a calibrated arm into a folder that exists.
 

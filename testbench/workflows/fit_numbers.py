@@ -31,7 +31,7 @@ from testbench.workflows.identifiability import (
     unseen_poses,
 )
 from testbench.workflows.models import JOINTS
-from testbench.workflows.predicted_error import Meaning, bounded_mm, error_places, kept_mm, places_at
+from testbench.workflows.place_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.rows import MM, UM
 
 # --- Details of fits that figures show ----------------------------------------------------------------------

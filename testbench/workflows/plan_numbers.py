@@ -34,22 +34,18 @@ from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings
 from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
+from testbench.workflows.place_errors import Meaning, bounded_mm, error_places, places_at, rms
 from testbench.workflows.plan import AbsolutePlanned, Planned, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
     Expected,
-    Meaning,
-    bounded_mm,
     error_map,
-    error_places,
     forecast_summary,
     half_widths,
     joints_alone,
     linear_fit_after,
     open_laws,
-    places_at,
     prior_uncertainty,
-    rms,
     unloaded_joints,
     unobservable_joints,
 )

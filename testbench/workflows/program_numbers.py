@@ -17,7 +17,7 @@ from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.model.vjm import joint_law_rotations, tool_pose
 from testbench.runs.rows import Row, finite
-from testbench.workflows.predicted_error import Meaning, bounded_mm, error_places, places_at
+from testbench.workflows.place_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     CorrectedProgram,

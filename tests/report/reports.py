@@ -23,7 +23,7 @@ from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread, ends, middle
 from testbench.runs.store import arrow_table, write_trials
 from testbench.studies.campaigns import Measured
-from testbench.workflows.predicted_error import WorkspacePoses
+from testbench.workflows.place_errors import WorkspacePoses
 
 WIDTH = 80  #: Of a terminal.
 

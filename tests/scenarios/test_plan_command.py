@@ -13,7 +13,7 @@ from run_here import do, fine, refused, table
 from testbench.arm.mjcf import GRAVITY
 from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
-from testbench.identify import least_squares
+from testbench.identify.method import least_squares
 from testbench.model.load import load_jacobian, weight
 from testbench.model.vjm import chain, in_area
 from testbench.plant.site import collisions

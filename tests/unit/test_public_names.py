@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.identify import Method
+from testbench.identify.method import Method
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "numpy"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.workflows.predicted_error import WorkspacePoses, error_places, rms
+from testbench.workflows.place_errors import WorkspacePoses, error_places, rms
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")

@@ -1,0 +1,185 @@
+"""Errors of models pose by pose over a workspace: where each is worst, and where they differ most."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.model.vjm import tool_pose
+from testbench.workflows.cell import Cell
+from testbench.workflows.rows import MM
+
+DIGITS = 4  #: Significant digits of a length that is kept: a report shows three.
+Q_DECIMALS, M_DECIMALS = 5, 4
+"""Decimals of joints [rad, m] and of tool positions [m]: a place is found again within 0.1 mm."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """Say what an error of a map is."""
+
+    name: str  #: In a word or two.
+    words: str  #: The same at length.
+    typical: Literal["RMS", "median"]  #: What stands for a model's errors all over the workspace.
+
+
+TRUE = Meaning("error", "distance to the true deflection, RMS over the markers", "RMS")
+
+
+@dataclass(frozen=True)
+class WorkspacePoses:
+    """Hold poses of a workspace as the row of a trial holds them, one entry each."""
+
+    run: tuple[int, ...]  #: Identifier in the campaign.
+    q: tuple[float, ...]  #: Joint angles [rad, m], of all poses in turn.
+    joints: tuple[str, ...]  #: The same for people.
+    x_m: tuple[float, ...]  #: Tool without load, world axes.
+    y_m: tuple[float, ...]
+    z_m: tuple[float, ...]
+    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers.
+
+
+@dataclass(frozen=True)
+class WorstPlace:
+    """Hold the place where a model errs most."""
+
+    place: int  #: Index in the columns of `ErrorPlaces`.
+    position_m: tuple[float, ...]  #: x, y and z of the tool without load, world axes.
+    joints: str  #: Joint angles for people.
+    error_mm: float
+
+
+@dataclass(frozen=True)
+class ErrorPlaces:
+    """Hold errors of models by place, columns of equal length; where `compared` differ most is first."""
+
+    compared: tuple[str, ...]  #: Best of each method, the incumbent first, the recommended one last.
+    run: tuple[int, ...]  #: Identifier in the campaign.
+    q: tuple[tuple[float, ...], ...]  #: Joint angles [rad, m].
+    joints: tuple[str, ...]  #: The same for people.
+    position_m: tuple[tuple[float, ...], ...]  #: x, y and z of the tool without load, world axes.
+    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers; without truth the predicted.
+    error_mm: Mapping[str, tuple[float | None, ...]]  #: By name of the model; None where it has no bound.
+    worst: Mapping[str, WorstPlace]  #: Of those with a bound, by name of the model.
+    means: Meaning = TRUE  #: What an error is.
+
+    def errors(self, name: str) -> Array:
+        """Return the errors of a model, (places,) [mm]; NaN where it has no bound."""
+        return np.array(self.error_mm[name], dtype=float)
+
+    def typical_mm(self, name: str) -> float:
+        """Compute a typical error of a model over places with a bound [mm]; NaN where none has."""
+        mm = self.errors(name)[np.isfinite(self.errors(name))]
+        if not mm.size:
+            return float("nan")
+        return float(np.sqrt(np.mean(mm**2)) if self.means.typical == "RMS" else np.median(mm))
+
+    def unbounded(self, name: str) -> int:
+        """Count the places at which a model has no bound."""
+        return int(np.isnan(self.errors(name)).sum())
+
+
+def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePoses:
+    """Describe poses by number, joints, tool and deflection.
+
+    Args:
+        arm: Description of the arm.
+        q: Poses, (n, joints) [rad, m].
+        position: Tool of the unloaded arm, (n, 3) [m].
+        moved: Deflection there, (n,) [m].
+
+    Returns:
+        The poses, numbered from 1.
+    """
+    x, y, z = position.round(M_DECIMALS).T.tolist()
+    return WorkspacePoses(
+        run=tuple(range(1, len(q) + 1)),
+        q=tuple(q.round(Q_DECIMALS).ravel().tolist()),
+        joints=tuple(map(arm.pose_text, q)),
+        x_m=tuple(x),
+        y_m=tuple(y),
+        z_m=tuple(z),
+        deflection_mm=kept_mm(moved),
+    )
+
+
+def places_of(cell: Cell, data: Dataset) -> WorkspacePoses:
+    """Describe the poses of noise-free runs, the tool where the arm's kinematics have it.
+
+    Args:
+        cell: The arm with its model and its truth.
+        data: Measured runs.
+
+    Returns:
+        The poses.
+    """
+    position, _ = tool_pose(cell.vjm, data.q)
+    workspace_poses = places_at(cell.arm, data.q, position, rms(data.deflection))
+    return replace(workspace_poses, run=tuple(data.run.tolist()))
+
+
+def rms(moved: Array) -> Array:
+    """Compute RMS lengths over the markers, (runs,) [m], of vectors (runs, m, 3) or (runs, 3 m) [m]."""
+    vectors = moved.reshape(len(moved), -1, 3)
+    return np.asarray(np.sqrt(np.mean(np.sum(vectors**2, axis=-1), axis=-1)))
+
+
+def kept_mm(metres: Array) -> tuple[float, ...]:
+    """Convert lengths (n,) [m] to millimetres, of as many digits as are kept."""
+    return tuple(float(f"{x:.{DIGITS}g}") for x in (MM * metres).tolist())
+
+
+def bounded_mm(metres: Array) -> tuple[float | None, ...]:
+    """Convert lengths (n,) [m] to millimetres; None where there is no bound."""
+    return tuple(x if np.isfinite(x) else None for x in kept_mm(metres))
+
+
+def error_places(
+    workspace_poses: WorkspacePoses,
+    error_mm: Mapping[str, Sequence[float | None]],
+    compared: Sequence[str] = (),
+    means: Meaning = TRUE,
+) -> ErrorPlaces:
+    """Order places by how much the first and the last of the compared models differ, widest first.
+
+    Of one model its greatest error comes first, of none that of the first; an error without a bound is None.
+
+    Args:
+        workspace_poses: The poses.
+        error_mm: Errors of every model by its name [mm]; None for no bound.
+        compared: Names of the models that are compared.
+        means: What an error is.
+
+    Returns:
+        The errors by place.
+    """
+    names = tuple(compared) or tuple(error_mm)[:1]
+    first, last = (
+        np.array([np.inf if mm is None else mm for mm in error_mm[name]]) for name in (names[0], names[-1])
+    )
+    with np.errstate(invalid="ignore"):  # neither has a bound
+        apart = first if len(names) == 1 else np.nan_to_num(np.abs(first - last), nan=0.0, posinf=np.inf)
+    order = np.argsort(-apart, kind="stable")
+    q = np.reshape(workspace_poses.q, (len(workspace_poses.run), -1))[order]
+    position = np.column_stack([workspace_poses.x_m, workspace_poses.y_m, workspace_poses.z_m])[order]
+    joints, positions = tuple(workspace_poses.joints[k] for k in order), tuple(map(tuple, position.tolist()))
+    sorted_mm = {name: tuple(mm[k] for k in order) for name, mm in error_mm.items()}
+    bounded = {
+        name: [(mm, k) for k, mm in enumerate(own) if mm is not None] for name, own in sorted_mm.items()
+    }
+    worst = {name: max(own, key=lambda both: both[0]) for name, own in bounded.items() if own}
+    return ErrorPlaces(
+        compared=names,
+        run=tuple(np.array(workspace_poses.run)[order].tolist()),
+        q=tuple(map(tuple, q.tolist())),
+        joints=joints,
+        position_m=positions,
+        deflection_mm=tuple(np.array(workspace_poses.deflection_mm)[order].tolist()),
+        error_mm=sorted_mm,
+        worst={name: WorstPlace(k, positions[k], joints[k], mm) for name, (mm, k) in worst.items()},
+        means=means,
+    )
