@@ -8,9 +8,11 @@ from programs import NASTY, random_regression, with_random_prior
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import cone, gco, reduce, with_prior
+from testbench.identify import cone
 from testbench.identify.estimate import deflections, make_estimate
+from testbench.identify.method import gco, with_prior
 from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior, with_prior_rows
+from testbench.identify.regression import reduce
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate

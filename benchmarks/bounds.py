@@ -3,8 +3,8 @@
 from measure import MODELS, Row, at_most, note, seconds, spread
 
 from testbench.data.dataset import Dataset
-from testbench.identify import reduce
 from testbench.identify.metric import cad_prior, scale_by_prior
+from testbench.identify.regression import reduce
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.intervals import CEILING, FitSet, bounds, fit_set

@@ -9,9 +9,11 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, 
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import Estimate, paper_gco, reduce
 from testbench.identify.cone import TOLERANCE
 from testbench.identify.conic import scale_program, solve_clarabel, tie_break
+from testbench.identify.estimate import Estimate
+from testbench.identify.method import paper_gco
+from testbench.identify.regression import reduce
 from testbench.model.structure import Structure, all153
 from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import Tracker, read_orientations, read_positions

@@ -7,7 +7,7 @@ from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, Points, equilibrium, target_of
 from testbench.correct.newton import solve_inverse_statics as corrected
 from testbench.errors import Array
-from testbench.identify import gco, with_prior
+from testbench.identify.method import gco, with_prior
 from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import elastic_state, model_of_estimate
 from testbench.model.load import Load, read_weights

@@ -4,7 +4,6 @@ import numpy as np
 from measure import MODELS, Row, at_most, interleave, note, spread
 
 from testbench.errors import Array
-from testbench.identify import reduce
 from testbench.identify.conic import solve_gco
 from testbench.identify.metric import (
     RegressionWithPrior,
@@ -14,7 +13,7 @@ from testbench.identify.metric import (
     rescale_to_data,
     scale_by_prior,
 )
-from testbench.identify.regression import Regression
+from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import solve_by_reference, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.intervals import resampler

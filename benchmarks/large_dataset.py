@@ -20,7 +20,9 @@ from threadpoolctl import threadpool_limits
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
-from testbench.identify import method, paper_gco, reduce
+from testbench.identify import method
+from testbench.identify.method import paper_gco
+from testbench.identify.regression import reduce
 from testbench.model.kinematics import build_vjm
 from testbench.model.structure import Structure, mgco147
 from testbench.model.vjm import Vjm, chain, observation

@@ -7,7 +7,7 @@ import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
 from testbench.arm.folder import Arm
-from testbench.identify import gco
+from testbench.identify.method import gco
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 

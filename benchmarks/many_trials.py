@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_least, interleave, note, spread
 
-from testbench.identify import gco
+from testbench.identify.method import gco
 from testbench.runs.engine import on_cores, run_study
 from testbench.runs.store import TrialPlan, open_store, write_parquet
 from testbench.studies.paper import single_link

@@ -8,8 +8,9 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
-from testbench.identify import gco, reduce, with_prior
+from testbench.identify.method import gco, with_prior
 from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior
+from testbench.identify.regression import reduce
 from testbench.identify.solve import solve_by_reference
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate

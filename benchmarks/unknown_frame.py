@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import gco, with_prior
 from testbench.identify.estimate import deflections, score
+from testbench.identify.method import gco, with_prior
 from testbench.identify.metric import Strength, cad_prior, perturbed
 from testbench.identify.registered import register_dataset, transform_to_base, unloaded_series
 from testbench.identify.registration import Frame, kabsch, register

@@ -30,31 +30,31 @@ if TYPE_CHECKING:
     from testbench.files.read_series import read_series as read_series
     from testbench.files.write import write_csv as write_csv
     from testbench.files.write import write_program as write_program
-    from testbench.identify import Estimate as Estimate
-    from testbench.identify import certify as certify
-    from testbench.identify import completed_least_squares as completed_least_squares
-    from testbench.identify import gco as gco
-    from testbench.identify import intervals as intervals
-    from testbench.identify import least_squares as least_squares
-    from testbench.identify import make_estimate as make_estimate
-    from testbench.identify import paper_gco as paper_gco
-    from testbench.identify import reduce as reduce
-    from testbench.identify import robust as robust
-    from testbench.identify import with_prior as with_prior
     from testbench.identify.absolute.fit import Calibration as Calibration
     from testbench.identify.absolute.fit import calibrate as calibrate
+    from testbench.identify.conic import certify as certify
     from testbench.identify.estimate import Certificate as Certificate
     from testbench.identify.estimate import DeflectionErrors as DeflectionErrors
+    from testbench.identify.estimate import Estimate as Estimate
     from testbench.identify.estimate import deflections as deflections
+    from testbench.identify.estimate import make_estimate as make_estimate
     from testbench.identify.estimate import score as score
     from testbench.identify.method import Method as Method
+    from testbench.identify.method import completed_least_squares as completed_least_squares
+    from testbench.identify.method import gco as gco
+    from testbench.identify.method import least_squares as least_squares
+    from testbench.identify.method import paper_gco as paper_gco
+    from testbench.identify.method import robust as robust
+    from testbench.identify.method import with_prior as with_prior
     from testbench.identify.metric import Prior as Prior
     from testbench.identify.metric import Strength as Strength
     from testbench.identify.metric import cad_prior as cad_prior
     from testbench.identify.posterior import ArmModel as ArmModel
     from testbench.identify.posterior import Intervals as Intervals
+    from testbench.identify.posterior import intervals as intervals
     from testbench.identify.registered import register_dataset as register_dataset
     from testbench.identify.regression import Regression as Regression
+    from testbench.identify.regression import reduce as reduce
     from testbench.model.laws import JointLaw as JointLaw
     from testbench.model.laws import JointTurns as JointTurns
     from testbench.model.laws import joint_laws as joint_laws
@@ -96,18 +96,18 @@ HOMES = {
     "read_series": "files.read_series",
     "Structure": "model.structure",
     "register_dataset": "identify.registered",
-    "least_squares": "identify",
-    "completed_least_squares": "identify",
-    "gco": "identify",
-    "paper_gco": "identify",
+    "least_squares": "identify.method",
+    "completed_least_squares": "identify.method",
+    "gco": "identify.method",
+    "paper_gco": "identify.method",
     "cad_prior": "identify.metric",
-    "with_prior": "identify",
-    "robust": "identify",
-    "Estimate": "identify",
-    "make_estimate": "identify",
-    "reduce": "identify",
-    "certify": "identify",
-    "intervals": "identify",
+    "with_prior": "identify.method",
+    "robust": "identify.method",
+    "Estimate": "identify.estimate",
+    "make_estimate": "identify.estimate",
+    "reduce": "identify.regression",
+    "certify": "identify.conic",
+    "intervals": "identify.posterior",
     "deflections": "identify.estimate",
     "score": "identify.estimate",
     "calibrate": "identify.absolute.fit",

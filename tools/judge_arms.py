@@ -25,8 +25,10 @@ from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.identify import average, gco, intervals
+from testbench.identify import average
 from testbench.identify.estimate import deflections, score
+from testbench.identify.method import gco
+from testbench.identify.posterior import intervals
 from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng

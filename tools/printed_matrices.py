@@ -7,8 +7,8 @@ from scipy.special import gammainc, gammaincc
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import paper_gco, reduce
-from testbench.identify.regression import f_m
+from testbench.identify.method import paper_gco
+from testbench.identify.regression import f_m, reduce
 from testbench.plant.tracker import trial_rng
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row

@@ -22,8 +22,8 @@ from scipy.stats import goodness_of_fit, norm
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import Estimate, make_estimate, reduce
-from testbench.identify.estimate import deflections, score
+from testbench.identify.estimate import Estimate, deflections, make_estimate, score
+from testbench.identify.regression import reduce
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report.report import read_report

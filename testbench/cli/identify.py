@@ -10,7 +10,7 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
-from testbench.identify import robust
+from testbench.identify.method import robust
 from testbench.identify.metric import Strength, cad_prior
 from testbench.model.laws import joint_laws
 from testbench.report import terminal

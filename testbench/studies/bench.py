@@ -24,7 +24,6 @@ from testbench.arm.folder import PACKAGE, find_arm
 from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
-from testbench.identify import Regression
 from testbench.identify.absolute.align import residuals
 from testbench.identify.absolute.evidence import apply_step, back_substitute, compliance_rows, factor_of
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings, select_and_solve
@@ -33,6 +32,7 @@ from testbench.identify.estimate import Constraint, deflections, is_conservative
 from testbench.identify.metric import Prior, cad_prior
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.registered import register_dataset
+from testbench.identify.regression import Regression
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances

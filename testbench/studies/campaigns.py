@@ -7,8 +7,7 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify import Estimate
-from testbench.identify.estimate import DeflectionErrors, all_deflections, score
+from testbench.identify.estimate import DeflectionErrors, Estimate, all_deflections, score
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested

@@ -35,7 +35,7 @@ from scipy.special import gammaincinv
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify import cone, least_squares, reduce
+from testbench.identify import cone
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import (
     EXACT_FIT,
@@ -47,6 +47,7 @@ from testbench.identify.conic import (
 )
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.interior import BlockProgram, interior
+from testbench.identify.method import least_squares
 from testbench.identify.metric import (
     PriorScaling,
     RegressionWithPrior,
@@ -55,7 +56,7 @@ from testbench.identify.metric import (
     weighted_rows,
 )
 from testbench.identify.posterior import Intervals, check_confidence, linearise
-from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce_parts
+from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce, reduce_parts
 from testbench.identify.solve import complete_conservatively, minimum_norm, solve_with_prior
 from testbench.identify.trace import Fold, divide_poses, folds
 from testbench.model.structure import Structure

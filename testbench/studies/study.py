@@ -15,7 +15,7 @@ from testbench.data.dataset import Dataset, select_rows, split
 from testbench.errors import Array
 from testbench.files.read_pairs import from_text
 from testbench.files.write import write_csv
-from testbench.identify import gco, least_squares, paper_gco
+from testbench.identify.method import gco, least_squares, paper_gco
 from testbench.model.structure import all153, template56
 from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
 from testbench.report.colours import MEASURED, Look, look_of

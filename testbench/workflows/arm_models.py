@@ -30,7 +30,6 @@ from testbench.errors import (
     read_text,
 )
 from testbench.identify.absolute.align import EQUATION_KINDS, Noise
-from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import ArmState, Mount, Unknowns
 from testbench.identify.metric import WeightedPrior
@@ -48,6 +47,7 @@ from testbench.workflows.advice import advice
 from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
+    from testbench.identify.absolute.fit import Calibration
     from testbench.workflows.fits import IdentifyResult
     from testbench.workflows.read_runs import MeasuredRuns
 
@@ -513,7 +513,7 @@ def _finite(x: float) -> float | None:
 
 
 def write_model(
-    calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
+    calibration: "Calibration", data: Mapping[str, str], doubts: Sequence[str], folder: Path
 ) -> None:
     """Write a calibrated arm into a folder that exists.
 

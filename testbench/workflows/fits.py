@@ -13,15 +13,16 @@ from scipy.special import gammainc
 from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
 from testbench.files.read_pairs import SIGMA
-from testbench.identify import Estimate, Method, intervals
-from testbench.identify.estimate import DeflectionErrors, deflections, score
+from testbench.identify.estimate import DeflectionErrors, Estimate, deflections, score
 from testbench.identify.hierarchy import (
     ALL_JOINTS,
     UndeterminedParts,
     contradicted_scales,
     undetermined_parts,
 )
+from testbench.identify.method import Method
 from testbench.identify.metric import LearntScale, scale_by_prior
+from testbench.identify.posterior import intervals
 from testbench.identify.regression import (
     BLOCK_RUNS,
     ZERO_COLUMN,

@@ -24,16 +24,8 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, select
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_type
-from testbench.identify import (
-    Estimate,
-    Estimator,
-    Method,
-    completed_least_squares,
-    gco,
-    least_squares,
-    with_prior,
-)
-from testbench.identify.estimate import make_estimate
+from testbench.identify.estimate import Estimate, Estimator, make_estimate
+from testbench.identify.method import Method, completed_least_squares, gco, least_squares, with_prior
 from testbench.identify.metric import Prior, Strength, cad_prior, perturbed
 from testbench.identify.regression import PartitionedRegression, f_m, non_redundant, reduce, reduce_parts
 from testbench.identify.trace import Candidate, Comparison, Fold, divide_poses, folds, prefer_first

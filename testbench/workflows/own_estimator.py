@@ -27,8 +27,7 @@ from threadpoolctl import threadpool_limits
 from testbench.arm.elastic import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, printable
-from testbench.identify import Estimate
-from testbench.identify.estimate import deflections, make_estimate
+from testbench.identify.estimate import Estimate, deflections, make_estimate
 from testbench.identify.metric import Prior
 from testbench.identify.regression import Regression, reduce
 from testbench.model.structure import Structure, all153

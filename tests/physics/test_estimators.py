@@ -6,20 +6,12 @@ import numpy as np
 import pytest
 
 from testbench.errors import BenchError
-from testbench.identify import (
-    completed_least_squares,
-    least_squares,
-    make_estimate,
-    paper_gco,
-    reduce,
-    robust,
-    with_prior,
-)
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import all_deflections, deflections
+from testbench.identify.estimate import all_deflections, deflections, make_estimate
+from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
 from testbench.identify.metric import cad_prior
-from testbench.identify.regression import f_m
+from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
 from testbench.plant.tracker import trial_rng

@@ -8,10 +8,10 @@ from loads import SIGMA, SIGMA_ROTATION, axis_loads, rotation_observation
 
 from testbench import BenchError, Scenario, simulate
 from testbench.data.dataset import select_rows
-from testbench.identify import gco, least_squares, reduce
 from testbench.identify.conic import gradient_dual
+from testbench.identify.method import gco, least_squares
 from testbench.identify.metric import Strength, cad_prior, scale_by_prior, weighted_rows
-from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank
+from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, template56
 from testbench.model.vjm import chain, observation
 from testbench.workflows.advice import advice

@@ -13,10 +13,10 @@ from testbench import Load, deflections, load_model, predict, read_csv, score, s
 from testbench.cli.program import program
 from testbench.correct.newton import assign_rows
 from testbench.data.dataset import select_rows
-from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.hierarchy import evidence_model
+from testbench.identify.method import gco, least_squares, robust, with_prior
 from testbench.identify.metric import Prior, cad_prior, scale_by_prior
-from testbench.identify.posterior import model_of_estimate
+from testbench.identify.posterior import intervals, model_of_estimate
 from testbench.identify.regression import reduce
 from testbench.model import laws
 from testbench.model import laws as shapes

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from testbench.data.dataset import along_lines, select
 from testbench.errors import BenchError
-from testbench.identify import least_squares, reduce
 from testbench.identify.absolute.state import compliance_unknowns
+from testbench.identify.method import least_squares
+from testbench.identify.regression import reduce
 from testbench.identify.rows import (
     directions_under_load,
     nominal_chain,

@@ -8,19 +8,10 @@ import pytest
 from loads import axis_loads
 
 from testbench import BenchError, Scenario, score, simulate
-from testbench.identify import (
-    gco,
-    least_squares,
-    make_estimate,
-    paper_gco,
-    reduce,
-    robust,
-    with_prior,
-)
-from testbench.identify.estimate import TOOL_MARKER
+from testbench.identify.estimate import TOOL_MARKER, make_estimate
 from testbench.identify.hierarchy import learn_prior
 from testbench.identify.interior import least_squares as psd_least_squares
-from testbench.identify.method import ROBUST_UNCERTAINTY
+from testbench.identify.method import ROBUST_UNCERTAINTY, gco, least_squares, paper_gco, robust, with_prior
 from testbench.identify.metric import (
     Strength,
     WeightedPrior,
@@ -31,6 +22,7 @@ from testbench.identify.metric import (
     scale_by_prior,
 )
 from testbench.identify.registration import PAIRS
+from testbench.identify.regression import reduce
 from testbench.identify.rows import single_readings
 from testbench.identify.solve import (
     REJECTION_THRESHOLD,

@@ -9,8 +9,9 @@ from programs import NASTY, random_regression, with_random_prior
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
 from testbench.data.dataset import select_rows
-from testbench.identify import certify, cone, conic, interior, least_squares, make_estimate, paper_gco, reduce
+from testbench.identify import cone, conic, interior
 from testbench.identify.conic import (
+    certify,
     default_trace_bounds,
     gradient_dual,
     lower_bound_certificate,
@@ -18,7 +19,8 @@ from testbench.identify.conic import (
     tie_break,
     total_trace,
 )
-from testbench.identify.estimate import Dual
+from testbench.identify.estimate import Dual, make_estimate
+from testbench.identify.method import least_squares, paper_gco
 from testbench.identify.metric import (
     RegressionWithPrior,
     Strength,
@@ -27,7 +29,7 @@ from testbench.identify.metric import (
     rescale_to_data,
     scale_by_prior,
 )
-from testbench.identify.regression import Term, f_m, regression_of
+from testbench.identify.regression import Term, f_m, reduce, regression_of
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
 from testbench.plant.true_arms import TRUTHS

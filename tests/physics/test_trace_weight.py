@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
-from testbench.identify import certify, cone, gco, interior, least_squares, paper_gco, reduce, trace
-from testbench.identify.regression import reduce_parts
+from testbench.identify import cone, interior, trace
+from testbench.identify.conic import certify
+from testbench.identify.method import gco, least_squares, paper_gco
+from testbench.identify.regression import reduce, reduce_parts
 from testbench.identify.trace import _strongest_weight, divide_poses, learn_trace_weight
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell

@@ -11,9 +11,9 @@ from scipy.stats import kstest, norm
 
 from testbench.data.dataset import along_lines, select_rows
 from testbench.errors import BenchError
-from testbench.identify import gco, least_squares, with_prior
 from testbench.identify.conic import LEVER_LENGTH
 from testbench.identify.estimate import all_deflections, lilliefors
+from testbench.identify.method import gco, least_squares, with_prior
 from testbench.identify.metric import aggregate, cad_prior
 from testbench.identify.posterior import linearise
 from testbench.model.structure import Structure, all153, template56

@@ -16,7 +16,7 @@ from pyarrow import parquet
 from run_here import ROOT, app_of_study, here, numbers_alone
 from test_compensation import less_work
 
-from testbench.identify import paper_gco
+from testbench.identify.method import paper_gco
 from testbench.report.report import read_report
 from testbench.studies import find_study
 from testbench.studies.paper import six_dof_arm

@@ -12,7 +12,7 @@ from run_here import check_recording, do, fine, refused, table
 from testbench.arm.mjcf import GRAVITY
 from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
-from testbench.identify import least_squares
+from testbench.identify.method import least_squares
 from testbench.model.vjm import chain
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Station

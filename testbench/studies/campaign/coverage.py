@@ -17,8 +17,9 @@ import numpy as np
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, gco, intervals, reduce, with_prior
 from testbench.identify.conic import solve_gco
+from testbench.identify.estimate import Estimate
+from testbench.identify.method import gco, with_prior
 from testbench.identify.metric import (
     PriorScaling,
     Strength,
@@ -27,8 +28,8 @@ from testbench.identify.metric import (
     cad_prior,
     scale_by_prior,
 )
-from testbench.identify.posterior import Intervals, linearise
-from testbench.identify.regression import Regression
+from testbench.identify.posterior import Intervals, intervals, linearise
+from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHODS, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation

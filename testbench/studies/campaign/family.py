@@ -14,9 +14,9 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
-from testbench.identify import Estimate, least_squares
-from testbench.identify.estimate import all_deflections
+from testbench.identify.estimate import Estimate, all_deflections
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
+from testbench.identify.method import least_squares
 from testbench.identify.metric import Prior, scale_by_prior
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS

@@ -19,8 +19,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
-from testbench.identify import Estimate, reduce
-from testbench.identify.estimate import all_deflections
+from testbench.identify.estimate import Estimate, all_deflections
 from testbench.identify.metric import (
     Prior,
     Strength,
@@ -29,7 +28,7 @@ from testbench.identify.metric import (
     rescale_to_data,
     scale_by_prior,
 )
-from testbench.identify.regression import RANK_TOLERANCE, Regression, regression_of
+from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_of
 from testbench.identify.solve import complete_conservatively, free_directions, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm

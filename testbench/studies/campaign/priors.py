@@ -13,8 +13,10 @@ import typer
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
-from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
+from testbench.identify.estimate import Estimate, Estimator
+from testbench.identify.method import gco, least_squares, with_prior
 from testbench.identify.metric import Prior, rescale_to_data, scale_by_prior
+from testbench.identify.regression import reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.runs.spread import Number

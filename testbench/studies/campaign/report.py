@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from testbench.identify import Constraint
+from testbench.identify.estimate import Constraint
 from testbench.report.badge import incumbents, of_rivals
 from testbench.report.figure import Figure
 from testbench.report.markdown import Markdown, counted, listed

@@ -18,9 +18,8 @@ from scipy.spatial.transform import Rotation
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify import Constraint, Estimate, intervals
-from testbench.identify.estimate import DeflectionErrors, all_deflections, score
-from testbench.identify.posterior import CONFIDENCE
+from testbench.identify.estimate import Constraint, DeflectionErrors, Estimate, all_deflections, score
+from testbench.identify.posterior import CONFIDENCE, intervals
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
 from testbench.studies.study import plain_models, without_cone

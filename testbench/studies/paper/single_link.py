@@ -18,8 +18,8 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify import Estimate, least_squares, paper_gco
-from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
+from testbench.identify.estimate import CONSERVATIVE_TOLERANCE, Estimate
+from testbench.identify.method import least_squares, paper_gco
 from testbench.model.structure import Structure, free36
 from testbench.plant.tracker import trial_rng
 from testbench.report.badge import of_rivals

@@ -11,7 +11,7 @@ import typer
 from scipy.special import chdtri
 
 from testbench.arm.folder import find_arm
-from testbench.identify import gco, paper_gco
+from testbench.identify.method import gco, paper_gco
 from testbench.report import badge
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say

@@ -17,7 +17,10 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
-from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
+from testbench.identify.conic import certify
+from testbench.identify.estimate import Estimate, Estimator, make_estimate
+from testbench.identify.method import gco, paper_gco
+from testbench.identify.regression import reduce
 from testbench.plant.tracker import trial_rng
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GCO, SERIES, Look

@@ -18,8 +18,7 @@ from testbench.design.planning import Observability
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, measured_rows
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify import Estimate
-from testbench.identify.estimate import all_deflections
+from testbench.identify.estimate import Estimate, all_deflections
 from testbench.identify.metric import Prior, Strength, scale_by_prior
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
