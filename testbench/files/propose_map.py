@@ -103,7 +103,8 @@ UNREADABLE = (
     ),
     (
         re.compile(
-            r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*|direction[xyz]|reading|travel"
+            r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*"
+            r"|direction[xyz]|reading|travel"
         ),
         "a gauge's readings are travel_before_mm and travel_after_mm, with direction_x, direction_y and "
         "direction_z of the face; the map's [scale] converts volts or counts to mm "
@@ -112,8 +113,8 @@ UNREADABLE = (
     (
         re.compile(".*(wire|ballbar).*|(fixed|anchor|outlet|ball)[xyz]"),
         "distances to a fixed point are distance_before_mm and distance_after_mm, with fixed_x_mm, "
-        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm (docs/formats.md, Gauges and "
-        "distances)",
+        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm "
+        "(docs/formats.md, Gauges and distances)",
     ),
 )
 """Names of columns that hold no positions, and what to do."""
@@ -422,7 +423,7 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
         yield _joint_cells(table, arm)
 
 
-def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
+def _unlike(table: TableCells, what: str) -> InputError:
     if what != "a position":
         hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
         hint += f"one that never moves goes into [values], as {what}_deg = 0"
@@ -516,7 +517,7 @@ def _joint_cells(table: TableCells, arm: Arm) -> Entry:
             unit = said.name if said else guessed
             slides = "_m" * any(joint.prismatic for joint in arm.file_joints)
             return Entry("cells", table.names[k], f"{{joints_{unit}{slides}}}", "" if said else why)
-    raise _unlike(table, arm.file_joints[0].name, arm)
+    raise _unlike(table, arm.file_joints[0].name)
 
 
 def _position_cells(table: TableCells, arm: Arm, length: str) -> Iterator[Entry]:
@@ -534,7 +535,7 @@ def _position_cells(table: TableCells, arm: Arm, length: str) -> Iterator[Entry]
         )
         found.setdefault(at, Entry("cells", name, f"{{{whose}}}", "" if said else why))
     if not found:
-        raise _unlike(table, "a position", arm)
+        raise _unlike(table, "a position")
     several = [own for at, own in found.items() if at.target in markers or at.when]
     yield from several or [*found.values()][:1]
 

@@ -184,6 +184,10 @@ KINDS = {
     # logs without a key
     "row by row": (wide("{x}{n}").replace("joint_", "volts_"), log("A{} [deg]")),
     "a row of the log for three targets": (long(names=False), log("J{}")),
+    "more poses in the log, by number": (
+        long().replace("p", ""),
+        log(key=("Pose", [str(k + 1) for k in range(N)])) + "13,1,2,3,4,5,6\n",
+    ),
     "poses by number": (long().replace("p", ""), log(key=("Pose", [str(k + 1) for k in range(N)]))),
     # one family of joints
     "quaternions": (long(("A1;A2;A3;A4;A5;A6", lambda k: joined(k, ";")), extra=("Q0", "Q1", "Q2", "Q3")),),
@@ -233,6 +237,10 @@ def test_targets_and_joints_of_several_families_are_named_and_none_is_mixed(tmp_
     named = replace(ARM, joints=tuple(replace(j, name=n) for j, n in zip(ARM.joints, joints, strict=True)))
     columns = [f"{x}/{n}" for n in reversed(joints) for x in ("effort", "position")]
     assert joint_family(columns, named) == [11, 9, 7, 5, 3, 1]
+    assert joint_family(["Pose", *"SLURBT", "X"], ARM) == [*range(1, 7)]
+    spoken = ["Wrist 3 [deg]", "Base [deg]", "Shoulder", "Elbow", "Wrist 1", "Wrist 2"]
+    assert joint_family(spoken, ARM) == [1, 2, 3, 4, 5, 0]
+    assert joint_family(["Pose", *"SLURB", "X"], ARM) == []
 
 
 LIKE = {
@@ -502,6 +510,23 @@ def test_lines_that_name_the_rows_below_tell_unloaded_from_loaded(tmp_path):
         pairs(file)
 
 
+def steps(*words):
+    """A row a target and step of a pose, the second one loaded."""
+    rows = [
+        [str(k + 1), f"P{m + 1}", word, *numbers(X[k, m] + DOWN * (n == 1)), *numbers(Q[k])]
+        for k in range(N)
+        for n, word in enumerate(words)
+        for m in range(3)
+    ]
+    header = ["Pose", "Target", "Stage", "X [mm]", "Y [mm]", "Z [mm]", *(f"J{k} [deg]" for k in range(1, 7))]
+    return table(header, rows)
+
+
+def test_an_unloaded_reading_may_follow_the_loaded_one(tmp_path):
+    (file := tmp_path / "pairs.csv").write_text(steps("unloaded 1", "loaded", "unloaded 2"))
+    fits(pairs(file))
+
+
 def cell(text):
     """A cell of a workbook: numbers are none of words."""
     return float(text) if text and text[-1].isdigit() and text[0] in "-0123456789" else text or None
@@ -561,7 +586,68 @@ BY_AXIS = [
     for m in range(3)
     for n, x in enumerate("XYZ")
 ]
+
+
+def by_load(*forms):
+    """Both readings of a target in one row, called as forms of an axis say, without a column of loads."""
+    axes = [form.format(x=x) for form in forms for x in "XYZ"]
+    rows = [
+        [f"Pos {k + 1}", f"P{m + 1}", *numbers(Q[k]), *numbers([X[k, m], X[k, m] + DOWN])]
+        for k in range(N)
+        for m in range(3)
+    ]
+    return table(["Pose", "Target", *(f"A{k} [deg]" for k in range(1, 7)), *axes], rows)
+
+
+def exchanged(text, between=";"):
+    """A table whose rows are columns."""
+    return "\n".join(map(between.join, zip(*(row.split(",") for row in text.splitlines()), strict=True)))
+
+
+SIDES = table(
+    ["Pose", *(f"A{k} [°]" for k in range(1, 7)), "Load [kg]"]
+    + [f"P{m} {x} {when} [mm]" for when in ("before", "after") for m in (1, 2, 3) for x in "XYZ"],
+    [[str(k + 1), *numbers(Q[k]), "100", *numbers([X[k], X[k] + DOWN])] for k in range(N)],
+)
+PLACED = [
+    [f"Pos {k + 1}", load, f"({joined(k)})", *(f"({', '.join(numbers(X[k, m] + down))})" for m in range(3))]
+    for k in range(N)
+    for load, down in (("0", 0), ("100", DOWN))
+]
+FIVE = "Pose|Target|{}|X [mm]|Y [mm]|Z [mm]|J{{}} [deg]"
 TOGETHER = {
+    "rows and columns exchanged": f"Report\n{exchanged(SIDES)}".encode(),
+    "rows and columns exchanged, a column of units": exchanged(
+        SIDES.replace(" [°]", "")
+        .replace(" [mm]", "")
+        .replace("Load [kg]", "Load")
+        .replace("\n1,", f"\nUnit,{','.join(['deg'] * 6 + ['kg'] + ['mm'] * 18)}\n1,", 1)
+    ).encode(),
+    "a load in the names of columns": by_load("{x} 0 kg [mm]", "{x} 100 kg [mm]").encode(),
+    "a load in the names of some columns": by_load("{x} [mm]", "{x} (100kg) [mm]").encode(),
+    "a load in a line above": book(
+        A="Pose,Target,Joints [deg],,,,,,empty [mm],,,100 kg [mm],,\n,,A1,A2,A3,A4,A5,A6,X,Y,Z,X,Y,Z\n"
+        + by_load("{x} a", "{x} b").partition("\n")[2]
+    ),
+    "states by 0 and 1": both(form="{x}{when} [mm]").replace("Unloaded", "0").replace("Loaded", "1").encode(),
+    "a legend": states(FIVE.format("Load"), "L0|L1") + b"\nL0 = empty\nL1: 2 x 40 kg + 20 kg\n",
+    "a mass behind the numbers of a state": states(FIVE.format("Zustand"), "0 kg|100 kg"),
+    "a state in a column of another name": states(FIVE.format("Etappe"), "unloaded|under load"),
+    "a mass in a column of another name": states(FIVE.format("Hung kg [kg]"), "0|100"),
+    "a marker in a column of another name": both().replace("Target", "Kugel").encode(),
+    "sections by marker": "".join(
+        f"Marker P{m + 1}\n"
+        + "".join(
+            f"{row}\n" for k, row in enumerate(both().splitlines()) if not k or (k - 1) % 3 == m
+        ).replace("Target", "No")
+        for m in range(3)
+    ).encode(),
+    "a cell of every target": table(
+        ["Pose", "Load [kg]", "Joints [deg]", *(f"P{m} (x/y/z) mm" for m in (1, 2, 3))], PLACED, ";"
+    ).encode(),
+    "a pose called Max": both().replace("Pos 2,", "Max,").encode(),
+    "a drawn table": both().replace(",", " | ").replace("\n", "\n---|---|---\n", 1).encode(),
+    "means of readings": both(form="{when} {x} mean [mm]").encode(),
     "sheets by state, a cover first": book(
         Cover="Report\nRobot,KR 500", Unloaded=f"Cell 4\n\n{by_target(0)}", Loaded=by_target(DOWN)
     ),
@@ -652,6 +738,33 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
             .replace("[kg],1,2,3,100", "[kg]"),
             "dx, dy, dz are loaded minus unloaded",
         ),
+        (
+            steps("before", "under load", "after"),
+            "column Stage: only this column, 'before', 'under load', 'after', tells readings of one point",
+        ),
+        (
+            states(FIVE.format("Stan"), "nieobciążony|obciążony").decode(),
+            "column Stan: only this column, 'nieobciążony', 'obciążony', tells readings",
+        ),
+        (states(FIVE.format("Load [%]"), "0|100").decode(), "expected a unit of mass or force, got '%'"),
+        (
+            states(FIVE.format("Load"), "none|2 plates of 50 kg").decode(),
+            "expected a finite number, got '2 plates of 50 kg'",
+        ),
+        (
+            table(
+                ["Target", *(f"A{k}" for k in range(1, 7)), *"XYZ", "Unit"],
+                [["P1", *numbers(Q[k]), *numbers(X[k, 0]), ("mm", "in")[k == 5]] for k in range(N)],
+            ),
+            "column Unit: expected one unit of length, got ",
+        ),
+        (
+            table(
+                ["Name", *(f"A{k}" for k in range(1, 7)), *"XYZ"],
+                [[f"{NAMES[k]}_{w}", *numbers(Q[k]), *numbers(X[k, 0])] for k in range(N) for w in "UL"],
+            ),
+            "column Name: nobody knows what 'U' and 'L' mean in names as 'p1_U'",
+        ),
         *(
             (
                 states("Pose|Target|Load|X [mm]|Y [mm]|Z [mm]|J{} [deg]", f"none|{mass}").decode(),
@@ -705,6 +818,16 @@ LINES = {
         "10.0,9.5,0,0,1",
         -0.5e-3,
     ),
+    "a gauge in hundredths along -Z": (
+        "Gauge unloaded [0.01 mm],Gauge loaded [1/100 mm],Direction",
+        "1000,950,-Z",
+        -0.5e-3,
+    ),
+    "a gauge that was at zero": (
+        "Gauge reading [mm],Direction x,Direction y,Direction z",
+        "-0.5,0,0,1",
+        -0.5e-3,
+    ),
     "a draw-wire": (
         "Wire length unloaded [mm],Wire length loaded [mm],Anchor x [mm],Anchor y [mm],Anchor z [mm]",
         "2345.0,2345.5,2200,0,100",
@@ -728,7 +851,6 @@ def test_gauges_and_wires_are_known_by_their_names(name, tmp_path):
 
 def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
     good = side_by_side(0)
-    turned = zip(*(row.split(",") for row in good.splitlines()), strict=True)
     twice = [*"XYZ", *(f"A{k}" for k in range(1, 7)), *"XYZ"]
     deflections = good.replace("T1 ", "d").replace("T2", "U2").replace("T3", "U3")
     for content, said in (
@@ -736,7 +858,6 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         ("<html><table></table></html>", "expected a table, got XML or HTML"),
         ("%PDF-1.7 ...", "expected a table, got a PDF"),
         (log("J{}"), "no column looks like a position"),
-        ("\n".join(map(",".join, turned)), "the first column names the joints: exchange rows and columns"),
         (good.replace("A1 [°]", "Comment"), r"one that never moves goes into \[values\], as joint_1_deg = 0"),
         (deflections, "of deflections alone the targets' places are not known"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
