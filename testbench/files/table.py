@@ -239,6 +239,32 @@ class TableCells:
             source=source,
         )
 
+    def stacked(self, groups: Mapping[str, Sequence[int]], name: str, words: Sequence[str]) -> "TableCells":
+        """Put the columns of each group below one another, with a column that tells their rows apart.
+
+        Args:
+            groups: Indices of the columns of each group, as many as words, by the name that they get.
+            name: Name of the new column.
+            words: Its cells in the rows of the first column of each group, of the second one, and so on.
+
+        Returns:
+            The table, with the rows of all other columns repeated.
+        """
+        whole = self.take(np.tile(np.arange(self.rows), len(words)))
+        gone = {k for group in groups.values() for k in group}
+        kept = [k for k in range(len(self.names)) if k not in gone]
+        firsts = [group[0] for group in groups.values()]
+        return replace(
+            whole,
+            names=(*(self.names[k] for k in kept), *groups, name),
+            units=(*(self.units[k] for k in (*kept, *firsts)), None),
+            cells=[
+                *(whole.cells[k] for k in kept),
+                *(pa.concat_arrays([self.cells[k] for k in group]) for group in groups.values()),
+                pa.array(np.repeat(words, self.rows).tolist(), pa.string()),
+            ],
+        )
+
     def cells_like(self, first: "TableCells") -> list["pa.Array"]:
         """List the columns in the order of another table.
 

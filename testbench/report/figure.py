@@ -32,7 +32,7 @@ from testbench.report.schema import Table, TableColumn, best_rows, looks
 from testbench.runs.interrupt import SESSION
 from testbench.runs.rows import Row
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
-from testbench.workflows.models import row_words
+from testbench.workflows.model_names import row_words
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])

@@ -517,7 +517,7 @@ def test_joints_beside_a_pose_choose_its_configuration(model, tmp_path):
 end
 """
     (path := tmp_path / "way.script").write_text(text)
-    program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+    program, _ = with_payload(model, read_program(path, model.arm), 300.0)
     found = correct_program(model, program, Aim())
     np.testing.assert_allclose(found.found.start, FLIPPED[[1, 1]], rtol=0, atol=1e-6)
     write_corrected(found, [tmp_path / "right.script"], "urscript")

@@ -22,7 +22,8 @@ from testbench.studies.campaign.noise import (
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, duels, lines
 from testbench.studies.campaign.trial import CampaignFitRow
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
-from testbench.workflows.models import DEFAULT, EQUAL_FIT, JOINTS
+from testbench.workflows.model_names import EQUAL_FIT
+from testbench.workflows.models import DEFAULT, JOINTS
 
 GRAVITY, SIX_DOF = "KR 500, 8 poses", "108 runs of section 5.2"
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
