@@ -309,10 +309,13 @@ class LinksAndJoints:
         with it a fit without a pose is one solution of normal equations. The cone is left out.
         """
         wander, rigid = self.likeliest.regression.wander, self.joints_regression.poses
-        poses = restrict_to(self.regression, self.likeliest.structure).poses
-        weighed = poses if wander is None else tuple(_weigh_pose(rows, wander) for rows in poses)
-        ours = _held_out_errors(poses, weighed, self.belief)
-        return ours, _held_out_errors(rigid, rigid, self.joints_prior)
+        rows_by_pose = restrict_to(self.regression, self.likeliest.structure).poses
+        weighed = (
+            rows_by_pose if wander is None else tuple(_weigh_pose(rows, wander) for rows in rows_by_pose)
+        )
+        return _held_out_errors(rows_by_pose, weighed, self.belief), _held_out_errors(
+            rigid, rigid, self.joints_prior
+        )
 
 
 def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
@@ -349,8 +352,9 @@ def _likeliest(estimate: Estimate) -> Estimate:
 
 def _weigh_pose(rows: Array, wander: Array) -> Array:
     """Weigh the rows of a pose for links that change: they are uncorrelated and of unit noise then."""
-    variances, rows = _pose_variances(rows, wander)
-    return np.asarray(rows / np.sqrt(1 + variances)[:, None])
+    G = rows[:, :-1] @ wander.T
+    values, Q = np.linalg.eigh(np.eye(len(rows)) + G @ G.T)
+    return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
 
 
 def _held_out_errors(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: WeightedPrior) -> Array:

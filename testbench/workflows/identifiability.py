@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.design.rows import marker_motion
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.posterior import (
     FURTHER_ROWS,
@@ -45,7 +44,7 @@ from testbench.identify.observability import (
 from testbench.identify.posterior import Posterior
 from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank, reduce
 from testbench.model.structure import TEMPLATE, Structure
-from testbench.model.vjm import Vjm, chain, marker_points, observation
+from testbench.model.vjm import Vjm, chain, marker_motion, marker_points, observation
 from testbench.runs.rows import Row
 
 # --- Identifiability of a structure from runs, before any fit, and what else to measure ---------------------
