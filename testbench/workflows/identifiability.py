@@ -107,32 +107,10 @@ class Identifiability:
         return self.rank_of_loads - self.rank
 
 
-def describe(
-    vjm: Vjm, structure: Structure, data: Dataset, prior: Prior, strength: Strength
-) -> Identifiability:
-    """Describe what a dataset can tell of a structure before any solve; only poses, loads and sigmas count.
-
-    Args:
-        vjm: Kinematics of the arm.
-        structure: The unknowns.
-        data: Measured runs.
-        prior: The prior.
-        strength: Strength of the prior.
-
-    Returns:
-        The description.
-
-    Raises:
-        BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
-            definite, or the structure leaves the symmetry open.
-    """
-    return of_regression(vjm, reduce(vjm, structure, data), data, prior, strength)
-
-
 def of_regression(
     vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
 ) -> Identifiability:
-    """Describe what a reduced dataset can tell of its structure.
+    """Describe what a reduced dataset can tell of its structure; only poses, loads and sigmas count.
 
     Args:
         vjm: Kinematics of the arm.
@@ -143,6 +121,10 @@ def of_regression(
 
     Returns:
         The description.
+
+    Raises:
+        BenchError: When the prior has another size or is not positive definite, or the structure leaves the
+            symmetry open.
     """
     structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
     everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))
