@@ -19,7 +19,7 @@ from testbench.identify.posterior import CONFIDENCE, ArmModel, conditional_covar
 from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.kinematics import joint_error_basis
 from testbench.model.load import Load, displacement, on_joints, own_weight
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.vjm import chain, marker_motion, tool_pose
 
 MAX_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
 MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].
@@ -132,8 +132,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     x = end.at_rest(model.state).at(point)
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
-    turns = np.stack([np.cross(axis, x) for axis in np.eye(3)], axis=2)
-    F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
+    F = marker_motion(x)
     # rows without what the best rigid motion takes up
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]

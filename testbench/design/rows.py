@@ -16,7 +16,7 @@ from testbench.identify.metric import PriorScaling, Strength, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, skew
+from testbench.model.vjm import Vjm, marker_motion
 
 SCALE_UNCERTAINTY = 10.0
 """Relative uncertainty of the scale common to all compliances [1]: finite, but so large that data decide."""
@@ -177,15 +177,6 @@ def _rows(
     twist = np.einsum("rxy,sxcr->rsyc", equilibrium.chain.rotation, A, optimize=True)
     flat = twist.reshape(len(q), 6, -1)
     return np.asarray(motion @ (flat @ metric.L if onto is None else row_products(flat, metric.L @ onto)))
-
-
-def marker_motion(points: Array) -> Array:
-    """Compute G of points of a rigid tool, (m, 3) [m]: motion = G @ twist in its frame, (3 m, 6) [1, m].
-
-    Mathematics: `vjm-4`.
-    """
-    turns = np.array([skew(point).T for point in points])
-    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
 
 
 def row_products(rows: Array, X: Array) -> Array:

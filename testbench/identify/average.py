@@ -351,8 +351,9 @@ def _likeliest(estimate: Estimate) -> Estimate:
 
 def _weigh_pose(rows: Array, pose_variation: Array) -> Array:
     """Weigh the rows of a pose for links that change: they are uncorrelated and of unit noise then."""
-    variances, rows = _pose_variances(rows, pose_variation)
-    return np.asarray(rows / np.sqrt(1 + variances)[:, None])
+    G = rows[:, :-1] @ pose_variation.T
+    values, Q = np.linalg.eigh(np.eye(len(rows)) + G @ G.T)
+    return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
 
 
 def _held_out_errors(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: WeightedPrior) -> Array:

@@ -395,6 +395,15 @@ def skew(vectors: Array) -> Array:
     return W
 
 
+def marker_motion(points: Array) -> Array:
+    """Compute G of points of a rigid tool, (m, 3) [m]: motion = G @ twist in its frame, (3 m, 6) [1, m].
+
+    Mathematics: `vjm-4`.
+    """
+    turns = np.array([skew(point).T for point in points])
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Compute vector products along the first axis; np.cross is four times slower there.
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.design.rows import marker_motion
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.posterior import (
     FURTHER_ROWS,
@@ -45,7 +44,7 @@ from testbench.identify.observability import (
 from testbench.identify.posterior import Posterior
 from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank, reduce
 from testbench.model.structure import TEMPLATE, Structure
-from testbench.model.vjm import Vjm, chain, marker_points, observation
+from testbench.model.vjm import Vjm, chain, marker_motion, marker_points, observation
 from testbench.runs.rows import Row
 
 # --- Identifiability of a structure from runs, before any fit, and what else to measure ---------------------
@@ -108,32 +107,10 @@ class Identifiability:
         return self.rank_of_loads - self.rank
 
 
-def describe(
-    vjm: Vjm, structure: Structure, data: Dataset, prior: Prior, strength: Strength
-) -> Identifiability:
-    """Describe what a dataset can tell of a structure before any solve; only poses, loads and sigmas count.
-
-    Args:
-        vjm: Kinematics of the arm.
-        structure: The unknowns.
-        data: Measured runs.
-        prior: The prior.
-        strength: Strength of the prior.
-
-    Returns:
-        The description.
-
-    Raises:
-        BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
-            definite, or the structure leaves the symmetry open.
-    """
-    return of_regression(vjm, reduce(vjm, structure, data), data, prior, strength)
-
-
 def of_regression(
     vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
 ) -> Identifiability:
-    """Describe what a reduced dataset can tell of its structure.
+    """Describe what a reduced dataset can tell of its structure; only poses, loads and sigmas count.
 
     Args:
         vjm: Kinematics of the arm.
@@ -144,6 +121,10 @@ def of_regression(
 
     Returns:
         The description.
+
+    Raises:
+        BenchError: When the prior has another size or is not positive definite, or the structure leaves the
+            symmetry open.
     """
     structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
     everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))

@@ -1,11 +1,9 @@
-"""The public dataset: campaigns of true arms of every kind, each with a prior that is wrong in one way.
+"""The public dataset, read as it was simulated: campaigns of true arms, each with a prior that is wrong.
 
-In a round there is one campaign a kind of true arm in TRUTHS and error of a prior in PRIORS. An arm is
-measured once a prior, in other poses and with other noise. The campaign with number k has seed root + k, and
-the true arm has that of its first campaign. They are read back as they were simulated.
+`tools/build_dataset.py` makes it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -20,108 +18,17 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError, InputError, open_file
 from testbench.files.names import WHEN, columns_of
-from testbench.files.write import columns
 from testbench.identify.metric import Prior
-from testbench.plant.true_arms import TRUTHS
-from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.models import PRIORS, prior_of
+from testbench.workflows.cell import Campaign, Scenario
 
-GROUP = 2**16  #: Rows of a row group.
 MAX_BYTES = 10**9  #: Of a file [byte].
 Cells = npt.NDArray[np.generic]
 ARM = "kr500_l480"  #: Which of ours is measured, in its campaign of section 6.
 SCENARIO = Scenario(arm=ARM, workspace_poses=100)
-FOLDER = "tubes"  #: The kind that is the folder's own arm, the same for every seed: one arm, in one split.
-GRID = len(TRUTHS) * len(PRIORS)  #: Campaigns of a round.
-ROUNDS = 100
-TURNS = ("train", "dev", "test", *["train"] * 2, "test", *["train"] * 4)
-"""The splits that arms of a kind are in, in turn."""
+SPLITS = ("train", "dev", "test")
 CAMPAIGNS, READINGS = "campaigns.parquet", "readings.parquet"
 DEFLECTIONS, ARMS = "truth_deflections.parquet", "truth_arms.parquet"  #: What no estimator may see.
 TABLES = (CAMPAIGNS, READINGS, DEFLECTIONS, ARMS)
-
-Row = dict[str, dict[str, Cells]]
-"""Of one campaign what stands in every table, by table and column."""
-
-
-def kind_of(first: int) -> str:
-    """Return the true arm whose campaigns begin with this one, a multiple of the number of priors."""
-    return list(TRUTHS)[first % GRID // len(PRIORS)]
-
-
-def split_of(first: int) -> str:
-    """Return what all campaigns of an arm are for; kinds are not all in the same turn of a round."""
-    turn = 0 if kind_of(first) == FOLDER else first // GRID + first % GRID // len(PRIORS)
-    return TURNS[turn % len(TURNS)]
-
-
-def write_rounds(root: int, folder: str, rounds: Sequence[int]) -> list[list[object]]:
-    """Simulate some rounds, each into tables of a folder of its own; see `runs.engine.Work`.
-
-    Args:
-        root: Seed of all randomness.
-        folder: Folder of the tables.
-        rounds: Numbers of the rounds.
-
-    Returns:
-        No rows.
-    """
-    cell = build_cell(ARM)
-    for k in rounds:
-        arms = range(GRID * k, GRID * (k + 1), len(PRIORS))
-        path, rows = Path(folder) / str(k), [row for first in arms for row in _rows(cell, first, root)]
-        path.mkdir()
-        for name in TABLES:
-            write_table(path / name, _joined([row[name] for row in rows]))
-    return [[] for _ in rounds]
-
-
-def _joined(tables: Sequence[Mapping[str, Cells]]) -> dict[str, Cells]:
-    return {name: np.concatenate([own[name] for own in tables]) for name in tables[0]}
-
-
-def _rows(cell: Cell, first: int, root: int) -> Iterator[Row]:
-    """All campaigns of an arm: what is known of each, and apart from that what is true."""
-    kind = kind_of(first)
-    true = true_cell(cell, kind, root + first)
-    for number, error in enumerate(PRIORS, first):
-        seed = root + number
-        campaign = simulate_at(true, SCENARIO, seed, draw_poses(cell, SCENARIO, seed))
-        head = {"campaign": number, "split": split_of(first)}
-        about = _repeated(1, head | {"arm": 0 if kind == FOLDER else first, "seed": seed})
-        yield {
-            CAMPAIGNS: about | _compliance_cells(cell, prior_of(cell, error, seed).C_theta, "prior_"),
-            READINGS: _points(
-                cell, head, {"identification": campaign.identification, "check": campaign.check}
-            ),
-            DEFLECTIONS: _points(cell, head, {"check": campaign.check_true, "workspace": campaign.truth}),
-            ARMS: about
-            | _repeated(1, {"true_arm": kind, "prior_error": error})
-            | _compliance_cells(cell, true.plant.arm.C_theta, ""),
-        }
-
-
-def _repeated(rows: int, values: Mapping[str, object]) -> dict[str, Cells]:
-    return {name: np.array([value] * rows) for name, value in values.items()}
-
-
-def _compliance_cells(cell: Cell, C: Array, prefix: str) -> dict[str, Cells]:
-    """Of all links in their beam frames, row by row, and of all joints, a row each."""
-    k, n = range(len(cell.arm.links)), 6 * len(cell.arm.links)
-    links = C[:n, :n].reshape(len(k), 6, len(k), 6)[k, :, k]
-    return {f"{prefix}links": links.reshape(1, -1), f"{prefix}joints": np.diag(C)[None, n:]}
-
-
-def _points(cell: Cell, head: Mapping[str, object], sets: Mapping[str, Dataset]) -> dict[str, Cells]:
-    """A row a marker of a run, in the columns of dataset.csv, of some sets of runs."""
-    return _joined(
-        [
-            _repeated(data.points, {**head, "set": name})
-            | {key: np.asarray(cells) for key, cells in columns(data, cell.arm).items()}
-            for name, data in sets.items()
-        ]
-    )
-
 
 KNOWN = ("campaign", "arm", "split", "seed", "prior_links", "prior_joints")
 
@@ -153,8 +60,8 @@ def load_dataset(
     Raises:
         BenchError: If there is no such split, or a file is missing or wrong.
     """
-    if split not in (None, *TURNS):
-        raise BenchError(f"split: expected {', '.join(dict.fromkeys(TURNS))}, got {split!r}")
+    if split not in (None, *SPLITS):
+        raise BenchError(f"split: expected {', '.join(SPLITS)}, got {split!r}")
     path, arm = Path(folder) / CAMPAIGNS, load_arm(Path(folder) / "arms" / ARM)
     known = read_table(path, KNOWN, split=split)
     measured, truth = (_sets(Path(folder) / name, arm, split) for name in (READINGS, DEFLECTIONS))
@@ -210,36 +117,11 @@ def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Datase
     return found
 
 
-def write_table(path: Path, columns: Mapping[str, Cells | Sequence[str]]) -> None:
-    """Write columns by name; of an array (rows, n) each cell is a list.
-
-    Args:
-        path: Path of the file.
-        columns: Columns by name, of equal length.
-    """
-    cells = {name: list(own) if np.ndim(own) > 1 else own for name, own in columns.items()}
-    _write(path, pa.table(cells))
-
-
-def join_tables(parts: Sequence[Path], path: Path) -> None:
-    """Write the rows of several tables one behind the other; the same rows give the same bytes.
-
-    Args:
-        parts: Files of the tables.
-        path: File of the whole.
-    """
-    _write(path, pa.concat_tables(parquet.read_table(part, memory_map=True) for part in parts))
-
-
-def _write(path: Path, table: pa.Table) -> None:
-    parquet.write_table(table.combine_chunks(), path, compression="zstd", row_group_size=GROUP)
-
-
 def read_table(path: Path, names: Sequence[str], **kept: str | None) -> dict[str, Cells]:
     """Read columns of a table by name.
 
     Args:
-        path: A file of `write_table`.
+        path: The file.
         names: The columns that are wanted; there may be more.
         kept: By column the word of the rows that are wanted; None for all rows.
 
@@ -265,8 +147,3 @@ def read_table(path: Path, names: Sequence[str], **kept: str | None) -> dict[str
 def _array(column: pa.ChunkedArray) -> Cells:
     lists = pa.types.is_list(column.type)
     return np.array(column.to_pylist()) if lists else column.to_numpy()
-
-
-def kinds(path: Path) -> dict[str, str]:
-    """Name what each column of a table holds, in Arrow's words: int64, string, list<element: double>."""
-    return {field.name: str(field.type) for field in parquet.read_schema(path)}

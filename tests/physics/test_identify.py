@@ -15,7 +15,7 @@ from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, ran
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, template56
 from testbench.model.vjm import chain, observation
 from testbench.workflows.advice import advice
-from testbench.workflows.identifiability import describe, sampled_tasks, unseen_poses
+from testbench.workflows.identifiability import of_regression, sampled_tasks, unseen_poses
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def full_pose(arm_6r):
 
 
 def report_of(cell, structure, data, strength=STRENGTH):
-    return describe(cell.vjm, structure, data, cad_prior(cell.arm), strength)
+    return of_regression(cell.vjm, reduce(cell.vjm, structure, data), data, cad_prior(cell.arm), strength)
 
 
 def proposal(report, start):

@@ -7,14 +7,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from build_dataset import build
+from build_dataset import GRID, ROUNDS, build, kind_of, split_of
 from pyarrow import parquet
 from run_here import ROOT, held
 
 import testbench as tb
 from testbench.plant.true_arms import TRUTHS
 from testbench.workflows.cell import build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.load_dataset import GRID, ROUNDS, SCENARIO, TABLES, kind_of, split_of
+from testbench.workflows.load_dataset import SCENARIO, TABLES
 from testbench.workflows.models import PRIORS, prior_of
 
 SAMPLE = ROOT / "docs/dataset_sample"

@@ -34,6 +34,7 @@ from testbench.identify.diagnosis.kinematics import Issue, Score, score_test, un
 from testbench.identify.metric import PriorScaling
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors
+from testbench.model.vjm import marker_motion
 
 MAX_ORDER = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
 #: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.
@@ -270,8 +271,7 @@ def move_columns(linear: NuisanceModel, series: Series, A: Array, what: str) -> 
     mount = A[:, :, linear.active.unknowns.columns(f"mount {series.target}")]
     points = linear.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
-    for k, point in enumerate(points):
-        T[3 * k : 3 * k + 3] = np.column_stack([np.eye(3), np.cross(np.eye(3), point).T])
+    T[: 3 * len(points)] = marker_motion(points)
     T[3 * len(points) :, 3:] = np.eye(3)[: max(0, len(T) - 3 * len(points))]
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
