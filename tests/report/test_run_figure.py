@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection, PatchCollection, PolyCollecti
 from matplotlib.figure import Figure
 from reports import check_forest
 
+from testbench.plant.shapes import corners, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import look
 from testbench.report.figure import forest, headed, log_ticks, page, say
@@ -54,6 +55,22 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
     still = np.stack([path.at[0, 0, plane], path.to[0, 0, plane]])
     assert any(np.allclose(at, still) for at in segments)
     assert axes.get_title().startswith(own.names[k])
+
+
+@pytest.mark.parametrize("plane", [[0, 2], [0, 1], [1, 2]])
+def test_the_arm_is_drawn_where_its_solids_are_and_not_mirrored(seen, plane):
+    cell, frames = seen.scene.cell, seen.scene.groups[0].rigid
+    roles = {cell.room.names.index(name) for name in (cell.arm.load, *cell.arm.markers)}
+    solids = [
+        frames.positions[0, shape.body] + corners(shape) @ frames.rotations[0, shape.body].T
+        for shape in visual_shapes(cell.room)
+        if shape.body not in roles
+    ]
+    polygons, _ = outlines(cell, frames, 0, np.eye(3)[plane])
+    drawn, every = np.vstack(polygons), np.vstack(solids)[:, plane]
+    np.testing.assert_allclose(drawn.min(axis=0), every.min(axis=0))
+    np.testing.assert_allclose(drawn.max(axis=0), every.max(axis=0))
+    assert abs(every.min(axis=0)[0] + every.max(axis=0)[0]) > 0.01  # else a mirrored one has the same ends
 
 
 def test_a_weight_hangs_below_its_hook_in_both_views(seen):
