@@ -142,7 +142,7 @@ def _beside_random(f: Row) -> str:
         return f"where random poses give no bound (median of {plans} plans)"
     times = least / expected
     size = f"{ratio(max(times, 1 / times))}x {'lower' if times >= 1 else 'higher'} than"
-    return f"{size} with random poses ({least:.3f} mm, median of {plans} plans)"
+    return f"{size} with random poses (median of {plans} plans: {least:.3f} mm)"
 
 
 def _tables(f: Row, where: str) -> dict[str, Table]:

@@ -752,7 +752,7 @@ def _name(axes: Axes, first: Axes, last: Axes) -> None:
         axes.set_ylabel(axes.get_ylabel() or first.get_ylabel())
     if axes in axes.get_shared_x_axes().get_siblings(last) and axes is not last:
         axes.tick_params(labelbottom=True)
-        axes.set_xlabel(axes.get_xlabel() or last.get_xlabel())
+    axes.set_xlabel(axes.get_xlabel() or last.get_xlabel())
     if axes is first or axes.get_ylim() != first.get_ylim():
         return
     names, own = ([text.get_text() for text in pane.get_yticklabels()] for pane in (first, axes))

@@ -526,7 +526,8 @@ def joint_error_figure(rows: Sequence[Row]) -> Figure:
     for k, axes in enumerate(panes.flat[: len(rows)]):
         if k + JOINTS_ACROSS >= len(rows):
             axes.set_xlabel("joint angle [deg]")
-    worst = max(rows, key=lambda row: row.rms_urad)
+    worst, *others = sorted(rows, key=lambda row: -row.rms_urad)
+    for_column(*(axes for axes, row in zip(panes.flat, rows, strict=False) if row in [worst, *others[:1]]))
     say(
         figure,
         f"Periodic joint errors: {worst.joint} errs most, {worst.rms_urad:.0f} µrad RMS",

@@ -238,7 +238,7 @@ def first_digit(value: float) -> float:
 
 OPEN_VARIANCE_SHARE = 0.5  #: Share of the variance of a law's size beyond which readings do not tell it [1].
 LIGHTER = 0.4  #: Weight of a second load over the first [1].
-UNLOADED_AFTER = "an unloaded reading after the load was taken off (a row with `loading` off)"
+UNLOADED_AFTER = "an unloaded reading after the load was taken off (a row with loading off)"
 
 
 @dataclass(frozen=True)

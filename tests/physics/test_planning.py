@@ -103,7 +103,7 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     assert {"stiffening", "backlash", "friction"} == set(one)
     assert sum(len(law.joints) for law in two.values()) < sum(len(law.joints) for law in one.values())
     friction = one["friction"]
-    assert "a row with `loading` off" in friction.by
+    assert "a row with loading off" in friction.by
     assert "joint_3" in friction.told
     assert set(friction.told) | set(friction.never) <= set(friction.joints)
     assert not set(friction.told) & set(friction.never)

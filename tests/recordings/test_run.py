@@ -342,6 +342,16 @@ def test_models_are_bars_from_zero_each_with_its_name_and_number(seen, tmp_path)
     assert reached[1] / reached[0] == pytest.approx(4.0)
 
 
+def test_a_recording_says_first_what_the_names_of_the_models_beside_it_mean(seen, tmp_path):
+    rows = [
+        Row(name=name, structure=name, constraint="psd", prior=False, error=x)
+        for name, x in (("MGCO56", 0.4), ("mine.py:best", 0.1))
+    ]
+    table = Table((TableColumn("name", "model"), TableColumn("error", "error", "mm")), rows, "Models")
+    chunks = chunks_of(written(tmp_path / "a.rrd", replace(seen, tables=[table])))
+    assert "**MGCO56**: GCO of beam links." in document(chunks, "/summary")
+
+
 BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])
 
 

@@ -8,7 +8,8 @@ import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
 
-from testbench.report.figure import forest, one_column, page, ranges, say, sweeps
+from testbench.report.colours import look
+from testbench.report.figure import for_column, forest, one_column, page, ranges, say, sweeps
 from testbench.report.run_figure import error_map, overview
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
@@ -43,7 +44,7 @@ def stacked(figure):
     narrow.draw_without_rendering()
     check_legible(narrow)
     assert 25.4 * narrow.get_figwidth() == pytest.approx(89)
-    assert 25.4 * narrow.get_figheight() <= 120
+    assert 25.4 * narrow.get_figheight() <= 121
     assert wide == (figure.get_size_inches().tolist(), [axes.get_position().bounds for axes in figure.axes])
     panes = [axes for axes in narrow.axes if axes.axison and axes.get_subplotspec() is not None]
     boxes = [axes.get_window_extent() for axes in panes]
@@ -63,6 +64,43 @@ def test_every_pane_of_a_forest_names_its_rows_with_its_own_numbers():
         heads, found = zip(*[label.split("  ") for label in labels(axes)], strict=True)
         assert heads == HEADS
         assert [float(own) for own in found] == pytest.approx([float(own) for own in numbers])
+
+
+def test_a_column_has_the_first_panes_that_fit_or_those_that_are_marked():
+    figure = page(6.0)
+    panes = figure.subplots(4, 1)
+    for k, axes in enumerate(panes):
+        axes.plot([1, 2])
+        axes.set_title(f"pane {k}")
+    say(figure, "Title", "Words.")
+    assert [axes.get_title() for axes in stacked(figure)] == ["pane 0", "pane 1"]
+    for_column(panes[1], panes[3])
+    assert [axes.get_title() for axes in stacked(figure)] == ["pane 1", "pane 3"]
+
+
+def test_a_pane_that_is_too_tall_alone_stays_and_all_of_its_rows_are_named():
+    many = [Row(row, name=f"{row.name} {k}") for k in range(14) for row in rows()]
+    table = Table((NAME, ERROR), many, looks={row.name: look("MGCO56", "psd") for row in many})
+    figure = forest(table, {"error": "Errors"}, "One wins", "Words.")
+    figure.draw_without_rendering()
+    [axes] = [axes for axes in one_column(figure).axes if axes.axison]
+    assert len([own for own in labels(axes) if own]) == len(many)
+
+
+def test_a_key_of_several_columns_has_one_where_names_are_long_each_beside_its_own_line():
+    swept = Table((NAME, SIZE, ERROR), [row for k in (1.0, 10.0, 100.0) for row in rows(size=k)])
+    figure = sweeps({"Left": swept, "Right": swept}, "One wins", "Words.")
+    own = {line.get_label(): line.get_color() for line in figure.axes[0].get_lines()}
+    [key] = [key for part in (figure, *figure.subfigs) for key in part.legends]
+    stacked(figure)
+    narrow = one_column(figure)
+    narrow.draw_without_rendering()
+    [narrowed] = [key for part in (narrow, *narrow.subfigs) for key in part.legends]
+    for found in (key, narrowed):
+        handles = zip(found.get_texts(), found.legend_handles, strict=True)
+        assert {text.get_text(): handle.get_color() for text, handle in handles} == own
+    boxes = [text.get_window_extent() for text in narrowed.get_texts()]
+    assert all(above.y0 > below.y1 - 2 for above, below in pairwise(boxes))
 
 
 def test_lines_keep_their_key_and_panes_that_share_an_axis_get_their_own_names():

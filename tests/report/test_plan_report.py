@@ -105,6 +105,20 @@ def changed(f, **parts):
     return Row(f, **{key: Row(f[key], **own) if isinstance(own, Row) else own for key, own in parts.items()})
 
 
+@pytest.mark.parametrize(
+    ("random", "said"),
+    [
+        (0.468, "2.0x lower than with random poses (median of 200 plans: 0.468 mm)"),
+        (0.117, "2.0x higher than with random poses (median of 200 plans: 0.117 mm)"),
+        (None, "where random poses give no bound (median of 200 plans)"),
+    ],
+)
+def test_the_answer_says_by_how_much_the_plan_beats_random_poses(f, random, said):
+    own = changed(f, error_mm=Expected(0.234, 0.1, 0.3), random_plans=Row(plans=200, median_mm=random))
+    answer = f"Expected error at the tasks: 0.234 mm, {said}. 90 % interval: 0.100 to 0.300 mm."
+    assert report(own).answer == answer
+
+
 def listed(f, **parts):
     """The numbers with others, and the rows that follow from them."""
     own = changed(f, **parts)

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection, PatchCollection, PolyCollecti
 from matplotlib.figure import Figure
 from reports import check_forest
 
+from testbench.plant.shapes import corners, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import look
 from testbench.report.figure import forest, headed, log_ticks, page, say
@@ -54,6 +55,22 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
     still = np.stack([path.at[0, 0, plane], path.to[0, 0, plane]])
     assert any(np.allclose(at, still) for at in segments)
     assert axes.get_title().startswith(own.names[k])
+
+
+@pytest.mark.parametrize("plane", [[0, 2], [0, 1], [1, 2]])
+def test_the_arm_is_drawn_where_its_solids_are_and_not_mirrored(seen, plane):
+    cell, frames = seen.scene.cell, seen.scene.groups[0].rigid
+    roles = {cell.room.names.index(name) for name in (cell.arm.load, *cell.arm.markers)}
+    solids = [
+        frames.positions[0, shape.body] + corners(shape) @ frames.rotations[0, shape.body].T
+        for shape in visual_shapes(cell.room)
+        if shape.body not in roles
+    ]
+    polygons, _ = outlines(cell, frames, 0, np.eye(3)[plane])
+    drawn, every = np.vstack(polygons), np.vstack(solids)[:, plane]
+    np.testing.assert_allclose(drawn.min(axis=0), every.min(axis=0))
+    np.testing.assert_allclose(drawn.max(axis=0), every.max(axis=0))
+    assert abs(every.min(axis=0)[0] + every.max(axis=0)[0]) > 0.01  # else a mirrored one has the same ends
 
 
 def test_a_weight_hangs_below_its_hook_in_both_views(seen):
@@ -235,6 +252,34 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
     assert tick.get_markersize() == before
 
 
+def test_rows_that_each_add_to_the_one_before_keep_their_order(seen):
+    rows = [
+        Row(name=name, structure="MGCO56", constraint="psd", prior=False, error=x)
+        for name, x in (("geometry", 0.48), ("joint errors", 0.09), ("links", 0.1))
+    ]
+    for stepwise, order in ((True, [0, 1, 2]), (False, [1, 2, 0])):
+        table = Table(COLUMNS[:2], rows, "Errors tried", headline="error", stepwise=stepwise)
+        [axes] = overview(REPORT, replace(seen, scene=None, runs=(), tables=[table])).axes
+        heads = [text.get_text().split("  ")[0] for text in axes.get_yticklabels()]
+        assert heads == [rows[k].name for k in order]
+
+
+def test_a_line_alone_has_no_key_and_two_have_one(figure, seen):
+    assert [text.get_text() for text in figure.axes[-1].get_legend().get_texts()] == ["other", "one"]
+    alone = replace(seen.runs[0], lines=seen.runs[0].lines[:1])
+    assert overview(REPORT, replace(seen, runs=(alone,))).axes[-1].get_legend() is None
+
+
+def test_a_dashed_line_is_at_what_noise_alone_stays_below(seen):
+    chart = replace(seen.runs[0], limit=1.25)
+    [dashed] = [
+        line
+        for line in overview(REPORT, replace(seen, runs=(chart,))).axes[-1].get_lines()
+        if line.get_linestyle() == "--" and line.get_label() == chart.limit_is
+    ]
+    assert list(dashed.get_ydata()) == [1.25, 1.25]
+
+
 ENDS = ".svg", "_dark.svg", "_89.svg", "_89_dark.svg"
 
 
@@ -256,6 +301,8 @@ def test_for_print_there_are_svgs_beside_the_png_of_two_widths_on_light_and_on_d
     assert {"#ffffff", "#000000", "#c88304"} <= set(re.findall("#[0-9a-f]{6}", light))
     assert set(re.findall("#[0-9a-f]{6}", dark)) & {"#ffffff", "#000000"} == set()
     assert "#c88304" in dark
+    assert "fill" not in re.search("<svg [^>]*>", light)[0]  # letters without a fill of their own are black
+    assert 'fill="#ebebeb"' in re.search("<svg [^>]*>", dark)[0]
     for text, ground in ((light, 255), (dark, 18)):
         first = re.search("fill: #([0-9a-f]{2})", text)
         assert int(first[1], 16) == ground

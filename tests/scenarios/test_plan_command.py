@@ -238,8 +238,8 @@ def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration)
     _, _, title, _, first, *_ = page.splitlines()
     assert title == "Calibration plan: ur10, Joints, own weight, then 5 kg"
     error, random = calibration["error_mm"]["expected"], calibration["random_plans"]["median_mm"]
-    assert f"Expected error over the workspace: {error:.3f} mm (90 % interval " in first
-    assert f"With random poses: {random:.3f} mm (median of 100 plans)." in first
+    assert f"Expected error over the workspace: {error:.3f} mm, " in first
+    assert f"with random poses (median of 100 plans: {random:.3f} mm). 90 % interval: " in first
     own = np.hypot(error, calibration["beyond_mm"])
     assert f"| this plan, with joint errors of all orders | {own:.3f} |" in page
     assert all(f"- {words}." in page for words in calibration["hidden"])

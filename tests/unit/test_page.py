@@ -137,6 +137,13 @@ def test_what_is_no_number_stands_on_a_page_as_its_word_alone_and_is_left_out_of
     assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2
 
 
+def test_a_table_on_a_page_has_the_words_of_its_models():
+    rows = [Row(name=name, error=1.0) for name in ("MGCO56 + prior", "Joints", "random poses")]
+    found = html.grid(Table((TableColumn("name", "model"), TableColumn("error", "error", "mm")), rows))
+    words = ["GCO of beam links with prior (MGCO56)", "joints-only model", "random poses"]
+    assert found["words"] == dict(zip((row.name for row in rows), words, strict=True))
+
+
 def test_rows_that_are_no_model_have_no_models_colour():
     fits = [
         SimpleNamespace(case=case, structure=structure, constraint="none", prior=False)
