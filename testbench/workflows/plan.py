@@ -380,14 +380,14 @@ def _within(candidates: Candidates, kind: Ids, allowed: Mask, poses: int) -> tup
 
 def _ranges(cell: Cell, instruments: Sequence[Mounted], q: Array) -> Callable[[Array], Mask]:
     """Tell in which poses all distances are in range: the middle of a range is the median of candidates."""
-    meters = [own for own in instruments if isinstance(own.instrument, DistanceMeter)]
+    meters = [own for own in instruments if own.direction is None]
 
     def lengths(q: Array) -> Array:
         at = tool_points(cell.vjm, q, marker_points(cell.vjm, tuple(own.marker for own in meters)))
         return np.asarray(np.linalg.norm(at - np.array([own.fixed for own in meters]), axis=2))
 
     middle = np.median(lengths(q), axis=0)
-    travel = np.array([own.instrument.travel for own in meters])
+    travel = [own.instrument.travel for own in meters if isinstance(own.instrument, DistanceMeter)]
     return lambda q: np.asarray((np.abs(lengths(q) - middle) <= travel).all(axis=1))
 
 
