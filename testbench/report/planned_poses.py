@@ -11,6 +11,7 @@ from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, marker_points, tool_points
 from testbench.plant.shapes import rigid_frames
+from testbench.plant.tracker import PlaneProbe
 from testbench.report.colours import GREY, MEASURED, NOMINAL, TASK, Look
 from testbench.report.colours import look as look_of
 from testbench.report.scene import (
@@ -151,12 +152,10 @@ class World:
             layers.append(Layer("fixed points", MEASURED, "dots", np.array([fixed]), labels=names))
         planes = [(own, name) for own, name in self.instruments if own.direction is not None]
         if planes:
-            at, normals = (
-                np.array(part)
-                for part in zip(*((own.fixed, unit_normal(own)) for own, _ in planes), strict=True)
-            )
-            half = max(own.instrument.radius for own, _ in planes)
-            layers.append(faces(at, normals, half, [name for _, name in planes]))
+            at, normals = np.array([own.fixed for own, _ in planes]), [unit_normal(own) for own, _ in planes]
+            probes = [own.instrument for own, _ in planes]
+            half = max(probe.radius for probe in probes if isinstance(probe, PlaneProbe))
+            layers.append(faces(at, np.array(normals), half, [name for _, name in planes]))
         return layers
 
 

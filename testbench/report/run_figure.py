@@ -211,8 +211,8 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     if layer.kind == "weights":
         side = 2 * layer.radius  # a cylinder as high as wide: a square, its top where the cord ends
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
-        squares = [Rectangle((x, y), side, side) for x, y in below]
-        axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
+        shapes = [Rectangle((x, y), side, side) for x, y in below]
+        axes.add_collection(PatchCollection(shapes, facecolors=colour, linewidths=0))
 
 
 def _faces(axes: Axes, layer: Layer, shown: list[int], colour: str) -> None:
@@ -220,14 +220,14 @@ def _faces(axes: Axes, layer: Layer, shown: list[int], colour: str) -> None:
     assert layer.to is not None  # by its kind
     _fill(axes, [*squares(layer)[:, :, shown]], colour)
     ends = np.stack([layer.at[0], layer.to[0]], axis=1)[:, :, shown]
-    axes.add_collection(LineCollection(ends, colors=colour, linewidths=1.0))
+    axes.add_collection(LineCollection([*ends], colors=colour, linewidths=1.0))
     axes.plot(*ends[:, 1].T, "o", color=colour, markersize=2)
     named: dict[tuple[float, float], list[str]] = {}  # faces behind each other share a place
     for (x, y), words in zip(ends[:, 0].round(1).tolist(), layer.labels, strict=False):
         named.setdefault((x, y), []).append(words)
-    for middle_of, words in named.items():
+    for middle_of, names in named.items():
         axes.annotate(
-            ", ".join(words), middle_of, xytext=(2, 2), textcoords="offset points", fontsize=MIN_LETTER_SIZE
+            ", ".join(names), middle_of, xytext=(2, 2), textcoords="offset points", fontsize=MIN_LETTER_SIZE
         )
 
 

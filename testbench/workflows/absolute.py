@@ -749,12 +749,26 @@ def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.r
     """
     found = np.empty((count, cell.arm.n_joints))
     for k, own in enumerate(planes):
-        found[k :: len(planes)] = _touches(cell, own, len(range(k, count, len(planes))), rng)
+        found[k :: len(planes)] = touch(cell, own, len(range(k, count, len(planes))), rng)
     return found
 
 
-def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> Array:
-    """Draw poses in which the rigid arm touches one face, (count, n)."""
+def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least: int | None = None) -> Array:
+    """Draw poses in which the rigid arm touches one face.
+
+    Args:
+        cell: The arm.
+        own: The plane probe.
+        count: Number of poses.
+        rng: Source of the poses.
+        least: Number that suffices where no more are found; None for `count`.
+
+    Returns:
+        Actuated joints, `least` to `count` of them, (poses, n) [rad, m].
+
+    Raises:
+        BenchError: When fewer are found.
+    """
     from testbench.plant.site import collisions  # here: few commands need it
 
     assert isinstance(own.instrument, PlaneProbe)
@@ -776,7 +790,9 @@ def _touches(cell: Cell, own: Mounted, count: int, rng: np.random.Generator) -> 
         clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
         kept.extend(q[on][clear])
         if len(kept) >= count:
-            return np.reshape(kept[:count], (count, arm.n_joints))
+            break
+    if len(kept) >= (count if least is None else least):
+        return np.reshape(kept[:count], (-1, arm.n_joints))
     face = f"the plane at {', '.join(f'{x:g}' for x in own.fixed)} m"
     raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch {face}; is it in reach?")
 

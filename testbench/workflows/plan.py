@@ -50,7 +50,8 @@ from testbench.model.load import Load, read_weights, weight
 from testbench.model.vjm import Vjm, marker_points, tool_points
 from testbench.plant.site import build_site, contacts
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station, trial_rng
-from testbench.workflows.absolute import Calibrated, blocks_of, distances_of, names_of, poses_on_planes
+from testbench.progress import stepwise
+from testbench.workflows.absolute import Calibrated, blocks_of, distances_of, names_of, touch
 from testbench.workflows.campaign_flags import Mounted, check_markers
 from testbench.workflows.cell import Cell
 from testbench.workflows.identifiability import FREE_DEVIATION, unobservable
@@ -356,10 +357,11 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
 
 def _touching(cell: Cell, settings: PlanSettings, planes: Sequence[Mounted]) -> tuple[Candidates, Ids]:
     """Find feasible poses that touch planes, and which plane each of them touches, (poses,)."""
-    q = poses_on_planes(cell, planes, settings.candidates_wanted, trial_rng(settings.seed, 0))
+    rng, count = trial_rng(settings.seed, 0), -(-settings.candidates_wanted // len(planes))
+    parts = [touch(cell, own, count, rng, MIN_POSES) for own in stepwise(planes, "finding touches")]
+    q, kind = np.concatenate(parts), np.repeat(np.arange(len(planes)), [*map(len, parts)])
     why = why_not(build_checks(cell, settings.conditions), q)
     clear = np.array([reason is None for reason in why], dtype=bool)
-    kind = np.arange(len(q)) % len(planes)
     for k, count in enumerate(np.bincount(kind[clear], minlength=len(planes)).tolist()):
         if count < MIN_POSES:
             reasons = Counter(reason for reason, own in zip(why, kind, strict=True) if reason and own == k)
@@ -384,14 +386,14 @@ def _within(candidates: Candidates, kind: Ids, allowed: Mask, poses: int) -> tup
 
 def _ranges(cell: Cell, instruments: Sequence[Mounted], q: Array) -> Callable[[Array], Mask]:
     """Tell in which poses all distances are in range: the middle of a range is the median of candidates."""
-    meters = [own for own in instruments if isinstance(own.instrument, DistanceMeter)]
+    meters = [own for own in instruments if own.direction is None]
 
     def lengths(q: Array) -> Array:
         at = tool_points(cell.vjm, q, marker_points(cell.vjm, tuple(own.marker for own in meters)))
         return np.asarray(np.linalg.norm(at - np.array([own.fixed for own in meters]), axis=2))
 
     middle = np.median(lengths(q), axis=0)
-    travel = np.array([own.instrument.travel for own in meters])
+    travel = [own.instrument.travel for own in meters if isinstance(own.instrument, DistanceMeter)]
     return lambda q: np.asarray((np.abs(lengths(q) - middle) <= travel).all(axis=1))
 
 

@@ -391,14 +391,12 @@ def _hidden(made: AbsolutePlanned, scale: Row | None) -> list[str]:
     said = []
     if scale.after_mm_per_m > HIDDEN_SCALE * scale.before_mm_per_m:
         said.append(
-            f"the scale of the arm stays known to {scale.after_mm_per_m:.2f} mm per metre, which alone is an "
-            f"error of {scale.error_mm:.3f} mm; parallel faces of one block, a bar or positions determine it"
+            f"The scale of the arm stays known to {scale.after_mm_per_m:.2f} mm per metre, which alone is an "
+            f"error of {scale.error_mm:.3f} mm. Parallel faces of one block, a bar or positions determine it"
         )
-    if any(one.normal is not None for own in made.union.kinds for one in own):
-        said.append(
-            "the base's position along a plane, and its turn about the plane's normal, unless faces of one "
-            "block have three directions"
-        )
+    normals = made.union.unknowns.normals
+    if any(np.linalg.matrix_rank(own) < len(own[0]) for own in normals.values()):
+        said.append("Where the base is along a plane, and how it is turned about the plane's normal")
     return said
 
 

@@ -171,6 +171,7 @@ USUAL = {
     False: {"criterion": "test", "poses": 12, "candidates_wanted": 5000},
 }
 """What is asked for where nothing is said, of a plan of absolute readings and of one for tasks."""
+TOUCHES = 400  #: Candidates that touch planes, where nothing is said: poses on a face take long to find.
 
 
 def pull_words(pull: Sequence[float]) -> str:
@@ -326,6 +327,8 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
     """
     _check(options, flags)
     usual, loads = USUAL[flags.absolute], options.load or []
+    if any(text.startswith("plane") for text in flags.instrument or ()):
+        usual = usual | {"candidates_wanted": TOUCHES}
     wanted = {"criterion": options.criterion, "poses": options.poses, "candidates_wanted": options.candidates}
     chosen = {key: usual[key] if own is None else own for key, own in wanted.items()}
     if not flags.absolute:

@@ -10,7 +10,7 @@ from testbench.data.dataset import Series, select_rows
 from testbench.errors import BenchError
 from testbench.files.read_series import read_series
 from testbench.files.write import write_series
-from testbench.identify.absolute.align import align_all, scatter
+from testbench.identify.absolute.align import align_all, residuals, scatter
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
@@ -226,6 +226,17 @@ def test_a_block_is_placed_as_one_rigid_body_off_its_stated_place(rng):
     # the scatter of 400 triples is known to 2 %, of 400 pairs to 2.5 %
     assert np.std(moved) == pytest.approx(2e-3, rel=0.08)
     assert np.std(turned) == pytest.approx(8.7e-3, rel=0.1)
+
+
+def test_a_block_is_aligned_by_all_of_its_faces(stiff):
+    """By its first face alone the others would be off by its turn about that normal, here 10 mm and more."""
+    faces, _ = heights(stiff, CAMPAIGN, 5, 1e-5, (*PLANES, ("y", (1.5, -1.2, 1.4))), block="block")
+    state = align_all(nominal_state(stiff.vjm, read_weights(stiff.arm), np.ones(6)), faces)
+    off = [float(np.sqrt((residuals(state, one) ** 2).sum(axis=1).mean())) for one in faces]
+    assert max(off) < 3e-3  # geometry is off by a millimetre
+    first = align_all(replace(state, frames={}, mounts={}), faces[:1])
+    placed = replace(state, frames=first.frames, mounts=first.mounts)
+    assert max(float(np.sqrt((residuals(placed, one) ** 2).sum(axis=1).mean())) for one in faces) > 5e-3
 
 
 def test_a_face_is_no_repetition_of_others_and_is_not_held_out_as_a_whole(stiff, touched, read):

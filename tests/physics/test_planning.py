@@ -343,6 +343,7 @@ def test_a_plan_touches_every_face_and_says_if_the_scale_stays_unknown(kr500, in
         assert abs(unit_normal(planes[k]) @ (at - planes[k].fixed)) < 1e-6
         assert row.face == f"plane {k + 1}"
     assert any("scale of the arm" in words for words in f.hidden) == left
+    assert any("Where the base is along a plane" in words for words in f.hidden) == left
     assert (f.scale.after_mm_per_m > 0.5 * f.scale.before_mm_per_m) == left
     assert f.error_mm.expected < f.random_plans.median_mm
 

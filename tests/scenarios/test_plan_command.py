@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from page_checks import check_page, said
+from read_back import chunks_of, columns
 from run_here import check_recording, do, fine, refused, table
 
 from testbench.arm.mjcf import GRAVITY
@@ -283,3 +284,35 @@ def test_a_plan_with_gauges_is_rehearsed_by_simulate(tmp_path, kr500):
     fine("simulate", ARM, plan, "--instrument", "planned", "--out", tmp_path / "data.csv")
     data = read_csv(tmp_path / "data.csv", kr500.arm)
     assert data.lines.sum(axis=1).tolist() == [2] * 4
+
+
+@pytest.mark.study
+def test_planned_touches_of_a_box_are_drawn_simulated_and_calibrated(tmp_path):
+    """From the plan to the calibrated arm by the lines that the plan prints; no touch is lost."""
+    box = ("z:1.9,0.3,0.6", "-x:2.3,0,1.4", "-y:1.5,1.2,1.4", "y:1.5,-1.2,1.4")
+    faces = [word for face in box for word in ("--instrument", f"plane:P1:{face}:box")]
+    few = ("--poses", 40, "--candidates", 160, "--load", 300, "--sling-m", 0.2, "--model", "Joints")
+    out = tmp_path / "plan"
+    words = fine("plan", ARM, "--absolute", "--orders", 0, *few, *faces, "--out", out)
+    assert all(f"--instrument plane:P1:{face}:box" in words for face in box)
+    rows = table(out / "plan.csv")
+    assert list(rows[0])[-1] == "face"
+    assert {row["face"] for row in rows} == {f"plane {k}" for k in range(1, 5)}
+    assert "Visibility was not checked" not in (out / "plan.md").read_text()
+    chunks = chunks_of(out / "recording.rrd")
+    group = "/world/plan_in_the_order_of_measuring/faces"
+    [names] = columns(chunks, f"{group}_names")["Points3D:labels"]
+    assert list(names) == [f"plane {k}" for k in range(1, 5)]
+    [corners] = columns(chunks, group)["Mesh3D:vertex_positions"]
+    middle = np.reshape(corners, (4, 4, 3)).mean(axis=1)
+    stated = [[float(x) for x in face.split(":")[1].split(",")] for face in box]
+    np.testing.assert_allclose(middle, stated, atol=1e-6)
+    readings, exact = tmp_path / "touches.csv", [word.replace(":box", ":box:10um") for word in faces]
+    fine("simulate", ARM, out / "plan.csv", "--absolute", "--geometry-mm", 0.5, *exact, "--out", readings)
+    read = table(readings)
+    assert {row["series"] for row in read} == {f"plane {k}" for k in range(1, 5)}
+    assert {row["series_frame"] for row in read} == {"touches box"}
+    assert len(read) > 0.9 * 2 * 40  # the box is off its place, so that few touches are beside a face
+    fine("calibrate", ARM, readings, "--out", tmp_path / "model")
+    calibrated = json.loads((tmp_path / "model" / "report.json").read_text())
+    assert calibrated["total_after"]["rms_mm"] < 0.1 < calibrated["total_before"]["rms_mm"]

@@ -407,9 +407,10 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         known = mounts.get(readings.target)
         if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
             continue
+        block = [one for one in series if one.normal is not None and one.frame == readings.frame]
         try:
             frame, mount = align(
-                replace(state, frames=frames, mounts=mounts), without_unread_targets(readings)
+                replace(state, frames=frames, mounts=mounts), without_unread_targets(readings), block
             )
         except BenchError:
             shared = any(
@@ -434,7 +435,7 @@ def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
     return bool(underdetermined_reason(vjm, series)) or bool(undetermined_frames(vjm, (series,)))
 
 
-def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
+def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tuple[Frame, Mount]:
     """Find the frame and the mount of one series by the arm's nominal geometry.
 
     If something moved far in mid-series, they are those of its first half. What its poses leave undetermined
@@ -444,6 +445,7 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     Args:
         state: The arm's state.
         series: The readings.
+        block: Heights over all faces of its block, this one among them; they share its frame.
 
     Raises:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
@@ -452,7 +454,8 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     if lost := [name for name in series.markers if name not in _read_targets(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
     if series.distance is not None:
-        return _by_distances(state, series)
+        same = [one for one in block if (one.target, one.markers) == (series.target, series.markers)]
+        return _by_distances(state, series, same or [series])
     # By the series alone; else with the frame or mount that the state has.
     few = underdetermined_reason(state.vjm, series)
     aligned_series = None if _is_underdetermined(state.vjm, series) else _register_subset(state, series)
@@ -478,25 +481,23 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     return aligned_series.frame, aligned_series.mount
 
 
-def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
+def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> tuple[Frame, Mount]:
     """Find the fixed point or plane, and the targets, of distances, from where they are said to be.
 
     Robust least squares with the nominal arm holds the frame and named targets by their priors. The frame of
     a fixed point has its origin there and the base's axes; that of a plane is the base's, as it is stated.
+    All faces of a block are fitted together: they are the parts, else the series alone is.
 
     Raises:
         BenchError: If the distances are too few, or not those of this arm.
     """
     from scipy.optimize import least_squares  # here: it takes long to import, and few runs need it
 
-    assert series.distance is not None
-    assert series.fixed is not None
     assert series.frame_deviation is not None
     if few := underdetermined_reason(state.vjm, series):
         raise BenchError(f"{series.name}: {few}")
     targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
-    position, rotation = tool_pose(state.vjm, series.q)
-    read, seen, place = series.distance, series.seen, np.array(series.fixed)
+    tools = [tool_pose(state.vjm, part.q) for part in parts]
     named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
     frame_sizes = np.array(series.frame_deviation)
     sizes = np.r_[frame_sizes, np.full(targets.size, NOMINAL_DEVIATION if named else UNNAMED_DEVIATION)]
@@ -509,13 +510,21 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
         every[free] = steps
         return moved_frame(stated, every[:f]), targets + every[f:].reshape(-1, 3)
 
-    def left(steps: Array) -> Array:
+    def left_of(part: Series, tool: tuple[Array, Array], steps: Array) -> Array:
         """Compute distance read minus modelled, (read,) [m]."""
+        assert part.distance is not None
         frame, points = placed(steps)
+        position, rotation = tool
         there = (position[:, None] + points @ rotation.swapaxes(1, 2)) @ frame.rotation.T + frame.translation
-        if series.normal is None:
-            return np.asarray((read - np.linalg.norm(there, axis=2) - frame.zero)[seen])
-        return np.asarray((read - (there - place) @ series.normal)[seen])
+        if part.normal is None:
+            modelled = np.linalg.norm(there, axis=2) + frame.zero
+        else:
+            modelled = (there - np.array(part.fixed)) @ part.normal
+        return np.asarray((part.distance - modelled)[part.seen])
+
+    def left(steps: Array) -> Array:
+        """Compute distances read minus modelled of all parts, (read,) [m]."""
+        return np.concatenate([left_of(*own, steps) for own in zip(parts, tools, strict=True)])
 
     def rows(steps: Array) -> Array:
         """Compute whitened residuals and priors, (read + free,) [1]."""
@@ -526,7 +535,8 @@ def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
         start[3] = np.median(left(start))
     steps = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
     frame, points = placed(steps)
-    _check_placed(state, series, (left(start), left(steps)), frame)
+    for own in zip(parts, tools, strict=True):
+        _check_placed(state, own[0], (left_of(*own, start), left_of(*own, steps)), frame)
     return frame, Mount(points, np.eye(3), series.markers)
 
 

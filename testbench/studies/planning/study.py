@@ -346,7 +346,7 @@ def write(run: Run[PlanningSettings]) -> PageContent:
     q, places = trial.poses_of(settings, "test", n, settings.seed), np.array(scene.workspace)
     left = np.array([middle(value) for value in run.report.numbers["where"].each_place_mm])
     at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
-    world = World(cell, settings.scope.ground.station, *at[:3])
+    world = World(cell, settings.scope.ground.station, at[0], at[1], at[2])
     force = np.tile([0.0, 0.0, -GRAVITY * settings.scope.payload], (n, 1))
     named = {f"Run {k}": f"{cell.arm.pose_text(own)}." for k, own in enumerate(q, start=1)}
     rest = [f"Error {mm:.3f} mm. {cell.arm.pose_text(own)}." for own, mm in zip(places, left, strict=True)]
