@@ -197,7 +197,8 @@ def numbers(
         raise InputError(path, place_of(e, owner), f"expected an attribute {key} of {count} number(s)")
     values = _read_numbers(text, count, largest)
     if values is None or len(values) != count:
-        problem = f"expected {count} number(s) up to {largest:g}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN]!r}"
+        most = f" up to {largest:g}" if math.isfinite(largest) else ""
+        problem = f"expected {count} number(s){most}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN]!r}"
         raise InputError(path, place_of(e, owner), f"{key}: {problem}")
     return values
 

@@ -23,8 +23,11 @@ from testbench.files.text import SHEET, read_letters
 
 # --- Robot logs: a table, or a program in a known language whose joint targets become its rows --------------
 
-OTHERS = r"MAIN\s*\(\)|\.PROGRAM\b"
-"""Lines of programs of Kawasaki and others."""
+OTHERS = (
+    r"MAIN\s*\(\)|\.PROGRAM\b|PROGRAM\s+\w+\s*$|from\s+robo(?:dk|link)\b"
+    r"|GOTO\s*/|TOOL PATH\s*/|(?:N\d+\s+)?G0?[0-3]\s*[XYZ]"
+)
+"""Lines of programs of other robots (Kawasaki, Comau, KAREL, RoboDK), and of machine tools (APT, G-code)."""
 ROBOT = 6
 """Axes of a robot."""
 ASKED = "save a table with a row for every pose: its name or time, and a column for every joint"

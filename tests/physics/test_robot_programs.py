@@ -297,7 +297,6 @@ REFUSED = {
         "MOVS C00000 V=1.0": "spline is not read, got MOVS",
         "IMOV P001 V=1.0": "relative motion is not read, got IMOV",
         "SFTON P000": "shift of the program is not read",
-        "MOVJ C00000 BC00000 VJ=10.00": "position of base or station axes is not read",
         "MOVJ C00009 VJ=1.0": "expected a point whose numbers are in the program, got 'C00009",
         "MOVL C00000 V=1.0  +MOVL C00001 V=1.0": "motion of several robots",
         "MFRAME UF#(1) C00000 C00001 C00002": "tool or base that changes while the program runs",
@@ -592,12 +591,30 @@ def test_external_axes_that_the_arm_does_not_have_stay_and_are_named(name, tmp_p
     found = read(path)
     [note] = [note for note in found.motions.notes if note.startswith("External axes stay as they are")]
     assert f": {said}. kr500_l480 has no such joint" in note
+    assert any("The axes of GP2 stay" in own for own in found.motions.notes) == (name == "fanuc")
     q, p = np.nan_to_num(found.q) + 1e-3, np.nan_to_num(found.position) + 1e-3
     [(_, content)] = changed_texts(
         found.motions.text, changed_numbers(found.motions, ARM, q, p, np.nan_to_num(found.rotation))
     )
     for kept in (b"E1 2500.5", b"[-250,9E9", b"E1=  700.000 mm", b"J1= 5.000 deg"):
         assert content.count(kept) == path.read_bytes().count(kept)
+
+
+def test_base_and_station_axes_of_inform_stay(tmp_path):
+    text = JBI.replace("//INST", "BC00000=5000\nEC00001=1,2\n//INST").replace(
+        "MOVJ C00000", "MOVJ C00000 BC00000"
+    )
+    path = written(tmp_path, {"cell.jbi": text})
+    found, plain = read(path), read(written(tmp_path, {"plain.jbi": JBI}))
+    np.testing.assert_array_equal(found.q, plain.q)
+    assert any(note.startswith("The axes of BC, EC stay as they are") for note in found.motions.notes)
+    assert not any("stay as they are" in note for note in plain.motions.notes)
+    [(_, content)] = changed_texts(
+        found.motions.text,
+        changed_numbers(found.motions, ARM, found.q + 1e-3, found.position, found.rotation),
+    )
+    assert b"BC00000=5000\nEC00001=1,2\n" in content
+    assert b"MOVJ C00000 BC00000 VJ=10.00" in content
 
 
 def test_linear_moves_need_poses_where_the_language_has_no_other(tmp_path):
