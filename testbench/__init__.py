@@ -2,7 +2,15 @@
 
     import testbench as tb
 
-Every name below is imported from its module when it is first used.
+    cell = tb.build_cell("kr500_l480")  # an arm: its model, and a simulated robot
+    campaign = tb.simulate(cell)  # or tb.read_csv("runs.csv", cell.arm)
+    structure = tb.MODELS["ALL153"](cell).structure  # the unknown compliances
+    method = tb.with_prior(tb.gco, tb.cad_prior(cell.arm))
+    estimate = method(cell.vjm, structure, campaign.identification)
+    tb.predict(cell.model(estimate), campaign.check.q, [tb.weight(cell.vjm, 460.3)])
+
+Units are SI; six-vectors have the translation first. A wrong argument raises `BenchError`. Every name below
+is imported from its module when it is first used.
 """
 
 from importlib import import_module

@@ -23,6 +23,7 @@ from testbench.identify.metric import (
     with_weaker_coupling,
 )
 from testbench.identify.regression import PartitionedRegression, Regression, reduce, reduce_parts, restrict_to
+from testbench.identify.rows import check_deflections
 from testbench.identify.solve import solve, without_outliers
 from testbench.identify.trace import divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.laws import without_laws
@@ -87,12 +88,14 @@ class Method:
 
         Raises:
             BenchError: When an argument has another type, the dataset is empty or names a marker that the arm
-                lacks, the structure is not symmetric where it must be, or the prior does not fit the
-                structure or the data.
+                lacks, joints are not in radians or deflections not in metres, the structure is not symmetric
+                where it must be, or the prior does not fit the structure or the data.
         """
         check_type(vjm, Vjm, "vjm")
         check_type(structure, Structure, "structure")
         check_type(data, (Dataset, Regression), "data")
+        if isinstance(data, Dataset):
+            check_deflections(vjm, data)
         unknowns = structure if self.learns else without_laws(structure)
         reduced: PartitionedRegression | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.

@@ -395,6 +395,8 @@ def _motions_by_part(vjm: Vjm, data: Dataset, block: slice, points: Array) -> tu
 
 MAX_READING = 1e9
 """Largest reading, load or coordinate [m, N, N m]: squares of larger ones may overflow."""
+MAX_DEFLECTION = 0.1
+"""Largest median deflection, as a share of the arm's reach [1]: larger ones are in millimetres."""
 MAX_READINGS = 5000
 """Most readings in one program: about ten seconds and some hundred megabytes for 153 unknowns."""
 
@@ -419,6 +421,23 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
         if largest > MAX_READING:
             raise BenchError(f"{name}: expected SI numbers up to {MAX_READING:g}, got {largest:g}: too large")
     vjm.arm.check_positions(data.q)
+
+
+def check_deflections(vjm: Vjm, data: Dataset) -> None:
+    """Refuse deflections of another unit than metres.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        data: The runs.
+
+    Raises:
+        BenchError: When the median deflection exceeds `MAX_DEFLECTION` of the arm's reach.
+    """
+    seen = data.deflection[data.seen]
+    median = float(np.median(np.linalg.norm(seen, axis=1))) if len(seen) else 0.0
+    if median > MAX_DEFLECTION * vjm.reach:
+        problem = f"the median deflection is {median:.3g} m on an arm that reaches {vjm.reach:.3g} m"
+        raise BenchError(f"before, after [m]: expected metres; {problem}")
 
 
 @dataclass(frozen=True)

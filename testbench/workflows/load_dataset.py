@@ -62,7 +62,10 @@ def load_dataset(
     """
     if split not in (None, *SPLITS):
         raise BenchError(f"split: expected {', '.join(SPLITS)}, got {split!r}")
-    path, arm = Path(folder) / CAMPAIGNS, load_arm(Path(folder) / "arms" / ARM)
+    path = Path(folder) / CAMPAIGNS
+    if not path.is_file():
+        raise InputError(Path(folder), "", f"expected the folder of the public dataset, with {CAMPAIGNS}")
+    arm = load_arm(Path(folder) / "arms" / ARM)
     known = read_table(path, KNOWN, split=split)
     measured, truth = (_sets(Path(folder) / name, arm, split) for name in (READINGS, DEFLECTIONS))
     public_campaigns = []

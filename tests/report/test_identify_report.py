@@ -119,6 +119,18 @@ def test_what_was_not_asked_for_is_not_shown(f):
     assert "fitted runs" in said.answer
 
 
+def test_only_our_methods_need_a_certificate(f):
+    for constraint, told in (("psd", ["Not certified: MGCO56 (not certified)."]), ("own", [])):
+        claims = report(changed(f, "MGCO56", constraint=constraint, status="not certified")).claims
+        assert [own for own in claims if "ertified" in own] == told
+
+
+def test_what_the_reason_says_is_not_said_again(f):
+    reason = "it is the default; link compliances hardly improve the model"
+    said = report(Row(changed(f, TAKEN, advice=("link compliances hardly improve the model",)), why=reason))
+    assert said.whole().count("ink compliances hardly improve") == 1
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is(f, name):
     said = report(Row(f, recommended=name))

@@ -269,6 +269,8 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(poses, told, tmp_
     assert ("RMS error at held-out readings" in words) == (found["held_out_mm"] is not None) == (poses == 13)
     assert found["badge"]["verdict"] == "do not use"
     assert [step["name"] for step in found["steps"] if step["kept"]] == ["joint springs"]
+    heads = found["tables"]["steps"]["columns"]
+    assert not any("series" in str(head) for head in heads), heads  # there is one series
 
 
 def test_the_page_shows_what_was_tried_and_a_button_leads_to_the_worst_reading_of_all(

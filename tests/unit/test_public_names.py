@@ -97,6 +97,10 @@ def _structure(cell):
         (lambda data: {"sigma": None}, r"sigma \[m\]: expected a number above 0 and below 1, got None"),
         (lambda data: {"sigma": "50 um"}, "sigma .*, got '50 um'"),
         (lambda data: {"sigma": 50.0}, "sigma .*, got 50.0"),
+        (
+            lambda data: {"before": 1e3 * data.before, "after": 1e3 * data.after},
+            "expected metres; the median deflection is 5.63 m on an arm that reaches 3.37 m",
+        ),
         (lambda data: {"q": np.degrees(data.q)}, r"q \[rad, m\]: expected radians; joint_\d of pose 0 is at"),
     ],
 )
