@@ -8,6 +8,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from unittest import mock
 
@@ -107,6 +108,15 @@ def numbers_alone():
 def heed_ctrl_c():
     """Before a program starts: a background job of a shell without job control has Ctrl-C ignored."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def until(happened):
+    """Wait for something, as long as a busy machine may take."""
+    for _ in range(12_000):
+        if found := happened():
+            return found
+        time.sleep(0.01)
+    return pytest.fail("it did not happen in time")
 
 
 def app_of(script):

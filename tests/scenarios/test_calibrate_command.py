@@ -125,9 +125,10 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     assert (verdict["winner"], verdict["verdict"]) == ("calibrated arm", "holds")
     assert verdict["rival"] == "arm with only geometry and joint springs"
     assert report["total_after"]["mean_mm"] < 0.2 * report["total_before"]["mean_mm"]
-    kept = {step["name"] for step in report["steps"] if step["kept"]}
-    assert kept == {"joint springs", "joint errors"}
-    assert {step["name"] for step in report["steps"]} - kept == {"ratio", "play"}
+    kept = {step["name"]: step["after_mm"] for step in report["steps"] if step["kept"]}
+    assert [*kept] == ["joint springs", "joint errors"]
+    assert report["held_out_mm"] == [report["steps"][0]["before_mm"], kept["joint errors"]]
+    assert {step["name"] for step in report["steps"]} - kept.keys() == {"ratio", "play"}
     unread = next(text for text in report["doubts"] if text.startswith("Extrapolated at joint angles"))
     assert re.search(r": joint_1 (4|5|6)\d to (7|8|9)\d deg\.", unread), unread
     assert (report["outliers"][0]["series"], str(report["outliers"][0]["row"])) in zip(

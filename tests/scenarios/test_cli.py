@@ -17,6 +17,7 @@ import typer
 from listening import listening
 from made_up_run import REPORT
 from run_here import do, fine, heed_ctrl_c, numbers_alone, refused
+from tables import write_table
 
 from testbench import __version__
 from testbench.cli.program import COMMANDS
@@ -35,16 +36,10 @@ HEADER = ",".join(f"joint_{k}_rad" for k in range(1, 7))
 POSES = [[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15], [-30, -100, 70, 0, 45, 90]]
 
 
-def write_poses(path, degrees, header=HEADER):
-    rows = [",".join(repr(float(x)) for x in np.deg2rad(row)) for row in degrees]
-    path.write_text("\n".join([header, *rows]) + "\n")
-    return path
-
-
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cli")
-    poses = write_poses(folder / "poses.csv", POSES * 3)
+    poses = write_table(folder / "poses.csv", HEADER, np.deg2rad(POSES * 3))
     assert "9 runs under 460.3 kg, deflections" in fine(
         "simulate", ARM, poses, "--out", folder / "data.csv", "--seed", 4
     )

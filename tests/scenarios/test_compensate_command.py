@@ -377,6 +377,26 @@ def test_one_point_beyond_the_tolerance_is_enough_to_exit_with_1(folder, bounded
         assert (done.returncode, done.stderr) == (code, "")
 
 
+def test_tables_have_the_numbers_of_the_corrected_file(bounded):
+    rows = table(bounded / "right.csv")
+    before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
+    half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
+    most = np.add(before, half)
+    sizes = {"uncorrected program, 95 %": most, "corrected program, 95 %": half}
+    text = (bounded / "right_report" / "report.md").read_text()
+    for line in (
+        "| line | point | expected error, as programmed, mm | 95 % bound, as programmed, mm | 95 % bound, "
+        "corrected, mm |",
+        "\n".join(
+            f"| {k + 2} | {k + 1} | {before[k]:.3f} | {most[k]:.3f} | {half[k]:.3f} |"
+            for k in np.argsort(before)[::-1]
+        ),
+        "| what | median, mm | largest, mm |",
+        *(f"| {name} | {np.median(mm):.3f} | {max(mm):.3f} |" for name, mm in sizes.items()),
+    ):
+        assert f"{line}\n" in f"{text}\n", line
+
+
 def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bound(kr500, folder, bounded):
     """What the correction leaves counts: a refused point is as far off as it was."""
     model = load_model(folder / "sure", None)

@@ -40,6 +40,8 @@ def test_every_row_is_stored_and_the_report_counts_them(rows, report):
         # of set-based bounds and of the family there are two datasets
         few = found["kind"] in ("set", "learnt", "believed")
         assert found["datasets"] == len(own) == (2 if few else SEEDS)
+        widths = {tuple(row["intervals.width_um"]) for row in rows if row["intervals.name"] == name}
+        assert len(widths) == len(own)  # every dataset has a seed of its own
         share = 100 * sum(map(sum, own)) / found["intervals"]
         assert found["covered_percent"] == pytest.approx(share, rel=1e-12)
 

@@ -6,14 +6,13 @@ import os
 import re
 import subprocess
 import sys
-import time
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from page_checks import check_winner
-from run_here import ROOT, app_of_study, check_files, fine, here, is_refused
+from run_here import ROOT, app_of_study, check_files, fine, here, is_refused, until
 
 import testbench as tb
 from testbench.errors import BenchError
@@ -294,7 +293,7 @@ def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_ans
         own = EstimatorSource(name, str(files / "leaves.py"), name, Limits(6.0 if name == "slow" else 30.0))
         with pytest.raises(BenchError) if fails else nullcontext():
             call_estimator(own, (1, 2, 3, 4))
-        assert (name, until(lambda: not sleeping(lasts))) == (name, True)
+        until(lambda: not sleeping(lasts))
 
 
 @pytest.mark.attack
@@ -304,17 +303,9 @@ def test_a_call_ends_with_the_process_that_asked_for_it(files):
     (files / "leaves.py").write_text(LEAVES.replace("LASTS", lasts))
     words = [sys.executable, "-c", ASKS.format(file=str(files / "leaves.py"))]
     with subprocess.Popen(words) as asking:
-        assert until(lambda: sleeping(lasts))
+        until(lambda: sleeping(lasts))
         asking.kill()
-    assert until(lambda: not sleeping(lasts))
-
-
-def until(happened):
-    """Wait for something, as long as a busy machine may take; whether it happened."""
-    end = time.monotonic() + 60
-    while not happened() and time.monotonic() < end:
-        time.sleep(0.02)
-    return bool(happened())
+    until(lambda: not sleeping(lasts))
 
 
 def sleeping(lasts):

@@ -254,6 +254,7 @@ def test_the_plan_beats_random_and_greedy_ones_and_says_how_many_unknowns_there_
         calibration["error_mm"]["expected"] <= row["greedy_mm"] < calibration["random_plans"]["best_tenth_mm"]
     )
     assert all(row["greedy_mm"] < row["random_p10_mm"] for row in calibration["curve"])
+    assert calibration["random_plans"]["best_tenth_mm"] < calibration["random_plans"]["median_mm"]
     counts = calibration["unknowns"]
     kinds = [counts[kind] for kind in ("frame", "mount", "geometry", "errors", "elastic")]
     assert kinds == [6, 3, 6 * 5, 2 * 6, 6]

@@ -11,6 +11,7 @@ from model_folders import identified
 from page_checks import check_page, said
 from reports import check
 from run_here import check_folder, fine, refused, table
+from tables import write_table
 
 import testbench as tb
 from testbench.arm.mjcf import GRAVITY
@@ -41,9 +42,8 @@ def folder_of(cell, parent, prior):
 
 def poses_file(path, q, rows, head="force_x_N,force_y_N,force_z_N,mass_kg"):
     names = ",".join(f"joint_{k}_rad" for k in range(1, 7))
-    lines = [",".join(map(repr, own.tolist())) + f",{row}" for own, row in zip(q, rows, strict=True)]
-    path.write_text("\n".join([f"{names},{head}", *lines]) + "\n")
-    return path
+    cells = ([*own, *row.split(",")] for own, row in zip(q, rows, strict=True))
+    return write_table(path, f"{names},{head}", cells)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import trial_study
 import trial_work
 from listening import listening
 from pyarrow import parquet
-from run_here import heed_ctrl_c, here, is_refused
+from run_here import heed_ctrl_c, here, is_refused, until
 from test_bench import DRAWS
 
 from testbench.cli.program import program
@@ -49,15 +48,6 @@ def study(out, backend, *, work=QUICK, trials=TRIALS, size=2, resume=False):
 def run(*args):
     """The command of the trials, in this process."""
     return here(trial_study.app, *args, "--trials", TRIALS)
-
-
-def until(happened):
-    """Wait for something, as long as a busy machine may take."""
-    for _ in range(12_000):
-        if found := happened():
-            return found
-        time.sleep(0.01)
-    return pytest.fail("it did not happen in time")
 
 
 def stored(out):
