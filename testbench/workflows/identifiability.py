@@ -82,8 +82,6 @@ class Identifiability:
     structure: Structure  #: The unknowns, n of them.
     component: tuple[str, ...]  #: Link or joint of every parameter, n names.
     entry: Array  #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
-    #: Joints that the structure has no parameter for: their springs count to the link before.
-    in_links: tuple[str, ...]
     prior: str  #: Name of the prior.
     uncertainty: float  #: Its relative standard deviation u [1].
     rank: int  #: Directions that the data see.
@@ -145,7 +143,6 @@ def of_regression(
         structure=structure,
         component=component,
         entry=entry,
-        in_links=tuple(set_aside(vjm, structure)),
         prior=prior.name,
         uncertainty=strength.uncertainty,
         rank=structure.n - null_space(own).shape[1],
