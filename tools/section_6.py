@@ -52,7 +52,8 @@ from testbench.workflows.cell import (
     simulate_at,
     true_cell,
 )
-from testbench.workflows.models import IN_PAPER, MODELS
+from testbench.workflows.model_names import IN_PAPER
+from testbench.workflows.models import MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
 ARM, MODEL, PAPER = "kr500_l480", "MGCO68", 0.136

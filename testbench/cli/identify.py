@@ -31,7 +31,8 @@ from testbench.workflows.campaign_flags import ReadingOptions
 from testbench.workflows.cell import build_cell
 from testbench.workflows.fit_numbers import identifiability, numbers, residuals_by_model
 from testbench.workflows.fits import fit_models
-from testbench.workflows.models import asked_models, first_mention
+from testbench.workflows.model_names import first_mention
+from testbench.workflows.models import asked_models
 from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
 from testbench.workflows.read_runs import files_read, read_runs

@@ -16,7 +16,7 @@ from testbench.report.markdown import Markdown, as_markdown, counted, listed
 from testbench.report.schema import ALIKE
 from testbench.report.table import MODEL, Row, Trials, aligned, shared
 from testbench.runs.spread import TAIL, Cells, Spread, median_interval, redrawn
-from testbench.workflows.models import in_words
+from testbench.workflows.model_names import in_words
 
 Z95 = 1.959964  #: Of the normal distribution, 97.5 %.
 

@@ -37,7 +37,7 @@ from testbench.report.markdown import listed
 from testbench.runs.rows import Row
 from testbench.runs.spread import middle
 from testbench.workflows.fit_numbers import COMPLIANCES
-from testbench.workflows.models import in_words, row_words
+from testbench.workflows.model_names import in_words, row_words
 
 # --- Figures of fits ----------------------------------------------------------------------------------------
 

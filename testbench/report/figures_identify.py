@@ -36,7 +36,8 @@ from testbench.report.run_figure import CHART, FOREST, HEAD, headline, model_for
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.runs.rows import Row
-from testbench.workflows.models import JOINTS, in_words
+from testbench.workflows.model_names import in_words
+from testbench.workflows.models import JOINTS
 
 FIT, MODEL, COMPLIANCE = "identify.png", "model.png", "compliance.png"
 PANES = 1.9  #: Height of a row of small panes [in].

@@ -55,7 +55,7 @@ from testbench.report.schema import Table, TableColumn, looks, plain
 from testbench.runs.rows import Row
 from testbench.runs.spread import Spread, dotted, middle, range_of
 from testbench.workflows.cell import Cell
-from testbench.workflows.models import in_words, row_words
+from testbench.workflows.model_names import in_words, row_words
 
 # --- The arm as figures show it: outlines of its solids, seen along an axis, those behind drawn first -------
 

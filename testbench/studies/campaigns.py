@@ -24,16 +24,8 @@ from testbench.workflows.fit_numbers import (
     residual_histograms,
     sag_by_part,
 )
-from testbench.workflows.models import (
-    DEFAULT,
-    IN_PAPER,
-    EstimatorFailed,
-    Model,
-    failed_row,
-    fit_or_rigid,
-    has_failed,
-    in_words,
-)
+from testbench.workflows.model_names import IN_PAPER, in_words
+from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
 from testbench.workflows.predicted_error import (
     ErrorPlaces,
     WorkspacePoses,

@@ -37,7 +37,7 @@ from testbench.runs.spread import MIN_PERCENTILE_TRIALS, middle
 from testbench.runs.store import TrialPlan, open_store, write_parquet
 from testbench.runs.whole import claim_folder, whole_folder
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
-from testbench.workflows.models import in_words
+from testbench.workflows.model_names import in_words
 from testbench.workflows.options import Common, takes
 from testbench.workflows.own_estimator import EstimatorOptions, digests_of
 

@@ -10,7 +10,6 @@ against a prior that is wrong in ways which nobody thought of: where they predic
 better, they are taken.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -56,15 +55,10 @@ from testbench.plant.tracker import trial_rng
 from testbench.progress import stepwise
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import Cell
+from testbench.workflows.model_names import EQUAL_FIT, FILLED
 from testbench.workflows.rows import FAILED, FitRow
 
 # --- Models by name: a structure with the method that identifies it -----------------------------------------
-
-WITHOUT_CONE = "LS153"  #: All links and joints by least squares: what the default is without its cone.
-EQUAL_FIT, RIDGE, CLIPPED = "MLS56, PSD of equal fit", "Ridge", "Clipped LS"
-"""MLS56 held down without a cone: by its free directions, by shrinking, by clipping its eigenvalues."""
-FILLED = " + prior"  #: Behind the name of a model with a prior.
-IN_PAPER = " (paper)"  #: Behind the name of a model that GCO identifies without a trace weight.
 
 
 @dataclass(frozen=True, repr=False)
@@ -216,83 +210,6 @@ def canonical_name(arm: Arm, name: str) -> str:
 def equal_fit(cell: Cell) -> Model:
     """Make the model of MLS56 with its free directions used to be conservative."""
     return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
-
-
-# --- Names in words: for headlines, and where a picture names a model first ---------------------------------
-
-WORDS: Mapping[str, str] = {
-    JOINTS: "the joints-only model",
-    "MLS32": "least squares of beam links, redundancy removed",
-    "MLS36": "least squares of links without symmetry",
-    "MGCO47": "GCO of two links and joints",
-    "MGCO68": "GCO of three links and joints",
-    "MGCO69": "GCO of three links and all joints",
-    EQUAL_FIT: "least squares of beam links, made conservative",
-    RIDGE: "ridge regression of beam links",
-    CLIPPED: "clipped least squares of beam links",
-    f"{WITHOUT_CONE}{FILLED}": "least squares with the same prior",
-    "default": "the default model",
-}
-"""Models whose name in words does not follow from their kind."""
-METHODS = {"MLS": "least squares", "LS": "least squares", "MGCO": "GCO", "ALL": "GCO"}
-"""Methods by the letters of a name."""
-KIND = re.compile(r"(MLS|LS|MGCO|ALL)([1-9]\d*)")
-FULL_LINK = len(FULL)  #: Unknowns of a link in full: counts of models of full links are multiples of it.
-
-
-def in_words(name: str) -> str:
-    """Describe a model by its name, for a reader who does not know the names.
-
-    Args:
-        name: Name of a model of any arm, such as "ALL153 + prior".
-
-    Returns:
-        Method, unknowns and prior, such as "GCO of all links and joints with prior"; what is no model of
-        ours, such as an estimator of a user, keeps its name.
-    """
-    if name in WORDS:
-        return WORDS[name]
-    code = model_code(name)
-    ends = {FILLED: " with prior", IN_PAPER: " as in the paper"}
-    end = "".join(words for own, words in ends.items() if own in name.removeprefix(code))
-    if code in WORDS:
-        return WORDS[code] + end
-    if kind := KIND.fullmatch(code):
-        letters, count = kind.groups()
-        links = "beam links" if int(count) % FULL_LINK else "full links"
-        unknowns = "all links and joints" if letters in ("ALL", "LS") else links
-        return f"{METHODS[letters]} of {unknowns}{end}"
-    return name
-
-
-def model_code(name: str) -> str:
-    """Return the name of a model without its prior and all else that stands behind it: ALL153."""
-    return name.removesuffix(FILLED).removesuffix(IN_PAPER).partition(",")[0]
-
-
-def first_mention(name: str) -> str:
-    """Describe a model where a sentence names it first: in words, with the name that tables have.
-
-    Args:
-        name: Name of a model.
-
-    Returns:
-        Such as "GCO of beam links with prior (MGCO56)"; a name that has no words stays alone.
-    """
-    words, code = in_words(name), model_code(name)
-    return f"{words} ({code})" if words != name and KIND.fullmatch(code) else words
-
-
-def row_words(name: str) -> str:
-    """Describe a model beside its row or line of a picture: `first_mention` without an article.
-
-    Args:
-        name: Name of a model.
-
-    Returns:
-        The words.
-    """
-    return first_mention(name).removeprefix("the ")
 
 
 class EstimatorFailed(BenchError):

@@ -25,7 +25,8 @@ from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, chain, tool_pose
 from testbench.workflows.cell import Cell
-from testbench.workflows.models import FILLED, JOINTS, arm_model_name, named_models
+from testbench.workflows.model_names import FILLED
+from testbench.workflows.models import JOINTS, arm_model_name, named_models
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.rows import MM
 

@@ -21,7 +21,7 @@ from testbench.studies.bench.study import (
     report,
     standings,
 )
-from testbench.workflows.models import row_words
+from testbench.workflows.model_names import row_words
 from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 
 TASKS, SEEDS, WHOLE = ("gravity-8", "loads"), range(1, 25), 700.0

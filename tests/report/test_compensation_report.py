@@ -31,7 +31,7 @@ from testbench.studies.compensation.trial import (
     JobsRow,
 )
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
-from testbench.workflows.models import row_words
+from testbench.workflows.model_names import row_words
 
 SETTINGS, SEEDS, POINTS = CompensationSettings("kr500_l480", 300), range(300, 306), 10
 LEFT = {PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, NOMINAL: 0.3, PRIOR: 0.7}

@@ -37,7 +37,7 @@ from testbench.workflows.fit_numbers import (
     numbers_read,
     sag_by_part,
 )
-from testbench.workflows.models import in_words
+from testbench.workflows.model_names import in_words
 
 TAKEN = "ALL153 + prior"
 LOOKS = {

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from testbench.report.colours import look
 from testbench.report.run_figure import error_map, silhouette, slice_of
 from testbench.report.scene import ModelLine, PageContent, PlaceMap
-from testbench.workflows.models import row_words
+from testbench.workflows.model_names import row_words
 
 RNG = np.random.default_rng(3)
 AT = RNG.uniform(-2, 2, (60, 3))

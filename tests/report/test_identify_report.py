@@ -12,7 +12,7 @@ from testbench.report.figure import row_head
 from testbench.report.run_figure import overview
 from testbench.report.scene import PageContent
 from testbench.report.table import Row
-from testbench.workflows.models import first_mention
+from testbench.workflows.model_names import first_mention
 
 MODELS = {
     "Joints": ("Joints", "none", False),

@@ -3,7 +3,8 @@
 import pytest
 
 from testbench.report.badge import decide
-from testbench.workflows.models import DEFAULT, MODELS, first_mention, in_words, row_words
+from testbench.workflows.model_names import first_mention, in_words, row_words
+from testbench.workflows.models import DEFAULT, MODELS
 
 WORDS = {
     "Joints": "the joints-only model",

@@ -13,7 +13,8 @@ from testbench.report.markdown import grid
 from testbench.report.table import find
 from testbench.runs.spread import middle
 from testbench.studies.paper import loaded_stiffness, single_link, six_dof_arm, solver_comparison
-from testbench.workflows.models import EQUAL_FIT, JOINTS
+from testbench.workflows.model_names import EQUAL_FIT
+from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import DatasetRow, ErrorRow
 
 SEEDS = range(1, 21)

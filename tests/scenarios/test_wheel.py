@@ -20,7 +20,7 @@ from strangers import light_urdf
 from testbench.files.read_pairs import read_csv
 from testbench.files.robot.meshes import MESH_SUFFIXES
 from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
-from testbench.workflows.models import in_words
+from testbench.workflows.model_names import in_words
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK, PRINTED = re.search(

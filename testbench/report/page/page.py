@@ -26,7 +26,7 @@ from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, tub
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
-from testbench.workflows.models import row_words
+from testbench.workflows.model_names import row_words
 
 Json = Mapping[str, object]
 FOLDER = Path(__file__).parent

@@ -63,7 +63,7 @@ from testbench.report.scene import (
 )
 from testbench.report.schema import Table, show
 from testbench.runs.spread import middle
-from testbench.workflows.models import in_words
+from testbench.workflows.model_names import in_words
 
 # --- Panes of a figure as views of a recording: lines, dots, names and axes that stay sharp at any size -----
 

@@ -35,7 +35,8 @@ from testbench.studies.campaign.trial import (
 )
 from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, simulate, true_cell
-from testbench.workflows.models import DEFAULT, FILLED, JOINTS, Model
+from testbench.workflows.model_names import FILLED
+from testbench.workflows.models import DEFAULT, JOINTS, Model
 from testbench.workflows.own_estimator import Models, UserEstimator
 from testbench.workflows.rows import UM, rms
 

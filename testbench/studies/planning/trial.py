@@ -30,9 +30,9 @@ from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estima
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_with_weight, true_cell
 from testbench.workflows.cell import measure_markers as read
+from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import (
     DEFAULT,
-    FILLED,
     JOINTS,
     MODELS,
     PRIORS,

@@ -20,7 +20,8 @@ from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, disti
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Run, calibration_scene, write_runs
 from testbench.workflows.cell import build_cell, true_cell
-from testbench.workflows.models import DEFAULT, IN_PAPER, JOINTS
+from testbench.workflows.model_names import IN_PAPER
+from testbench.workflows.models import DEFAULT, JOINTS
 
 PAPERS_ARM = "kr500_l480"
 PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}

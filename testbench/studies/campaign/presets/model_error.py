@@ -13,7 +13,8 @@ from testbench.studies.campaign import disturbed
 from testbench.studies.campaign.disturbed import ALL, IN_FAMILY, NONE, STIFF, DisturbanceSettings
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, lines
 from testbench.studies.campaign.trial import worst_tenth
-from testbench.workflows.models import DEFAULT, FILLED, JOINTS
+from testbench.workflows.model_names import FILLED
+from testbench.workflows.models import DEFAULT, JOINTS
 from testbench.workflows.rows import UM
 
 CLAIM_PERCENT = 4.8  #: Largest difference in error by a gravity compensator that the paper quotes [%].
