@@ -10,10 +10,11 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Literal, TypedDict
 
 import numpy as np
 from matplotlib import rcParams
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
@@ -730,11 +731,27 @@ def _stack(part: Figure | SubFigure, chosen: Sequence[Axes]) -> list[float]:
     return [*heights, KEY_LINE * own]
 
 
-def _narrow_key(legend: Legend) -> dict[str, Any]:
+class _KeyParts(TypedDict):
+    """What makes a key."""
+
+    handles: Sequence[Artist]
+    labels: Sequence[str]
+    ncols: int
+    frameon: bool
+    fontsize: float
+    handlelength: float
+
+
+def _narrow_key(legend: Legend) -> _KeyParts:
     """Return what makes a key again in as few columns as have room; a key that is made keeps its columns."""
-    labels = [text.get_text() for text in legend.get_texts()]
-    letters = {"frameon": False, "fontsize": MIN_LETTER_SIZE, "handlelength": legend.handlelength}
-    return {"handles": legend.legend_handles, "labels": labels, "ncols": _columns(legend), **letters}
+    return _KeyParts(
+        handles=[own for own in legend.legend_handles if own is not None],
+        labels=[text.get_text() for text in legend.get_texts()],
+        ncols=_columns(legend),
+        frameon=False,
+        fontsize=MIN_LETTER_SIZE,
+        handlelength=float(legend.handlelength),
+    )
 
 
 def _columns(legend: Legend) -> int:

@@ -1,6 +1,7 @@
-"""Names of models, and the same in words: for headlines, and where a picture names a model first.
+"""Names of models, and what they say in words: for headlines, and where a picture names a model first.
 
-Light: who reports about models imports no method that identifies one.
+Tables and report.json keep the names. This file imports no method, as commands that identify nothing show
+names too.
 """
 
 import re

@@ -19,7 +19,7 @@ from testbench.identify.posterior import linearise
 from testbench.model.structure import Structure, all153, template56
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios
-from testbench.report.colours import NEGATIVE, hexadecimal, look
+from testbench.report.colours import LINK, NEGATIVE, NOMINAL, hexadecimal, look
 from testbench.report.figure import row_head
 from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
 from testbench.report.figures_identify import compared, fit_figure, model_figure
@@ -442,6 +442,15 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
         row_head(TAKEN),
     ]
     assert [bar.get_width() for bar in sag.patches] == [row.share_percent for row in f.details.sag]
+    kinds = {
+        name: {
+            to_hex(bar.get_facecolor()).upper()
+            for bar, row in zip(sag.patches, f.details.sag, strict=True)
+            if row.part.startswith(name)
+        }
+        for name in ("link", "joint")
+    }
+    assert kinds == {"link": {hexadecimal(LINK)}, "joint": {hexadecimal(NOMINAL)}}
     [whiskers] = [own.get_segments() for own in sag.collections]
     assert [tuple(ends[:, 0]) for ends in whiskers] == [
         (row.least_percent, row.most_percent) for row in f.details.sag
