@@ -145,7 +145,7 @@ def half(folder, name):
         (
             lambda folder, name: (folder / name).unlink(),
             "campaigns.parquet",
-            "campaigns.parquet: cannot be read",
+            "expected the folder of the public dataset, with campaigns.parquet",
         ),
         (damaged, "truth_deflections.parquet", "expected a table in Parquet"),
         (without_marker, "readings.parquet", "column marker: expected it, there is none"),
