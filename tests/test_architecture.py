@@ -178,15 +178,29 @@ def test_a_command_reaches_no_workflow_of_another(command):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "simulate"])
-def test_commands_that_identify_nothing_import_no_method(command):
-    """They take half of the time of one that does."""
+def imported(command):
+    """All of testbench that is imported when a command is called."""
     seen, todo = set(), [f"testbench.cli.{command}"]
     while todo:
         for name in (at_once(modules()[todo.pop()]) & modules().keys()) - seen:
             seen.add(name)
             todo.append(name)
+    return seen
+
+
+@pytest.mark.parametrize("command", ["check", "simulate"])
+def test_commands_that_identify_nothing_import_no_method(command):
+    """They take half of the time of one that does."""
+    seen = imported(command)
     assert sorted(name for name in seen if room(name) in ("identify", "design", "correct")) == []
+
+
+@pytest.mark.parametrize("command", ["predict", "compensate"])
+def test_commands_that_use_a_model_import_neither_planning_nor_fits(command):
+    """A twentieth of their time is import of what they never call."""
+    seen = imported(command)
+    assert sorted(name for name in seen if room(name) == "design") == []
+    assert not seen & {"testbench.identify.method", "testbench.identify.absolute.fit"}
 
 
 def test_signals_are_heeded_before_anything_else_is_imported():

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.design.rows import DesignProblem, row_products
+from testbench.design.rows import DesignProblem, in_blocks, row_products
 from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
@@ -317,9 +317,13 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
         rows: Whitened rows F, (candidates, k, r).
         W: Weight of the linear criterion, (r, r).
     """
-    (count, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
-    P = row_products(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)
-    products = np.ascontiguousarray((P @ rows.swapaxes(1, 2)).transpose(1, 2, 0))
+    (_, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
+    both = np.hstack([I, I @ W @ I])
+    blocks = [
+        row_products(block, both).reshape(len(block), 2 * k, r) @ block.swapaxes(1, 2)
+        for block in in_blocks(rows)
+    ]
+    products = np.ascontiguousarray(np.concatenate(blocks).transpose(1, 2, 0))
     return Gains(rows, W, M, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
 
 

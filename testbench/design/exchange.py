@@ -38,6 +38,7 @@ from testbench.design.criteria import (
 )
 from testbench.design.rows import (
     DesignProblem,
+    in_blocks,
     information,
     remaining_information,
     row_products,
@@ -85,7 +86,8 @@ def sensitivity(rows: Array, Z: Array) -> Array:
     Returns:
         Sensitivities, (candidates,).
     """
-    return np.asarray(np.einsum("pkr,pkr->p", row_products(rows, Z), rows))
+    blocks = [np.einsum("pkr,pkr->p", row_products(block, Z), block) for block in in_blocks(rows)]
+    return np.concatenate(blocks)
 
 
 def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:

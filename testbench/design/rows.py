@@ -26,6 +26,7 @@ RIDGE = 1e-13
 It is small enough: the weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's
 information.
 """
+BLOCK = 128  #: Candidates whose products are computed at once: 128 of six rows of 89 numbers are 0.5 MB.
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,20 @@ def row_products(rows: Array, X: Array) -> Array:
         rows @ X, (poses, k, r).
     """
     return np.asarray((rows.reshape(-1, len(X)) @ X).reshape(*rows.shape[:2], -1))
+
+
+def in_blocks(rows: Array) -> list[Array]:
+    """Split rows of many candidates into blocks whose products stay in the processor's cache.
+
+    Products of thousands of candidates at once take a third longer, and memory that is new each time.
+
+    Args:
+        rows: Rows, (candidates, k, r).
+
+    Returns:
+        The rows in order, at most `BLOCK` candidates each; one block where there are none.
+    """
+    return np.split(rows, range(BLOCK, len(rows), BLOCK))
 
 
 def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float | None) -> DesignProblem:

@@ -16,7 +16,16 @@ from testbench.design.criteria import (
     grow,
     mean_square,
 )
-from testbench.design.exchange import Feasibility, Search, ascend_poses, exchange, greedy, refine_plan, relax
+from testbench.design.exchange import (
+    Feasibility,
+    Search,
+    ascend_poses,
+    exchange,
+    greedy,
+    refine_plan,
+    relax,
+    sensitivity,
+)
 from testbench.design.forecast import forecast
 from testbench.design.gauges import Gauges, choose_gauges, choose_places
 from testbench.design.planning import (
@@ -28,7 +37,7 @@ from testbench.design.planning import (
     round_trip,
     shortest_path,
 )
-from testbench.design.rows import DesignProblem, information
+from testbench.design.rows import BLOCK, DesignProblem, information
 from testbench.errors import BenchError
 
 R, K = 5, 2
@@ -123,6 +132,16 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
     np.testing.assert_allclose(gains.M, M, rtol=1e-12)
     left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
     np.testing.assert_allclose(gains.reductions(), np.trace(W @ np.linalg.inv(M)) - left, rtol=1e-9)
+
+
+def test_candidates_in_several_blocks_are_judged_as_each_alone():
+    rng = np.random.default_rng(1)
+    rows, root = rng.standard_normal((2 * BLOCK + 5, 2, 4)), rng.standard_normal((4, 4))
+    M, W = np.eye(4) + root.T @ root, np.diag([1.0, 2.0, 3.0, 4.0])
+    cost = np.trace(np.linalg.solve(M, W))
+    gains = [cost - np.trace(np.linalg.solve(M + F.T @ F, W)) for F in rows]
+    assert gains_of(M, rows, W).reductions() == pytest.approx(np.array(gains), rel=1e-9)  # rounding
+    assert sensitivity(rows, W) == pytest.approx(np.array([np.trace(W @ F.T @ F) for F in rows]), rel=1e-12)
 
 
 def test_forecast_is_the_spread_of_least_squares():
