@@ -28,7 +28,6 @@ class Gauges:
     count: int  #: How many are read in a pose, each at a marker of its own.
     sigma: float  #: Standard deviation of one reading [m].
     tilt: float  #: Standard deviation of a direction about each axis across it [rad].
-    on_tool: bool = False  #: Whether faces are along the axes of the tool, not of the world.
 
 
 @dataclass(frozen=True)
@@ -56,18 +55,18 @@ def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: A
     Returns:
         Rows per unit of a, (poses, m, 3, r) [1].
     """
-    D = _motions(spec, q, load, gauges)
+    D = _motions(spec, q, load)
     poses, markers = D.shape[:2]
     deviation = _deviations(D @ spec.experiment.scaling.expected, gauges)
     rows = D.reshape(poses, markers * 3, -1) / deviation.reshape(poses, -1, 1)
     return row_products(rows, lift).reshape(poses, markers, 3, -1)
 
 
-def _motions(spec: Specification, q: Array, load: Ids, gauges: Gauges) -> Array:
-    """Compute motions of all markers per unit of x along the axes of their faces, (poses, m, 3, n) [m]."""
+def _motions(spec: Specification, q: Array, load: Ids) -> Array:
+    """Compute motions of all markers per unit of x along world axes, (poses, m, 3, n) [m]."""
     D = deflection_rows(spec.experiment, q, loads_of(spec, load))  # tool axes
     D = D.reshape(len(q), len(spec.experiment.targets), 3, -1)
-    return D if gauges.on_tool else np.einsum("pxy,pmyn->pmxn", tool_pose(spec.experiment.vjm, q)[1], D)
+    return np.asarray(np.einsum("pxy,pmyn->pmxn", tool_pose(spec.experiment.vjm, q)[1], D))
 
 
 def _deviations(d: Array, gauges: Gauges) -> Array:
@@ -96,7 +95,7 @@ class PlacedGauges:
         Returns:
             Rows, (poses, count, n) [1].
         """
-        D = _motions(spec, q, load, self.gauges)
+        D = _motions(spec, q, load)
         return np.asarray(D[np.arange(len(q))[:, None], self.marker, self.axis] / self.deviation[..., None])
 
 
@@ -112,7 +111,7 @@ def placed_gauges(
         gauges: The gauges.
         chosen: Their markers and axes.
     """
-    d = _motions(spec, q, load, gauges) @ spec.experiment.scaling.expected
+    d = _motions(spec, q, load) @ spec.experiment.scaling.expected
     index = np.arange(len(q))[:, None], chosen.marker, chosen.axis
     return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[index])
 

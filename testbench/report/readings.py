@@ -1,4 +1,4 @@
-"""A file of readings: the report of which column is which, and its runs or readings on the arm."""
+"""Readings: which column of a file is which, its runs on the arm, and the tables of a calibration."""
 
 import re
 from collections.abc import Iterator, Sequence

@@ -360,9 +360,9 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     """
     at, few = np.arange(len(chart.labels)), len(chart.labels) <= BARS
     for line in chart.lines:
-        style, size = "-" if chart.joined else "", 3 if few or not chart.joined else 0
+        size = 3 if few else 0
         width = 1.6 if line is chart.lines[-1] else 0.9  # the winner is last
-        axes.plot(at, line.values, linestyle=style, linewidth=width, label=line.name, **line.look.dots(size))
+        axes.plot(at, line.values, linewidth=width, label=line.name, **line.look.dots(size))
         if line.ends:
             axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):

@@ -166,7 +166,6 @@ class RunChart:
     lines: Sequence[ModelLine]
     limit: float | None = None  #: A level across all poses, in the same unit; NaN: none.
     note: str = ""  #: What else there is to say of them.
-    joined: bool = True  #: A line joins the numbers: not of categories.
     limit_is: str = "noise alone, 95 %"  #: What the level is.
 
 

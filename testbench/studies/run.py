@@ -172,13 +172,12 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     figures = headed_figures(study, report)
     for name, figure in figures.items():
         save(figure, folder / name)
-    names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
     page = typical_first(replace(study.write(found) or PageContent(), tables=_shown(study, report)))
     write_run(folder / "recording.rrd", found.header, report, page, figures)
     write_page(folder, titled(study.name), report, page)
-    return names
+    return list(figures)
 
 
 def headed_figures(study: AnyStudy, report: Report) -> dict[str, Figure]:

@@ -91,10 +91,9 @@ class Study(Generic[O, S, W]):
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
-    #: Writes what is not made of the report alone, such as other figures; and says what the page draws beside
+    #: Writes what is not made of the report alone, and says what the page draws beside
     #: words and tables.
     write: Callable[["Run[S]"], PageContent | None] = lambda _: None
-    extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
     #: Name of the data file. `write` makes it, or a row of the first seed holds its text as `data_file`: then
     #: nothing is simulated again for it.
     data: str = "dataset.csv"
