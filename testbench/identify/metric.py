@@ -52,8 +52,8 @@ class Prior(Displayed):
         return {"name": self.name}
 
     def __post_init__(self) -> None:
-        """Keep a read-only copy, so that cached metrics of this prior stay valid."""
-        C = np.array(self.C_theta)
+        """Keep a read-only copy, so that cached metrics stay valid; BenchError if it is no finite matrix."""
+        C = np.array(check_array(self.C_theta, (None, None), f"prior {self.name} [m/N, rad/(N m)]"))
         C.setflags(write=False)
         object.__setattr__(self, "C_theta", C)
 

@@ -100,6 +100,9 @@ class Structure(Displayed):
                 nothing is unknown.
         """
         check_type(arm, Arm, "arm")
+        for what, names in (("links", links), ("joints", joints)):
+            if isinstance(names, str):
+                raise BenchError(f"{what}: expected a list of names, got the text {names!r}")
         # Entries are those of one triangle, or of both.
         symmetric = all(a <= b for a, b in entries)
         mirrored = {(b, a) for a, b in entries} == set(entries)
