@@ -207,6 +207,25 @@ def test_of_runs_without_models_the_numbers_of_the_same_keys_are_compared(tmp_pa
     assert "| error.rms mm | 7.99 | 23.97 | 3.00 |" in page
 
 
+def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
+    def only(report):
+        models = [{"name": own["name"], "identification": own["identification"]} for own in report["models"]]
+        report.clear()
+        report["models"] = models
+
+    fits = changed(one, tmp_path / "fits", "report.json", only)
+    fits = changed(
+        fits, tmp_path / "identify", "manifest.json", lambda m: m.update(command="testbench identify")
+    )
+    _, report = said(tmp_path, one, fits)
+    assert {pair["kind"] for pair in report["models"]} == {"identification"}
+    assert report["inputs"][0] == {
+        "what": "command",
+        "a": "scenarios/gravity_calibration.py",
+        "b": "testbench identify",
+    }
+
+
 def broken(text):
     return lambda run: (run / "report.json").write_text(text)
 

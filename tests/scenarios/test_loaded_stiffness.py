@@ -39,6 +39,15 @@ def test_integrated_is_exact_and_eq_7_taken_once_lies_between(report):
     np.testing.assert_allclose(linear[1:] / linear[:-1], 4.64, rtol=0.02)
 
 
+def test_own_weight_leaves_every_method_an_error_in_proportion_to_the_load(report):
+    linear, secant, integrated, _ = (rms(report, "own weight", method) for method in METHODS)
+    assert (integrated < secant).all()
+    assert (secant < linear).all()
+    np.testing.assert_allclose(integrated[1:] / integrated[:-1], 2.154, rtol=0.02)
+    # a part of the sag that joints cannot mimic
+    assert all(2 < row["rms_percent"] < 20 for row in report["rows"] if row["method"] == "joints")
+
+
 def test_rows_of_errors_csv_add_up_to_the_report(quick, report):
     with (quick[0] / "errors.csv").open(newline="") as text:
         lines = list(csv.DictReader(text))

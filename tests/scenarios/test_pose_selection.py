@@ -6,6 +6,7 @@ from unittest import mock
 
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
+from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.studies.planning import study
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +25,16 @@ def test_every_plan_is_printed_with_its_certificate(report):
     for plan in report["plans"]:
         assert 50 < plan["efficiency_percent"] <= 100
         assert plan["observability"]["seen"] == min(49, 6 * plan["poses"])
+
+
+def test_what_was_promised_is_tried_on_both_grounds_and_joints_alone_beside(report):
+    first = report["kept"][0]
+    assert (first["promised"], first["count"], report["kept_joints"]["count"]) == ("all", 4, 4)
+    # seed 2: links 20 % off tubes, a prior that is right but for its scale
+    truth = f"truth: {TRUE_ARM_LABELS['off_20']}"
+    assert {own["promised"] for own in report["kept"]} > {truth, "poses: planned", "poses: random"}
+    assert first["inside_95"] > 0.9
+    assert 0.3 < first["over_promised"]["median"] < 1.5
 
 
 def test_a_finished_run_is_resumed_without_planning_again(quick, tmp_path):
