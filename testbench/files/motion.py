@@ -120,6 +120,7 @@ class ProgramText:
     moves: tuple[MoveText, ...]  #: All moves to such points, in their order.
     notes: tuple[str, ...]  #: How the program was read.
     frames: Mapping[str, FrameText] = field(default_factory=dict)  #: What it states of `tool` and `base`.
+    others: tuple[str, ...] = ()  #: Axes of its points that are not the robot's.
     mark: tuple[Path, int] | None = None  #: File and line that say that it was corrected; None if none does.
 
     @property
@@ -166,10 +167,9 @@ def read_motions(path: Path, language: Language) -> ProgramText:
     _refuse_assigned(program, moves)
     notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
     every = (re.findall(language.moves.others, source.code, FLAGS) for source in program.sources)
-    if others := sorted({found.upper() for own in every for found in own}):
-        why = "they count as if they moved neither the arm nor its workpiece"
-        notes += (f"The axes of {', '.join(others)} stay as they are: {why}",)
-    return ProgramText(language, program.sources, program.points, moves, notes, frames, _mark(program))
+    others = tuple(sorted({found.upper() for own in every for found in own}))
+    mark = _mark(program)
+    return ProgramText(language, program.sources, program.points, moves, notes, frames, others, mark)
 
 
 def _mark(program: ProgramText) -> tuple[Path, int] | None:
