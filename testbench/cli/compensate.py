@@ -104,7 +104,7 @@ def command(asked: CompensateOptions) -> None:
             programs.refuse_unreached(corrected_program)
         said = report(corrected_program, asked.tolerance)
         flags, arm = plain(asked, read="program", without=("model",)), cell.arm.rigid.parent
-        notes += programs.configuration_notes(program, start)
+        notes += programs.configuration_notes(program, start) + programs.conversion_notes(program, form)
         notes += programs.turn_notes(corrected_program)
         with whole_files(files) as parts:
             programs.write_corrected(corrected_program, parts, form)

@@ -12,7 +12,7 @@ full.
 
 import math
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -120,6 +120,7 @@ class ProgramText:
     moves: tuple[MoveText, ...]  #: All moves to such points, in their order.
     notes: tuple[str, ...]  #: How the program was read.
     frames: Mapping[str, FrameText] = field(default_factory=dict)  #: What it states of `tool` and `base`.
+    others: tuple[str, ...] = ()  #: Axes of its points that are not the robot's.
     mark: tuple[Path, int] | None = None  #: File and line that say that it was corrected; None if none does.
 
     @property
@@ -166,10 +167,9 @@ def read_motions(path: Path, language: Language) -> ProgramText:
     _refuse_assigned(program, moves)
     notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
     every = (re.findall(language.moves.others, source.code, FLAGS) for source in program.sources)
-    if others := sorted({found.upper() for own in every for found in own}):
-        why = "they count as if they moved neither the arm nor its workpiece"
-        notes += (f"The axes of {', '.join(others)} stay as they are: {why}",)
-    return ProgramText(language, program.sources, program.points, moves, notes, frames, _mark(program))
+    others = tuple(sorted({found.upper() for own in every for found in own}))
+    mark = _mark(program)
+    return ProgramText(language, program.sources, program.points, moves, notes, frames, others, mark)
 
 
 def _mark(program: ProgramText) -> tuple[Path, int] | None:
@@ -244,24 +244,34 @@ def _source(path: Path, language: Language) -> Source:
     return Source(path, text, code, encoding)
 
 
+class _Stated:
+    """Hold what a statement says along a text, in its group."""
+
+    def __init__(self, pattern: str, code: str) -> None:
+        found = [*re.finditer(pattern, code, FLAGS)]
+        self._starts, self._words = [own.start() for own in found], [own[1] for own in found]
+
+    def before(self, place: int) -> str:
+        """Return what the last statement that begins before a place says; "" where there is none."""
+        count = bisect_left(self._starts, place)
+        return self._words[count - 1] if count else ""
+
+
 def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
     """Find all points of a file that have numbers, in their order."""
-    stated = re.finditer(language.mode or "(?!)", source.code, FLAGS)
-    modes = [(m.start(), m[1].upper()) for m in stated]
+    modes = _Stated(language.mode or "(?!)", source.code)
     turns, point_texts = language.flags, list[PointText]()
-    same = [] if turns is None else [*re.finditer(turns.same, source.code, FLAGS)]
+    same = _Stated("(?!)" if turns is None else turns.same, source.code)
     for syntax in language.targets:
         for match in re.finditer(syntax.pattern, source.code, FLAGS):
-            mode = next((word for at, word in reversed(modes) if at < match.start()), "")
+            mode = modes.before(match.start()).upper()
             if (not syntax.modes or mode in syntax.modes) and (
                 numbers := _numbers(match, syntax, language, source)
             ):
                 name = match["name"] or "" if "name" in match.re.groupindex else ""
                 posed = syntax.holds == "pose"
                 flags = turns.found(match["target"]) if turns and posed else ()
-                kept = (
-                    next((own[1] for own in reversed(same) if own.start() < match.end()), "") if posed else ""
-                )
+                kept = same.before(match.end()) if posed else ""
                 point = PointText(k, *match.span("target"), name, posed, mode, numbers, flags, kept)
                 point_texts.append(point)
     yield from sorted(point_texts, key=lambda point: point.start)

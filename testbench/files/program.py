@@ -77,6 +77,7 @@ class RobotMotions:
     pulses_per_deg: tuple[float, ...]  #: Of every motor; empty if none is stated.
     near: Array  #: Joints of the chain that the program states for a pose, (points, n) [rad, m]; NaN if none.
     notes: tuple[str, ...]  #: How the program was read.
+    kept: tuple[str, ...]  #: External axes that move and that the arm does not have.
     unknown_frames: str  #: Its tool and base if nothing says where they are; "" for none.
 
     def to_world(self, position: Array, rotation: Array) -> tuple[Array, Array]:
@@ -207,6 +208,12 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
     if stated and stated.numbers and not controller.base:
         base = _stated_frame(language, stated.numbers)
     frame_notes, unknown = _frame_notes(text, controller) if posed.any() else ((), "")
+    outer, kept_notes = _external_axes(text, arm), list[str]()
+    if outer:
+        why = (
+            f"{arm.name} has no such joint, so they count as if they moved neither the arm nor its workpiece"
+        )
+        kept_notes.append(f"External axes stay as they are: {', '.join(outer.values())}. {why}")
     motions = RobotMotions(
         text,
         linear=np.array([move.linear for move in text.moves], dtype=bool),
@@ -215,7 +222,8 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
         tool=tool,
         pulses_per_deg=pulses,
         near=near,
-        notes=(*text.notes, *frame_notes, *_external_notes(text, arm)),
+        notes=(*text.notes, *frame_notes, *kept_notes),
+        kept=tuple(outer),
         unknown_frames=unknown,
     )
     position, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
@@ -273,18 +281,15 @@ def _frame_notes(text: ProgramText, controller: Controller) -> tuple[tuple[str, 
     return tuple(notes), " and ".join(unknown)
 
 
-def _external_notes(text: ProgramText, arm: Arm) -> tuple[str, ...]:
-    """Say which external axes move that the arm does not have."""
-    axes, moved = axes_of(text.language, arm.file_joints), list[str]()
+def _external_axes(text: ProgramText, arm: Arm) -> dict[str, str]:
+    """Find the external axes and other groups that move and that the arm does not have, with their range."""
+    axes, moved = axes_of(text.language, arm.file_joints), dict[str, str]()
     for name in (name for name in text.language.external if name not in axes):
         every = [own.point.numbers[name].value for own in text.moves if name in own.point.numbers]
         values = [value for value in every if abs(value) < text.language.no_axis]
         if any(values):
-            moved.append(f"{name} {min(values):g} to {max(values):g}")
-    if not moved:
-        return ()
-    why = f"{arm.name} has no such joint, so they count as if they moved neither the arm nor its workpiece"
-    return (f"External axes stay as they are: {', '.join(moved)}. {why}",)
+            moved[name] = f"{name} {min(values):g} to {max(values):g}"
+    return moved | {name: name for name in text.others}
 
 
 def _program_joints(

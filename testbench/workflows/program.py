@@ -386,6 +386,28 @@ def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
     return (f"Check {language.flags.name} of the poses in lines {lines}: a joint passes the limit of a turn",)
 
 
+def conversion_notes(program: Program, form: str) -> tuple[str, ...]:
+    """Say what a program in another language, or a table, does not have of the program that it is made from.
+
+    Args:
+        program: The program.
+        form: "csv" or a language, by `format_of`.
+
+    Returns:
+        Sentences, without full stop; none where the program stays in its language.
+    """
+    motions = program.content
+    if not isinstance(motions, RobotMotions) or motions.text.language.name == form:
+        return ()
+    notes = []
+    if motions.kept:
+        notes.append(f"The corrected program does not have the external axes {', '.join(motions.kept)}")
+    frames = " and ".join(f"{what} {frame.text}" for what, frame in motions.text.frames.items())
+    if form != CSV and motions.linear.any() and frames:
+        notes.append(f"Poses of the corrected program are in {frames}, which it does not state")
+    return tuple(notes)
+
+
 def configuration_notes(program: Program, start: Array | None) -> tuple[str, ...]:
     """Say which configuration of the arm was chosen where nothing states one.
 

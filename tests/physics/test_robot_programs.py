@@ -18,6 +18,7 @@ from testbench.files.motion import MARK, Motion, changed_texts, read_motions, wi
 from testbench.files.program import changed_numbers, read_program, read_robot_program
 from testbench.model.vjm import tool_pose
 from testbench.workflows.program import (
+    conversion_notes,
     correct_program,
     output_files,
     refuse_corrected,
@@ -580,7 +581,7 @@ TWO_GROUPS = "R =    10.000 deg,\tE1=  700.000 mm\n   GP2:\n\tUF : 0, UT : 1,\n\
 MOVED = {
     "krl": ({"cell.src": RAIL}, "E1 0 to 2500.5"),
     "rapid": ({"cell.mod": MOD.replace("[9E9,", "[-250,", 1)}, "eax_a -250 to -250"),
-    "fanuc": ({"cell.ls": LS.replace("R =    10.000 deg\n", TWO_GROUPS)}, "E1 700 to 700"),
+    "fanuc": ({"cell.ls": LS.replace("R =    10.000 deg\n", TWO_GROUPS)}, "E1 700 to 700, GP2"),
 }
 
 
@@ -591,7 +592,10 @@ def test_external_axes_that_the_arm_does_not_have_stay_and_are_named(name, tmp_p
     found = read(path)
     [note] = [note for note in found.motions.notes if note.startswith("External axes stay as they are")]
     assert f": {said}. kr500_l480 has no such joint" in note
-    assert any("The axes of GP2 stay" in own for own in found.motions.notes) == (name == "fanuc")
+    program = read_program(path, ARM)
+    [lost, *_] = conversion_notes(program, "csv")
+    assert f"does not have the external axes {said.split()[0]}" in lost
+    assert conversion_notes(program, name) == ()
     q, p = np.nan_to_num(found.q) + 1e-3, np.nan_to_num(found.position) + 1e-3
     [(_, content)] = changed_texts(
         found.motions.text, changed_numbers(found.motions, ARM, q, p, np.nan_to_num(found.rotation))
@@ -607,7 +611,7 @@ def test_base_and_station_axes_of_inform_stay(tmp_path):
     path = written(tmp_path, {"cell.jbi": text})
     found, plain = read(path), read(written(tmp_path, {"plain.jbi": JBI}))
     np.testing.assert_array_equal(found.q, plain.q)
-    assert any(note.startswith("The axes of BC, EC stay as they are") for note in found.motions.notes)
+    assert any(note.startswith("External axes stay as they are: BC, EC") for note in found.motions.notes)
     assert not any("stay as they are" in note for note in plain.motions.notes)
     [(_, content)] = changed_texts(
         found.motions.text,
