@@ -9,6 +9,7 @@ Several shots of a point are averaged, and their standard deviation gives the no
 Noise of readings: one standard deviation for a file, one per row, or a covariance of each.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -567,7 +568,7 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         hint = "if the others are in another file or sheet, testbench data check reads both: --loaded FILE"
-        if {*DIFFERENCES} <= {*map(plain, table.names)}:
+        if {*DIFFERENCES} <= {re.sub("^(δ|delta)", "d", plain(name)) for name in table.names}:
             hint = "if dx, dy, dz are loaded minus unloaded positions, say so in [columns] of a map, as "
             hint += 'before_x = "X", deflection_x = "dX"'
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")
