@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
 from testbench.arm.document import is_decimal
 from testbench.errors import Array, Ids, InputError
@@ -176,21 +175,9 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
             raise table.header_error(f"{problem}, got {', '.join(found) or 'none'}")
         stacked[pattern] = found
     loads = list(next(iter(stacked.values())))
-    whole = table.take(np.tile(np.arange(table.rows), len(loads)))
-    gone = {k for found in stacked.values() for k in found.values()}
-    kept = [k for k in range(len(names)) if k not in gone]
-    firsts = [found[loads[0]] for found in stacked.values()]
     hole = next(match[1] for pattern in patterns if (match := LOAD.search(pattern)))
-    return replace(
-        whole,
-        names=(*(table.names[k] for k in kept), *map(without_load, stacked), hole),
-        units=(*(table.units[k] for k in (*kept, *firsts)), None),
-        cells=[
-            *(whole.cells[k] for k in kept),
-            *(pa.concat_arrays([table.cells[found[load]] for load in loads]) for found in stacked.values()),
-            pa.array(np.repeat(loads, table.rows).tolist(), pa.string()),
-        ],
-    )
+    columns = {without_load(pattern): [found[load] for load in loads] for pattern, found in stacked.items()}
+    return table.stacked(columns, hole, loads)
 
 
 def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
