@@ -51,7 +51,7 @@ OTHERS = {
     "mil": "mils thou thous",
     "ft": "foot feet",
     "rad": "radian radians 弧度",
-    "deg": "° degree degrees degré degrés grado grados gradi grau graus 度 градус градусы град",
+    "deg": "° degree degrees degré degrés grado grados gradi grau graus 度 도 градус градусы град",
     "gon": "gons gradian gradians",
     "kg": "千克 公斤 кг",
     "lb": "lbs",

@@ -318,6 +318,8 @@ def mass_columns(table: TableCells) -> list[int]:
         Places of the columns; empty if none says it.
     """
     kinds = {k: column_meaning(name) for k, name in enumerate(table.names)}
+    bare = {k: match[1] for k, name in enumerate(table.names) if (match := BRACKETS.match(name))}
+    kinds |= {k: kind for k, name in bare.items() if (kind := column_meaning(name)) == "mass"}
     named = [k for k, kind in kinds.items() if kind == "mass"]
     others = [k for k, kind in kinds.items() if kind in ("state", "")]
     return named or [k for k in others if _masses(table, k)] or [k for k in others if _weighs(table, k)]
@@ -829,6 +831,7 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
         kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
         others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
         free, of_poses = not {"pose", "{pose}"} & {*own, *parts}, told.poses(words)
+        alone = free and not any(map(told.poses, columns))
         of_targets = len(kinds) <= TARGETS and told.apart(others)
         masses = masses_in(words)
         unit = next(iter({mass.partition(" ")[2] for mass in masses.values()} - {""}), "")
@@ -842,7 +845,7 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
             (f"{{mass_{unit}}}", bool(masses)),
             ("{pose}" if free else "*", of_poses),
             ("{marker}", of_targets and not {"marker", "{marker}"} & {*own, *parts}),
-            ("{pose}", free),
+            ("{pose}", alone),
             (
                 "*",
                 len(kinds) <= SHOTS and (counts or len({*others}) == len({*zip(words, others, strict=True)})),

@@ -9,6 +9,7 @@ Several shots of a point are averaged, and their standard deviation gives the no
 Noise of readings: one standard deviation for a file, one per row, or a covariance of each.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -451,41 +452,47 @@ CONDITIONS = ("run", "pose", "marker", "station", "state", "loading", "mass", "f
 """Quantities that tell the readings of a file apart."""
 
 
-def refuse_untold(columns: Columns) -> None:
-    """Refuse readings of one point under one load that only a column which is not read tells apart.
+def untold_readings(columns: Columns) -> list[str]:
+    """Find a column that alone tells readings of one point under one load apart, and that is not read.
 
-    The words may be loads, states or targets in a language that nobody knows here.
+    Its words may be loads, states or targets in a language that nobody knows here.
 
     Args:
         columns: The columns of the file.
 
+    Returns:
+        A warning that names the column, if other columns tell unloaded from loaded readings; else nothing.
+
     Raises:
-        InputError: Names that column and its words.
+        InputError: Names the column and its words, if no other column tells unloaded from loaded readings.
     """
     table, kinds = columns.table, (*CONDITIONS, "series", "fixed", "direction")
     told = [np.array(table.texts(c.index)) for c in columns.all_of(*kinds)]
     code = number_rows(*told) if told else np.zeros(table.rows, dtype=int)
     shared = np.bincount(code)[code] > 1
     if columns.names.map.file.average or 2 * shared.sum() < table.rows:
-        return
+        return []
     for k, name in enumerate(table.names):
-        if name not in columns.ignored:
-            continue
         texts = list(dict.fromkeys(table.texts(k)))
-        if not 1 < len(texts) <= MAX_KINDS or _counts(texts):
+        if name not in columns.ignored or not 1 < len(texts) <= MAX_KINDS or _counts(texts):
             continue
-        if (repeats(code, number_rows(np.array(table.texts(k)))) == 0).all():
-            few = ", ".join(map(repr, texts[:3])) + ", ..." * (len(texts) > 3)
-            unit = table.units[k] or (split_unit(name) or ("", None))[1]
-            force = unit is not None and unit.si == "N"
-            what = (
-                f'force_z = "{name}", or "-{name}" of weights'
-                if force
-                else f'mass_kg, state or marker = "{name}"'
-            )
-            hint = f"{what}; if rows are repeated readings say average = true in [file]"
-            problem = f"only this column, {few}, tells readings of one point apart, and it is not read"
-            raise table.header_error(f"{problem}; say what it is in [columns] of a map, as {hint}", name)
+        if (repeats(code, number_rows(np.array(table.texts(k)))) > 0).any():
+            continue
+        few = ", ".join(map(repr, texts[:3])) + ", ..." * (len(texts) > 3)
+        loads = columns.all_of("state", "mass", "force")
+        if any(len({*table.texts(c.index)}) > 1 for c in loads):
+            return [f"warning: readings of one point differ in {name} ({few}), which is not read"]
+        unit = table.units[k] or (split_unit(name) or ("", None))[1]
+        force = unit is not None and unit.si == "N"
+        what = (
+            f'force_z = "{name}", or "-{name}" of weights'
+            if force
+            else f'mass_kg, state or marker = "{name}"'
+        )
+        hint = f"{what}; if rows are repeated readings say average = true in [file]"
+        problem = f"only this column, {few}, tells readings of one point apart, and it is not read"
+        raise table.header_error(f"{problem}; say what it is in [columns] of a map, as {hint}", name)
+    return []
 
 
 def _counts(texts: Sequence[str]) -> bool:
@@ -567,7 +574,7 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         hint = "if the others are in another file or sheet, testbench data check reads both: --loaded FILE"
-        if {*DIFFERENCES} <= {*map(plain, table.names)}:
+        if {*DIFFERENCES} <= {re.sub("^(δ|delta)", "d", plain(name)) for name in table.names}:
             hint = "if dx, dy, dz are loaded minus unloaded positions, say so in [columns] of a map, as "
             hint += 'before_x = "X", deflection_x = "dX"'
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")
@@ -761,7 +768,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     columns, shots = average_shots(columns)
     # Conditions and positions of every row, then pairs of unloaded and loaded readings.
     conditions = read_conditions(columns, arm)
-    refuse_untold(columns)
+    untold = untold_readings(columns)
     lines = read_lines(columns)
     read = read_readings(columns, arm, conditions.loaded, lines)
     runs = pair(columns.table, conditions, read)
@@ -794,7 +801,16 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     if lines is not None:
         data = _with_lines(data, lines, arm, (runs, read), scatter.sigma, covariances)
     along = () if lines is None else lines.notes
-    notes = (*columns.warnings, *conditions.notes, *runs.notes, *scatter.notes, *along, *dropped, *shots)
+    notes = (
+        *columns.warnings,
+        *untold,
+        *conditions.notes,
+        *runs.notes,
+        *scatter.notes,
+        *along,
+        *dropped,
+        *shots,
+    )
     return Export(data, columns, notes)
 
 

@@ -46,8 +46,8 @@ from testbench.files.read_pairs import (
     read_readings,
     read_scatter,
     readings_by_group,
-    refuse_untold,
     runs_of,
+    untold_readings,
 )
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     words = set() if state is None else set(columns.table.texts(state.index))
     loaded = any(columns.names.word(word, WHEN) == "after" for word in words)
     conditions = read_conditions(columns, arm, needs_load=loaded)
-    refuse_untold(columns)
+    notes += untold_readings(columns)
     # Without a column of markers all readings are of one target.
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.all_of("reading"))

@@ -179,8 +179,8 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
         stacked[pattern] = found
     loads = list(next(iter(stacked.values())))
     hole = next(match[1] for pattern in patterns if (match := LOAD.search(pattern)))
-    groups = {without_load(pattern): [found[load] for load in loads] for pattern, found in stacked.items()}
-    return table.stacked(groups, hole, loads)
+    columns = {without_load(pattern): [found[load] for load in loads] for pattern, found in stacked.items()}
+    return table.stacked(columns, hole, loads)
 
 
 def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:

@@ -239,28 +239,28 @@ class TableCells:
             source=source,
         )
 
-    def stacked(self, groups: Mapping[str, Sequence[int]], name: str, words: Sequence[str]) -> "TableCells":
-        """Put the columns of each group below one another, with a column that tells their rows apart.
+    def stacked(self, columns: Mapping[str, Sequence[int]], name: str, words: Sequence[str]) -> "TableCells":
+        """Put columns below each other; the rows of all other columns are repeated.
 
         Args:
-            groups: Indices of the columns of each group, as many as words, by the name that they get.
-            name: Name of the new column.
-            words: Its cells in the rows of the first column of each group, of the second one, and so on.
+            columns: Places of the columns that become one, by its name; all of n columns.
+            name: Name of the new column that tells them apart.
+            words: Its n cells.
 
         Returns:
-            The table, with the rows of all other columns repeated.
+            The table, with n times as many rows.
         """
-        whole = self.take(np.tile(np.arange(self.rows), len(words)))
-        gone = {k for group in groups.values() for k in group}
+        gone = {k for places in columns.values() for k in places}
         kept = [k for k in range(len(self.names)) if k not in gone]
-        firsts = [group[0] for group in groups.values()]
+        first = [places[0] for places in columns.values()]
+        whole = self.take(np.tile(np.arange(self.rows), len(words)))
         return replace(
             whole,
-            names=(*(self.names[k] for k in kept), *groups, name),
-            units=(*(self.units[k] for k in (*kept, *firsts)), None),
+            names=(*(self.names[k] for k in kept), *columns, name),
+            units=(*(self.units[k] for k in (*kept, *first)), None),
             cells=[
                 *(whole.cells[k] for k in kept),
-                *(pa.concat_arrays([self.cells[k] for k in group]) for group in groups.values()),
+                *(pa.concat_arrays([self.cells[k] for k in places]) for places in columns.values()),
                 pa.array(np.repeat(words, self.rows).tolist(), pa.string()),
             ],
         )

@@ -807,6 +807,20 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
     assert f"{warning}CoG x [mm], CoG y [mm], CoG z [mm]" in notes_of(file)
 
 
+def test_a_column_that_is_not_read_but_tells_repeated_pairs_apart_is_named(tmp_path):
+    visits = [
+        [*line.split(","), who]
+        for who in ("Ann", "Bob")
+        for load in ("0", "100")
+        for line in by_target(DOWN * (load == "100")).replace("\n", f",{load}\n").splitlines()[1:]
+    ]
+    header = [*by_target(0).splitlines()[0].split(","), "Load [kg]", "Operator"]
+    (file := tmp_path / "visits.csv").write_text(table(header, visits))
+    assert "warning: readings of one point differ in Operator ('Ann', 'Bob'), which is not read" in notes_of(
+        file
+    )
+
+
 def notes_of(file):
     (map_ := file.with_suffix(".toml")).write_text(map_text(propose(file, ARM, None, file.parent).entries))
     return read_export(file, ARM, map_).notes
