@@ -574,7 +574,8 @@ IN_COLUMN = "in one column"  #: Label of the panes that a figure of one column h
 PANE_HEIGHT, EQUAL_SCALES, MATRIX = 1.5, 1.8, 2.4
 """Height of a pane, of one with equal scales, of a matrix with numbers [in]."""
 PANE_HEAD, NAME_LINE = 0.56, 0.1  #: What a pane needs beside its rows, and a line of a row's name [in].
-KEY_LINE = 0.16  #: Height of a line of a key below a pane [in].
+KEY_LINE, LETTER = 0.16, 0.058
+"""Height of a line of a key below a pane, and of a letter of the name of its upright axis [in]."""
 PANE_LETTERS = 46  #: Letters of a line above or below a pane, and of the entries of its key side by side.
 KEY_BELOW = 3.0  #: Distance of a key from what is above it [pt].
 KEY_INSIDE = 0.99  #: Where a key begins at most that is inside of a pane, over its width [1].
@@ -699,6 +700,7 @@ def _pane_height(axes: Axes) -> float:
     lines = len(counts) * max(counts, default=0)  # rows are as far apart as the longest name needs
     least = PANE_HEIGHT if axes.get_aspect() == "auto" else EQUAL_SCALES
     least = MATRIX if axes.images and axes.texts else least
+    least = max(least, PANE_HEAD + LETTER * max(map(len, axes.get_ylabel().split("\n"))))
     return max(least, PANE_HEAD + NAME_LINE * lines) + key
 
 

@@ -61,8 +61,8 @@ def in_words(name: str) -> str:
 
 
 def model_code(name: str) -> str:
-    """Return the name of a model without its prior and all else that stands behind it: ALL153."""
-    return name.removesuffix(FILLED).removesuffix(IN_PAPER).partition(",")[0]
+    """Return the name of a model without its prior and without the paper's mark: ALL153."""
+    return name.removesuffix(FILLED).removesuffix(IN_PAPER)
 
 
 def first_mention(name: str) -> str:
@@ -74,7 +74,7 @@ def first_mention(name: str) -> str:
     Returns:
         Such as "GCO of beam links with prior (MGCO56)"; a name that has no words stays alone.
     """
-    words, code = in_words(name), model_code(name)
+    words, code = in_words(name), model_code(name).partition(",")[0]
     return f"{words} ({code})" if words != name and KIND.fullmatch(code) else words
 
 

@@ -9,6 +9,7 @@ from made_up_run import made_up_run
 from matplotlib.colors import to_hex
 
 from testbench.report.colours import look
+from testbench.report.figure import IN_COLUMN
 from testbench.report.run_figure import error_map, silhouette, slice_of
 from testbench.report.scene import ModelLine, PageContent, PlaceMap
 from testbench.workflows.model_names import row_words
@@ -81,6 +82,8 @@ def test_a_map_has_two_slices_in_one_scale_the_arm_and_the_worst_place():
             assert said == f"{row_words(name)}: median {np.median(MAPS[name]):.3f} mm"
         where = f"at {'xyz'[across]} = {LEVELS[across]:.1f} m\n{'xyz'[shown[1]]} [m]"
         assert axes.get_ylabel() == ("" if k % 2 else where)
+    marked = [axes.get_label() == IN_COLUMN for axes in figure.axes[:4]]
+    assert marked == [False, True, False, True]  # one column has the model that the title is about
     assert figure.axes[-1].get_ylabel() == "error [mm, logarithmic]"
     title, caption = (text.replace("\n", " ") for text in (figure.get_suptitle(), figure.get_supxlabel()))
     x, y, z = AT[17]

@@ -21,6 +21,7 @@ WORDS = {
     "LS153 + prior": "least squares with the same prior",
     "default": "the default model",
     "mine.py:best": "mine.py:best",
+    "MGCO56, LS + prior": "MGCO56, LS + prior",  # another method than its first word says
     "corrected program": "corrected program",
 }
 
