@@ -21,6 +21,7 @@ from testbench.identify.absolute.align import (
     scatter,
     single_reading_noise,
 )
+from testbench.identify.absolute.choose import predictive_deviance
 from testbench.identify.absolute.evidence import ErrorScales, moved_frame, moved_mount, solve_step
 from testbench.identify.absolute.fit import (
     INTERMEDIATE_ROWS,
@@ -49,7 +50,7 @@ from testbench.identify.absolute.state import (
     unknowns_of,
     wave_columns,
 )
-from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE
+from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, normal
 from testbench.identify.metric import Strength, cad_prior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.registration import READINGS, SQUARE, Frame
@@ -352,6 +353,17 @@ PLACED = {0: (0.0, 1), 2: (1.9, -1), 3: (-2.4, 1)}  #: Turn [rad] and sense of t
 def phi(q):
     """Sines, then cosines of all high orders, (rows, 2 K)."""
     return np.hstack([np.sin(np.outer(q, HIGH)), np.cos(np.outer(q, HIGH))])
+
+
+def test_held_out_readings_are_as_probable_as_by_their_dense_covariance(rng):
+    A, y, L = rng.normal(size=(9, 4)), rng.normal(size=9), rng.normal(size=(4, 4))
+    x_0, V = rng.normal(size=4), L @ L.T
+    H = np.linalg.inv(V)
+    others = normal(np.block([[H, (H @ x_0)[:, None]], [(H @ x_0)[None], np.zeros((1, 1))]]))
+    rows = np.column_stack([A, y])
+    C, r = np.eye(9) + A @ V @ A.T, y - A @ x_0
+    dense = r @ np.linalg.solve(C, r) + np.linalg.slogdet(C)[1]
+    assert predictive_deviance(rows.T @ rows, np.r_[others.x, -1.0], others) == pytest.approx(dense, rel=1e-9)
 
 
 def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_to_none(rng):

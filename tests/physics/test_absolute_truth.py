@@ -176,9 +176,12 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
     """What 12 readings in one corner tell of an arm must not decide which errors it has."""
     (long, short), _ = simulate_series(kr500, AbsoluteCampaign(series=2, poses=100), 21)
     held, left = [], choose._held_out
-    monkeypatch.setattr(
-        choose, "_held_out", lambda own, S, parts, *more: held.append(parts) or left(own, S, parts, *more)
-    )
+
+    def noted(own, S, parts, *more, faces):
+        held.append(parts)
+        return left(own, S, parts, *more, faces=faces)
+
+    monkeypatch.setattr(choose, "_held_out", noted)
     far = np.linalg.norm(short.q - short.q[0], axis=1)
     near = select_rows(short, np.sort(np.argsort(far)[:12]))
     for some, series in (((long, short), {0, 1}), ((long, near), {1})):
@@ -199,7 +202,8 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     learnt = ErrorScales(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)
     whole = solve_active(own, S[None], learnt, LOOSE_STRENGTH).variances(np.arange(1))
-    [left] = choose._held_out(own, S[None], [part], (learnt, choose.SelectionRules(np.ones(1))), whole)
+    rules = choose.SelectionRules(np.ones(1))
+    [left], _ = choose._held_out(own, S[None], [part], (learnt, rules), whole, faces=False)
     [_, second] = solve_active(own, (S - T)[None], learnt, LOOSE_STRENGTH).x
     rest = block[:, 2] - block[:, 1] * second
     first = block[:, :1]

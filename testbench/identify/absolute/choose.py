@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from testbench.data.dataset import Series
 from testbench.errors import Array, Ids
@@ -32,6 +33,7 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
 from testbench.identify.estimate import Constraint
+from testbench.identify.hierarchy import Normal
 from testbench.identify.metric import PriorScaling, Strength, WeightedPrior
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import paired
@@ -250,10 +252,11 @@ def with_shared_pattern(
 class _Trial:
     active: ActiveUnknowns
     scales: ErrorScales
-    #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block,
-    #: (blocks, 3).
+    #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block, and
+    #: its `predictive_deviance` if there are faces, (blocks, 4).
     blocks: Array
-    series: Array  #: The three numbers for every held-out series, (series, 3).
+    series: Array  #: The four numbers for every held-out series, (series, 4).
+    faces: bool  #: Whether some readings are heights over plane faces.
 
 
 def _evaluate(
@@ -267,7 +270,8 @@ def _evaluate(
     repeated = [parts for parts in every if len(every) > 1 and not any(part.face for part in parts)]
     fair = [parts for parts in repeated if sum(part.counts.sum() for part in parts) <= most]
     blocks = _held_out_sums(active, reduced, learnt, rules, _blocks_to_hold_out(reduced))
-    return _Trial(active, learnt, blocks, _held_out_sums(active, reduced, learnt, rules, fair))
+    faces = any(part.face for part in reduced.parts)
+    return _Trial(active, learnt, blocks, _held_out_sums(active, reduced, learnt, rules, fair), faces)
 
 
 def _by_series(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
@@ -288,15 +292,17 @@ def _held_out_sums(
     rules: SelectionRules,
     held: Sequence[Sequence[SeriesBlock]],
 ) -> Array:
-    """Hold out parts of the readings in turn: number and sums of squares of their positions, (held, 3)."""
+    """Hold out parts of the readings in turn: the numbers of `_Trial.blocks`, (held, 4)."""
     S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
+    faces = any(part.face for part in reduced.parts)
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     whole = solve_active(active, S, learnt, rules.strength).variances(np.arange(first))
     for parts in held:
         n = sum(part.counts[positions].sum() for part in parts)
-        sums = _held_out(active, S, parts, (learnt, rules), whole)[positions]
-        totals.append((n, sums.sum(), rules.unit[positions] ** 2 @ sums))
-    return np.array(totals).reshape(-1, 3)
+        every, deviance = _held_out(active, S, parts, (learnt, rules), whole, faces=faces)
+        sums = every[positions]
+        totals.append((n, sums.sum(), rules.unit[positions] ** 2 @ sums, deviance))
+    return np.array(totals).reshape(-1, 4)
 
 
 def with_weighted_prior(
@@ -326,8 +332,10 @@ def _held_out(
     parts: Sequence[SeriesBlock],
     scales_and_rules: tuple[ErrorScales, SelectionRules],
     variances: Array,
-) -> Array:
-    """Compute the sums of squares of held-out parts, predicted by the other readings.
+    *,
+    faces: bool,
+) -> tuple[Array, float]:
+    """Compute the sums of squares of held-out parts, predicted by the other readings, and their deviance.
 
     S are the Gram matrices of all readings; a part is a block, or all blocks of a series. Frames and mounts
     that the others hardly determine are fitted to the held-out parts; variances are theirs by all readings.
@@ -355,10 +363,35 @@ def _held_out(
     ]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
     v[at] = np.r_[normal.x, -1.0]
+    deviance = 0.0
+    if faces:
+        counts = np.sum([part.counts for part in parts], axis=0)
+        deviance = predictive_deviance(
+            np.tensordot(learnt.factor**-2.0, T, 1)[np.ix_(at, at)], v[at], normal
+        ) + float(2 * counts @ np.log(learnt.factor))
     if len(open_):
         H = np.tensordot(learnt.factor**-2.0, T, 1)
         v[open_] -= np.linalg.lstsq(H[np.ix_(open_, open_)], H[open_] @ v, rcond=None)[0]
-    return np.asarray(T @ v @ v)
+    return np.asarray(T @ v @ v), deviance
+
+
+def predictive_deviance(G: Array, v: Array, others: Normal) -> float:
+    """Compute -2 log of the predictive density of held-out readings, up to a constant.
+
+    Mathematics: `abs-16`.
+
+    Args:
+        G: Gram matrix of the held-out [A | y] in units of their noise, (c + 1, c + 1).
+        v: Unknowns by the other readings, then -1, (c + 1,).
+        others: Posterior of these unknowns by the other readings.
+
+    Returns:
+        The deviance [1].
+    """
+    left, U = G @ v, np.triu(others.root[0]) * others.size
+    both = cho_factor(U.T @ U + G[:-1, :-1])  # precision by all readings
+    squares = float(v @ left - left[:-1] @ cho_solve(both, left[:-1]))
+    return squares + 2 * float(np.log(np.diag(both[0])).sum()) - others.log_size
 
 
 def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> SelectionStep:
@@ -368,6 +401,9 @@ def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> Sel
     deviation = max(1, len(saved)) * paired(saved)[1] / old
     gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
+    if after.faces:  # one block may be all that shows a direction: its prediction is then uncertain
+        saved = (before.blocks[:, 3] - after.blocks[:, 3]) / count
+        blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * paired(saved)[1]
     pays = blocks > max(MIN_GAIN, deviation) or gain > MIN_GAIN or tried.pattern
     pays = pays and min(blocks, gain) > -MAX_LOSS
     every = (before.blocks, after.blocks, before.series, after.series)
