@@ -629,7 +629,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
-    shots = "names stand several times in a row: shots" if again else ""
+    shots = "names stand several times in a row: shots" if names and again else ""
     lined = any(_lines(table))
     told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
     for name in names:
