@@ -145,7 +145,8 @@ def table_of(numbers, titles, **more):
         rows.append({"cells": [{"text": name}, *cells], "marked": False})
     looks = {n: {"colour": c, "mark": "o", "filled": True} for n, c in zip(NAMES, COLOURS, strict=True)}
     head = [{"title": title, "drawn": True} for title in ("model", *titles)]
-    return {"rows": rows, "looks": looks, "head": head, "first": -1} | more
+    words = {name: name for name in NAMES}
+    return {"rows": rows, "looks": looks, "words": words, "head": head, "first": -1} | more
 
 
 def axis_of(ticks, which):
