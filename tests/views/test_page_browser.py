@@ -166,7 +166,8 @@ def test_a_column_is_drawn_by_its_own_numbers_with_their_intervals_in_the_colour
     """Dots and ends of lines are read back by the ticks, of a logarithmic axis too."""
     own = [(1.5, 1.2, 1.8), (4.0, 3.9, 4.5), (largest, 0.8 * largest, 1.3 * largest)]
     numbers = [(cell, (9.0, 8.0, 10.0)) for cell in own]
-    body = f"place.append(drawColumn({json.dumps(table_of(numbers, ('error', 'other')))}, 1, 600))"
+    table = table_of(numbers, ("error", "other"), words={name: f"model {name}" for name in NAMES})
+    body = f"place.append(drawColumn({json.dumps(table)}, 1, 600))"
     page = open_page(write(scripted(body))).page
     drawn = page.evaluate(f"({DRAWN})(place.firstChild)")
     said = axis_of(drawn["ticks"], 1)
@@ -178,7 +179,7 @@ def test_a_column_is_drawn_by_its_own_numbers_with_their_intervals_in_the_colour
         x1, x2, y1, y2, shade = drawn["lines"][k]
         assert said(np.array([x1, x2])) == pytest.approx([low, high], rel=1e-6)
         assert (y1, y2, shade) == (y, y, colour)
-        assert texts[2 * k : 2 * k + 2] == [name, f"{v:g}"]
+        assert texts[2 * k : 2 * k + 2] == [f"model {name}", f"{v:g}"]
         assert [at for _, at in drawn["texts"][2 * k : 2 * k + 2]] == [y, y]
 
 
