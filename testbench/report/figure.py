@@ -301,6 +301,8 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
     if side == "x" and ticks[-1] > LONG and len(whole := [x for x in ticks if math.log10(x) % 1 == 0]) > 1:
         ticks = whole
+    elif side == "x" and ticks[-1] == LONG:
+        ticks = [x for x in ticks if not LONG / 3 < x < LONG]  # its neighbour would touch it
     axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
     axis = axes.xaxis if side == "x" else axes.yaxis
     axis.set_ticks(ticks, [tick_words(tick) for tick in ticks])
