@@ -35,14 +35,14 @@ def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
     return {
         "short": TrialTable("RMS error over the workspace, um", across="poses"),
         "cells": TrialTable(
-            f"The default's error over that of joint stiffness only, {POSES[0]} poses",
+            f"The default's error over that of Joints-only, {POSES[0]} poses",
             down="true_arm",
             across="prior_error",
             value="over_joints",
             where=few,
         ),
         "losses": TrialTable(
-            f"Cases in which a method errs over {100 * MARGIN:g} % more than joint stiffness only",
+            f"Cases in which a method errs over {100 * MARGIN:g} % more than Joints-only",
             columns="name poses over_joints loses",
             by="poses",
         ),
