@@ -215,7 +215,7 @@ def singular_pane(axes: Axes, values: Sequence[float]) -> None:
         at = axes.get_yticks().tolist()
         axes.set_yticks(at, [f"{'≤ ' * (y <= LEAST_TOLD)}{tick_words(y)}" for y in at])
     axes.set(xlabel="direction of the unknowns", ylabel=TOLD, xlim=(0, len(s) + 1))
-    axes.set_title(f"Readings decide {told} of {len(s)} directions")
+    axes.set_title(f"Readings determine {told} of {len(s)} directions")
     quiet(axes)
 
 

@@ -151,8 +151,8 @@ def told_pane(axes: Axes, rows: Sequence[Row]) -> None:
     at = np.arange(len(rows))
     axes.barh(at, [row.told_percent for row in rows], color=hexadecimal(NOMINAL), height=0.7)
     axes.set_yticks(at, [row.part for row in rows])
-    axes.set(ylim=(len(rows) - 0.4, -0.6), xlim=(0, 100), xlabel="of the prior's variance [%]")
-    axes.set_title("What the runs tell of each part")
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xlim=(0, 100), xlabel="prior variance removed [%]")
+    axes.set_title("What the readings determine")
     quiet(axes)
 
 

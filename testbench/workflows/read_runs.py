@@ -411,7 +411,7 @@ CALLED: dict[What, str] = {
 }
 """What people call the quantities with another name of theirs."""
 LISTED = 4  #: Words of a column that are listed.
-ROUNDING = 1e-12  #: Number over the largest of its column below which it is a zero that a program computed [1].
+ROUNDING = 1e-12  #: Number over the largest of its quantity below which it is a computed zero [1].
 
 
 def contents(export: Export) -> Row:

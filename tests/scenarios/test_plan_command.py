@@ -237,7 +237,7 @@ def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration)
     assert (asked["absolute"], asked["loads_kg"], asked["orders"]) == (True, [5.0], 1)
     page = (absolute / "plan.md").read_text()
     _, _, title, _, first, *_ = page.splitlines()
-    assert title == "Calibration plan: ur10, Joints, own weight, then 5 kg"
+    assert title == "Calibration plan: ur10, joints-only model, own weight, then 5 kg"
     error, random = calibration["error_mm"]["expected"], calibration["random_plans"]["median_mm"]
     assert f"Expected error over the workspace: {error:.3f} mm, " in first
     assert f"with random poses (median of 100 plans: {random:.3f} mm). 90 % interval: " in first

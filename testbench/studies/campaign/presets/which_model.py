@@ -120,7 +120,8 @@ PRESET = Preset(
     page="docs/studies/which_model.md",
     question="Which method should be the default with 8, 12 or 20 poses?",
     how="Each arm is read under its payload, in two runs per pose. MuJoCo gives the true deflections. Models "
-    "are judged over the workspace. In every trial, each of six true arms gets another of six priors.",
+    "are judged over the workspace. In every trial, each of six true arms gets a different one of six "
+    "priors.",
     options=FamilyOptions,
     settings=family.settings,
     seeds=(102, 6),
