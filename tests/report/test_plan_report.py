@@ -167,7 +167,7 @@ def test_what_it_rests_on_is_in_tables_with_and_without_a_prior(f):
     page = check(report(own), [])
     for row in (
         "| this plan, with a prior twice as uncertain | 0.456 |",
-        "| this plan, with the model Joints-only | 0.789 |",
+        "| this plan, with Joints-only | 0.789 |",
         "| directions in which readings outweigh the prior | 15 |",
         "| lower bound of the efficiency by criterion test, % | 50 |",
         "| joint_1 | 1.2 | deg |",
