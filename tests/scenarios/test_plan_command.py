@@ -87,7 +87,7 @@ def test_a_plan_is_nine_files_with_the_answer_first(planned, report):
     assert sorted(p.name for p in planned.iterdir()) == FILES
     assert json.loads((planned / "manifest.json").read_text())["scenario"]["loads_kg"] == [460.0, 150.0]
     _, _, title, _, first, *_ = (planned / "plan.md").read_text().splitlines()
-    assert "kr500_l480, ALL153, 460 kg or 150 kg" in title
+    assert "kr500_l480, GCO of all links and joints (ALL153), 460 kg or 150 kg" in title
     error = report["error_mm"]["expected"]
     assert first.startswith(f"**Expected error at the tasks: {error:.3f} mm")
     check_recording(planned, "plan.json")
