@@ -121,7 +121,7 @@ def expected() -> str:
     )
     before = pulled["default"]["before, mm"]
     rows.append([f"corrected program ({before} before)", *others, "", least])
-    alone = "joint stiffness only"
+    alone = "Joints-only"
     heads = ["", "default", "default without cone", alone, "LS of links, prior", "LS of links"]
     won = float(models[DEFAULT_WITHOUT_CONE]["conservative"].rstrip(" %")) / 100
     names = ("Joints", DEFAULT_WITHOUT_CONE, DEFAULT, "MGCO56", "MGCO56 (paper)", "Ridge", "MLS56")

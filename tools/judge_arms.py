@@ -3,7 +3,7 @@
 python tools/judge_arms.py runs/judged.jsonl --seed 780001 --seeds 100
 
 Every arm is measured in 8 poses under a weight, with 50 um of noise, and fitted with a wrong prior. Rivals
-are joint stiffness only, the default without its cone (least squares with the same prior), and, without a
+are Joints-only, the default without its cone (least squares with the same prior), and, without a
 prior, GCO and ridge regression on MGCO56. An arm is a line of JSON in the first file. The judge may be
 stopped at any time: started again, it goes on behind the last whole line. Two judges share the cores with a
 file each and different kinds; tables are of all files together. `--seeds 0` prints the tables alone.

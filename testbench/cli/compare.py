@@ -29,6 +29,7 @@ from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.manifest import Finished, read_run
 from testbench.runs.whole import claim_folder, reading
+from testbench.workflows.model_names import first_mention
 from testbench.workflows.options import Force, takes
 
 if TYPE_CHECKING:
@@ -127,7 +128,10 @@ def report(a: Finished, b: Finished) -> Report:
     answer = say("{far} of {all} numbers differ by more than 2 %.", far=far, all=len(values))
     if lead is not None:
         answer = say(
-            "RMS error of {name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind]
+            "RMS error of {words} {where}: {a:.3f} mm in A, {b:.3f} mm in B.",
+            lead,
+            words=first_mention(lead.name),
+            where=KINDS[lead.kind],
         )
     names = [{row.name for row in models_of(run).values()} for run in (a, b)]
     only = sorted(names[0] ^ names[1])
@@ -171,7 +175,8 @@ def _tables(
     looks = {row.name: look_of(row) for row in led if row.constraint}
     ratio = TableColumn("ratio", "error of B divided by the error of A", form=".2f", short="B / A")
     sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
-    columns = TableColumn("verdict", "error of B is"), TableColumn("by", "judged by")
+    judged = TableColumn("by", "judged by", called={"one": "single numbers"})
+    columns = TableColumn("verdict", "error of B is"), judged
     kind = TableColumn("kind", "where", called=KINDS)
     plain = (
         TableColumn("what", "number"),

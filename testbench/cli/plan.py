@@ -21,6 +21,7 @@ from testbench.report.table import Row
 from testbench.runs.spread import Spread
 from testbench.runs.whole import claim_folder
 from testbench.workflows.cell import build_cell
+from testbench.workflows.model_names import row_words
 from testbench.workflows.options import Force, absolute_alone, of_flag, overload_warnings, takes
 from testbench.workflows.plan import plan_absolute, plan_for
 from testbench.workflows.plan_input import read_tasks
@@ -122,7 +123,7 @@ def report(f: Row) -> Report:
     return Report(
         scenario="plan",
         question=Markdown("Which poses should be measured?"),
-        title=say("Calibration plan: {arm}, {model}, {loads}", f, loads=loads),
+        title=say("Calibration plan: {arm}, {words}, {loads}", f, words=row_words(f.model), loads=loads),
         answer=say(
             f"Expected error {where}: {{expected:.3f}} mm, {_beside_random(f)}. "
             "90 % interval: {p05:.3f} to {p95:.3f} mm.",
@@ -228,7 +229,7 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
         yield say(
             "**The tasks have a moment about {joints:list}, the planned loads have none**. "
             + (
-                "`--pull {pull}` has one about {turned:list}."
+                "Add `--pull {pull}`, which has one about {turned:list}."
                 if pull
                 else "No force at the load point has one."
             ),
@@ -238,7 +239,7 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
         )
     if f.directions.hidden_mm > HIDDEN * f.error_mm.expected:
         yield say(
-            "**{hidden_mm:.3f} mm of the expected error depend only on the prior**. No pose can reduce them.",
+            "**{hidden_mm:.3f} mm of the expected error depends only on the prior**. No pose can reduce it.",
             f.directions,
         )
     for law in f.open_laws:

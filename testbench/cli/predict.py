@@ -136,9 +136,9 @@ def _warnings(f: Row) -> Iterator[str]:
     """How the file was read, loads beyond the readings, what no reading has seen, doubts of the model."""
     yield from (*f.notes, *f.extrapolated)
     if any(row.half_mm is not None and 2 * row.half_mm > row.deflection_mm > 0 for row in f.worst[:1]):
-        yield "Uncertain: the 95 % half width of the largest deflection exceeds half of the deflection"
+        yield "Uncertain: the 95 % half width of the largest deflection exceeds half of it"
     if f.map.half_mm is not None and 2 * f.map.half_mm > f.map.worst_mm:
-        yield "Uncertain: where the map has its largest deflection, the 95 % half width exceeds half of it"
+        yield "Uncertain: the 95 % half width of the largest deflection in the map exceeds half of it"
     if f.unseen_percent:
         yield f"The readings give no interval for {f.unseen_percent:.0f} % of the deflections"
     if f.map.unseen_percent:

@@ -33,7 +33,7 @@ from testbench.report.figure import (
     short,
     tick_words,
 )
-from testbench.report.markdown import listed
+from testbench.report.markdown import counted, listed
 from testbench.runs.rows import Row
 from testbench.runs.spread import middle
 from testbench.workflows.fit_numbers import COMPLIANCES
@@ -215,7 +215,7 @@ def singular_pane(axes: Axes, values: Sequence[float]) -> None:
         at = axes.get_yticks().tolist()
         axes.set_yticks(at, [f"{'≤ ' * (y <= LEAST_TOLD)}{tick_words(y)}" for y in at])
     axes.set(xlabel="direction of the unknowns", ylabel=TOLD, xlim=(0, len(s) + 1))
-    axes.set_title(f"Readings decide {told} of {len(s)} directions")
+    axes.set_title(f"Readings determine {told} of {len(s)} directions")
     quiet(axes)
 
 
@@ -269,7 +269,7 @@ def residual_figure(
     predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)
     panes[-1].set_title("Predicted against " + against)
     normal = [in_words(name) for name in known if (rows[name].lilliefors_p or 0) >= REJECTED]
-    answer = f"Residuals pass Lilliefors' test of normality: {listed(normal) or 'of no model'}"
+    answer = f"Residuals that pass Lilliefors' test of normality: {'; '.join(normal) or 'none'}"
     reading = (
         "Histograms: components of residuals, reading minus model, with the normal curve of their mean and "
         f"deviation; a p below {REJECTED:g} rejects normality. Predictions: a mark for each target; all "
@@ -295,7 +295,7 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
         eigenvalue_pane(axes, rows, name, looks[name], named=not k)
     for_column(panes[0], panes[-1])
     bad = {name: sum(x < 0 for row in rows for x in row.urad_per_Nm) for name, rows in shown.items()}
-    told = [f"{in_words(name)} ({n} negative)" for name, n in bad.items() if n]
+    told = [f"{in_words(name)} ({counted(n, 'negative eigenvalue')})" for name, n in bad.items() if n]
     answer = f"Not conservative: {', '.join(told)}" if told else "All of these models are conservative"
     say(figure, answer, OF_EIGENVALUES)
     return figure

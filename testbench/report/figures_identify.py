@@ -31,7 +31,7 @@ from testbench.report.figures_fit import (
     singular_pane,
     stiffness_pane,
 )
-from testbench.report.markdown import ReportWords, as_plain, capital
+from testbench.report.markdown import ReportWords, as_plain, capital, counted
 from testbench.report.run_figure import CHART, FOREST, HEAD, headline, model_forest, run_chart
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
@@ -138,7 +138,8 @@ def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:
     for part in more:
         help_pane(part.subplots(), proposals)
     negative = sum(x < 0 for row in d.eigenvalues[f.recommended] for x in row.urad_per_Nm)
-    conservative = f"not conservative ({negative} negative)" if negative else "conservative"
+    negatives = f" ({counted(negative, 'negative eigenvalue')})"
+    conservative = f"not conservative{negatives}" if negative else "conservative"
     answer = f"{capital(in_words(f.recommended))} is {conservative}"
     bends = f"; {d.sag[0].part} causes {d.sag[0].share_percent:.0f} % of the deflection" if d.sag else ""
     say(figure, answer + bends, OF_EIGENVALUES)
@@ -150,8 +151,8 @@ def told_pane(axes: Axes, rows: Sequence[Row]) -> None:
     at = np.arange(len(rows))
     axes.barh(at, [row.told_percent for row in rows], color=hexadecimal(NOMINAL), height=0.7)
     axes.set_yticks(at, [row.part for row in rows])
-    axes.set(ylim=(len(rows) - 0.4, -0.6), xlim=(0, 100), xlabel="of the prior's variance [%]")
-    axes.set_title("What the runs tell of each part")
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xlim=(0, 100), xlabel="prior variance removed [%]")
+    axes.set_title("What the readings determine")
     quiet(axes)
 
 

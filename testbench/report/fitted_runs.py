@@ -223,7 +223,7 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     if taken.aggregated:
         yield say("The compliance of the link before includes: {aggregated:list}.", taken)
     further = [text for text in taken.advice if text not in f.why]
-    for text in (f"{f.recommended}: {f.why}", *f.notes, *further):
+    for text in (f"why this model: {f.why}", *f.notes, *further):
         yield say("{text}", text=ended(capital(text)))
 
 

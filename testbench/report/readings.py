@@ -226,7 +226,7 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
     moved = elastic_frames(cell.plant, rows.q, rows.sag).positions - straight.positions
     M = draw.arrow_scale(moved[:, -1], BENT * reach)
     arrows = [
-        draw.Layer(f"error {name}", look.colour, "arrows", rows.read - A * error, rows.read)
+        draw.Layer(f"error of the {name}", look.colour, "arrows", rows.read - A * error, rows.read)
         for (name, look), error in zip(LOOKS.items(), (rows.before, rows.after), strict=True)
     ]
     group = draw.PoseGroup(
@@ -245,10 +245,10 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
         ],
         first=int(np.argmax(sizes[1])),
     )
-    title = f"Arrows from where the arm should have its target to the reading x {A:g}."
+    title = f"Arrows: from the predicted target to the reading, x {A:g}."
     title += f" Sag of the calibrated arm x {M:g}." if soft else ""
     labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
-    chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
+    chart = draw.RunChart("Error in each row (mm)", 0, "row of the file", labels, marks, note=note)
     errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
     return draw.PageContent(draw.Scene(cell, title, [group]), errors, [chart])
 

@@ -249,7 +249,7 @@ def spans(values: Iterable[object]) -> str:
     if len(few) == 2:
         return f"5 to 95 %, of fewer than {MIN_PERCENTILE_TRIALS} trials their range"
     number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
-    told = f" of {number} trials" if counts and counts[0] else ""
+    told = f" of {number} {'trial' if number == '1' else 'trials'}" if counts and counts[0] else ""
     return ("range" if True in few else "5 to 95 %") + told if spreads else ""
 
 

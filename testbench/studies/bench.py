@@ -461,7 +461,7 @@ Errors = Mapping[str, Array]  #: Of every entry, arm by arm, (arms,) [mm].
 
 
 def incumbent(prior: bool) -> str:
-    """Name whom a class has to beat: the default of `identify`, without a prior joint stiffness only."""
+    """Name whom a class has to beat: the default of `identify`, without a prior Joints-only."""
     return DEFAULT if prior else JOINTS
 
 

@@ -380,7 +380,7 @@ def fit_details(
 
 PLACES = 200  #: Poses over the workspace.
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with.
-COUNTS = "it counts noise and the prior, not what a model leaves out: that of Joints-only is too narrow"
+COUNTS = "it contains noise and prior, but no model error; the interval of Joints-only is too narrow"
 """What every interval of a model is told with."""
 HALF_WIDTH = Meaning(
     "half width",

@@ -118,9 +118,9 @@ def _beside(f: Row) -> list[Row]:
     beyond = f.get("beyond_mm")
     pairs = {
         "this plan": f.error_mm.expected,
-        f"this plan, with {f.model} alone, without averaging": chance.get("planned_mm"),
+        "this plan, without averaging of models": chance.get("planned_mm"),
         "this plan, read by a tracker instead of gauges": f.get("tracker_mm"),
-        "this plan, with the model Joints-only": f.get("joints_alone_mm"),
+        "this plan, with Joints-only": f.get("joints_alone_mm"),
         "this plan, with a prior twice as uncertain": doubted and doubted.expected,
         "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
         "earlier readings alone": f.get("before_mm"),

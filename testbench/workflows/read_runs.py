@@ -411,6 +411,7 @@ CALLED: dict[What, str] = {
 }
 """What people call the quantities with another name of theirs."""
 LISTED = 4  #: Words of a column that are listed.
+ROUNDING = 1e-12  #: Number over the largest of its quantity below which it is a computed zero [1].
 
 
 def contents(export: Export) -> Row:
@@ -505,6 +506,7 @@ def _values(found: Columns, columns: list[ReadColumn]) -> str:
         return few if len(words) <= LISTED else f"{few} ... ({len(words)})"
     numbers = np.concatenate([found.values(column) / unit.scale for column in columns])
     known = numbers[np.isfinite(numbers)]
+    known[np.abs(known) < ROUNDING * np.abs(known).max(initial=0.0)] = 0.0
     ends = dict.fromkeys(f"{x:.5g}" for x in (known.min(), known.max())) if len(known) else ["none"]
     return " to ".join(ends)
 

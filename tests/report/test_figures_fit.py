@@ -469,14 +469,14 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     dots, _ = told.get_lines()
     np.testing.assert_allclose(dots.get_ydata(), np.maximum(f.details.singular_values, 1e-4))
     decided = sum(x > 1 for x in f.details.singular_values)
-    assert told.get_title() == f"Readings decide {decided} of 153 directions"
+    assert told.get_title() == f"Readings determine {decided} of 153 directions"
     assert [bar.get_width() for bar in parts.patches] == [row.told_percent for row in f.seen.blocks]
     labels = [axes.get_xlabel() for axes in (first, sag, stiff, parts, *more)]
     assert labels == [
         "eigenvalue [µrad/(N m)]",
         "share of the load's deflection [%]",
         f"stiffness [{f.details.joints[0].unit}]",
-        "of the prior's variance [%]",
+        "prior variance removed [%]",
         "expected error at random poses [mm]",
     ]
     [last] = more

@@ -79,7 +79,8 @@ def test_a_row_of_the_plan_is_its_pose_load_error_and_way(made, f, kr500):
 def test_a_report_says_all_of_it_and_the_terminal_has_room(f):
     said = report(f)
     page = check(said, ["beside"])
-    title = "Calibration plan: kr500_l480, MGCO56, 460 kg or 150.5 kg or pull -500, 3000, 0 N"
+    loads = "460 kg or 150.5 kg or pull -500, 3000, 0 N"
+    title = f"Calibration plan: kr500_l480, GCO of beam links (MGCO56), {loads}"
     assert page.startswith(f"# Plan\n\n{title}\n\n")
     console = Console(width=80)
     free = console.options.update(width=800)  # else the console's width is the most it measures
@@ -166,7 +167,7 @@ def test_what_it_rests_on_is_in_tables_with_and_without_a_prior(f):
     page = check(report(own), [])
     for row in (
         "| this plan, with a prior twice as uncertain | 0.456 |",
-        "| this plan, with the model Joints-only | 0.789 |",
+        "| this plan, with Joints-only | 0.789 |",
         "| directions in which readings outweigh the prior | 15 |",
         "| lower bound of the efficiency by criterion test, % | 50 |",
         "| joint_1 | 1.2 | deg |",

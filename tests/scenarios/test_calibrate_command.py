@@ -294,7 +294,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     at = {one.name: one for one in series}
     for name, own in (("calibrated arm", state), ("nominal arm", straight)):
         left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}
-        start, end = layer_of(group, f"error {name}")
+        start, end = layer_of(group, f"error of the {name}")
         where = [re.match(r"(.*), row (\d+)", words).groups() for words in group["names"]]
         rows = [(key, at[key].row.tolist().index(int(row))) for key, row in where]
         wanted = np.array([left[key][k] for key, k in rows])

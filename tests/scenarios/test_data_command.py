@@ -39,6 +39,15 @@ def test_small_lengths_are_shown_in_micrometres():
     assert "sigma sigma_m m 50 um" in fine("data", "check", ARM, ROOT / "docs" / "example_dataset.csv")
 
 
+def test_the_rounding_of_a_zero_is_shown_as_zero(tmp_path):
+    """The load point lies on the tool's axis, but for what the program that wrote the file rounded."""
+    text = (ROOT / "docs" / "example_dataset.csv").read_text()
+    (tmp_path / "own.csv").write_text(text.replace("0.14,-0.07999999999999996,", "-8.7e-18,0.08,"))
+    assert "load point point_x_m ... point_z_m m 0 to 0.35" in fine(
+        "data", "check", ARM, tmp_path / "own.csv"
+    )
+
+
 def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     out, words = spreadsheet
     for said in (

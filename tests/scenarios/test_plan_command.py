@@ -87,7 +87,7 @@ def test_a_plan_is_nine_files_with_the_answer_first(planned, report):
     assert sorted(p.name for p in planned.iterdir()) == FILES
     assert json.loads((planned / "manifest.json").read_text())["scenario"]["loads_kg"] == [460.0, 150.0]
     _, _, title, _, first, *_ = (planned / "plan.md").read_text().splitlines()
-    assert "kr500_l480, ALL153, 460 kg or 150 kg" in title
+    assert "kr500_l480, GCO of all links and joints (ALL153), 460 kg or 150 kg" in title
     error = report["error_mm"]["expected"]
     assert first.startswith(f"**Expected error at the tasks: {error:.3f} mm")
     check_recording(planned, "plan.json")
@@ -237,7 +237,7 @@ def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration)
     assert (asked["absolute"], asked["loads_kg"], asked["orders"]) == (True, [5.0], 1)
     page = (absolute / "plan.md").read_text()
     _, _, title, _, first, *_ = page.splitlines()
-    assert title == "Calibration plan: ur10, Joints, own weight, then 5 kg"
+    assert title == "Calibration plan: ur10, joints-only model, own weight, then 5 kg"
     error, random = calibration["error_mm"]["expected"], calibration["random_plans"]["median_mm"]
     assert f"Expected error over the workspace: {error:.3f} mm, " in first
     assert f"with random poses (median of 100 plans: {random:.3f} mm). 90 % interval: " in first

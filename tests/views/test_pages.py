@@ -128,7 +128,7 @@ def test_readme_expects_what_the_tables_of_the_studies_hold():
         rows[name] for name in ("ALL153 + prior", "LS153 + prior", "Joints", "MLS56 + prior", "MLS56")
     ]
     default, _, joints = (cell.split()[0] for cell in expected().splitlines()[6].split("|")[2:5])
-    answer = f"Error after correction: default {default} mm; Joints {joints} mm."
+    answer = f"Error after correction: the default model {default} mm; the joints-only model {joints} mm."
     assert answer in (ROOT / "docs/studies/compensation.md").read_text()
 
 

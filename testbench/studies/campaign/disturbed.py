@@ -165,7 +165,7 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""
 BESIDE = (JOINTS, f"MLS56{FILLED}", DEFAULT)
-"""Those that are fitted to arms beside the family too: joint stiffness only, and LS with the same prior."""
+"""Those that are fitted to arms beside the family too: Joints-only, and LS with the same prior."""
 COVERED = (f"{JOINTS}{FILLED}", DEFAULT)  #: Whose intervals are judged.
 IN_FAMILY, BESIDE_IT = "family", "beside"  #: Parts of a trial.
 

@@ -62,7 +62,7 @@ LOOKS = {
 """How models are drawn."""
 DRAWN_AS = {
     "no correction": Look(MEASURED, 1, prior=True),
-    "joint stiffness only": LOOKS[JOINTS],
+    "Joints-only": LOOKS[JOINTS],
     "the default": LOOKS[DEFAULT],
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""

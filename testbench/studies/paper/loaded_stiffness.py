@@ -48,7 +48,7 @@ NAMES = {
     "linear": "Eq. (6)",
     "secant": "Eq. (7) once",
     "integrated": "Eq. (7) integrated",
-    "joints": "joint stiffness only",
+    "joints": "Joints-only",
 }
 LIGHT, HEAVY = "weightless", "own weight"
 ALONE = look(JOINTS, "none").colour
@@ -286,7 +286,7 @@ def _statements(heaviest: Trials) -> list[Row]:
         comparison(claim, int((a < b).sum()), int((a > b).sum()), len(a))
         for claim, a, b in (
             ("Eq. (7) from no load to the whole is nearer the truth than Eq. (6)", integrated, linear),
-            ("Eq. (6) errs less than joint stiffness only (not in the paper)", linear, joints),
+            ("Eq. (6) errs less than Joints-only (not in the paper)", linear, joints),
         )
     ]
 

@@ -298,7 +298,7 @@ def _tie(trials: Trials) -> Row:
 
 def figures(found: Report) -> dict[str, Figure]:
     """Draw the errors of every model under both truths."""
-    reading = "Errors of 95 % of the check runs. Dotted: joint stiffness only; diamonds: the paper's."
+    reading = "Errors of 95 % of the check runs. Dotted: Joints-only; diamonds: the paper's."
     table = found.led(Table(columns(TABLE_II), Row(found.numbers).models))
     title = f"{found.numbers['arm']}, section 5.2: errors of the check runs"
     return {"six_dof_arm.png": forest(table, PANES, title, reading, JOINTS)}

@@ -324,7 +324,7 @@ def figures(found: Report) -> dict[str, Figure]:
             (PLANNED, "tasks_mm", ""),
             (PLANNED, "workspace_mm", ""),
             (BARE, "tasks_mm", ", identified without prior"),
-            (INCUMBENT, "tasks_mm", ", joint stiffness only by least squares"),
+            (INCUMBENT, "tasks_mm", ", Joints-only by least squares"),
             *((fit, "tasks_mm", f", {fit}") for fit in own),
         )
     }

@@ -102,7 +102,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
     there = {m.name for m in distinct(f.models)}
     table = replace(whole, rows=[row for row in whole.rows if whole.columns[0].cell(row) in there])
     keys = {column.name: column.key for column in table.columns}
-    reading = "RMS errors. Filled: prior; dotted: joint stiffness only; grey diamonds: the paper. "
+    reading = "RMS errors. Filled: prior; dotted: Joints-only; grey diamonds: the paper. "
     reading += "Ratios: 95 % intervals."
     drawn = {
         "models.png": forest(

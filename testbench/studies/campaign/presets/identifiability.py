@@ -108,7 +108,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
     known = {m.name: look(m.structure, m.constraint, m.prior, m.filling) for m in Row(found.numbers).models}
     shown = (KNOWN["name"], *(replace(error, key=key) for key in panes))
     table = replace(models, columns=shown, rows=both, looks=known, headline="linear")
-    reading = "Filled: with a prior that is too soft and wrong in shape. Dotted: joint stiffness only."
+    reading = "Filled: with a prior that is too soft and wrong in shape. Dotted: Joints-only."
     counted = Row(found.numbers).cells["coverage"]
     return {
         "identifiability.png": forest(table, panes, found.question, reading, JOINTS),

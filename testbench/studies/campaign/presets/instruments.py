@@ -14,7 +14,7 @@ from testbench.workflows.models import DEFAULT, JOINTS
 
 
 def tables(_: read_by.Settings) -> Mapping[str, TrialTable]:
-    """List the default by instrument; its error by poses; that of joint stiffness only."""
+    """List the default by instrument; its error by poses; that of Joints-only."""
     usual = {"name": DEFAULT, "poses": USUAL}
     return {
         "instruments": TrialTable(

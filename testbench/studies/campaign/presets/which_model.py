@@ -35,14 +35,14 @@ def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
     return {
         "short": TrialTable("RMS error over the workspace, um", across="poses"),
         "cells": TrialTable(
-            f"The default's error over that of joint stiffness only, {POSES[0]} poses",
+            f"The default's error over that of Joints-only, {POSES[0]} poses",
             down="true_arm",
             across="prior_error",
             value="over_joints",
             where=few,
         ),
         "losses": TrialTable(
-            f"Cases in which a method errs over {100 * MARGIN:g} % more than joint stiffness only",
+            f"Cases in which a method errs over {100 * MARGIN:g} % more than Joints-only",
             columns="name poses over_joints loses",
             by="poses",
         ),
@@ -120,7 +120,8 @@ PRESET = Preset(
     page="docs/studies/which_model.md",
     question="Which method should be the default with 8, 12 or 20 poses?",
     how="Each arm is read under its payload, in two runs per pose. MuJoCo gives the true deflections. Models "
-    "are judged over the workspace. In every trial, each of six true arms gets another of six priors.",
+    "are judged over the workspace. In every trial, each of six true arms gets a different one of six "
+    "priors.",
     options=FamilyOptions,
     settings=family.settings,
     seeds=(102, 6),
