@@ -164,7 +164,8 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
         The table with one column per pattern, called as it without the load, and the column of the loads.
 
     Raises:
-        InputError: If no pattern has columns, or those of one are of other loads than those of another.
+        InputError: If no pattern has columns, or those of one are of other loads than those of another, or
+            have several units.
     """
     names, stacked = [squeeze(name) for name in table.names], dict[str, dict[str, int]]()
     known = {*map(squeeze, words)}
@@ -177,6 +178,10 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
         if found and {*found} != {*first}:
             problem = f"expected columns {pattern!r} of the loads {', '.join(first)}"
             raise table.header_error(f"{problem}, got {', '.join(found)}")
+        units = {unit.name if (unit := table.units[k]) else "none" for k in found.values()}
+        if len(units) > 1:
+            problem = f"expected one unit of all columns {pattern!r}, got {', '.join(sorted(units))}"
+            raise table.header_error(problem)
         if found:
             stacked[pattern] = found
     if not stacked:
