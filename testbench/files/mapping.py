@@ -169,6 +169,7 @@ class Names:
     ignored: frozenset[str]  #: Squeezed names of points that are no markers.
     values: Mapping[Slot, tuple[float, Unit]]  #: Constants and their units.
     cells: Mapping[str, tuple[str, ...]]  #: Patterns of what cells hold together, by their column.
+    by_load: tuple[str, ...]  #: Names of columns with the place of the load in them, one for every quantity.
     lost: Mapping[str, str]  #: What stands for a lost target: a blank.
     loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
@@ -268,15 +269,17 @@ def read_map(
     others = series_names(arm) if quantities is our_names else {}  # one map reads a file either way
     where = path or Path()
     words, ignored, lost = _words(where, found, arm)
+    choices = placeholders(arm, words)
     said = {name: (name,) for name in arm.markers} | STATES
     return Names(
         path=path,
         ours=ours,
-        theirs=_columns(where, found, ours, others, placeholders(arm, words)),
+        theirs=_columns(where, found, ours, others, choices),
         words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
         cells={header: as_tuple(patterns) for header, patterns in found.cells.items()},
+        by_load=_by_load(where, found, choices),
         lost=dict.fromkeys(lost, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
         markers=arm.markers,
@@ -377,6 +380,21 @@ def _columns(
                         path, f"{section}.{key}", f"the name {their!r} stands for two quantities"
                     )
     return named
+
+
+def _by_load(path: Path, found: Map, choices: Mapping[str, list[tuple[str, Words]]]) -> tuple[str, ...]:
+    """The names of columns that state a load, with the place of the load and no other placeholder."""
+    if several := [key for key, name in found.optional.items() if LOAD.search(" ".join(as_tuple(name)))]:
+        problem = "expected the place of a load in a name of [columns] alone"
+        raise InputError(path, f"optional.{several[0]}", problem)
+    patterns = list[str]()
+    for key, names in found.columns.items():
+        for name in as_tuple(names):
+            if len(LOAD.findall(name)) > 1:
+                raise InputError(path, f"columns.{key}", f"expected one place of a load, got {name!r}")
+            theirs = (their for _, their in expand(key, name.removeprefix("-"), choices))
+            patterns += [their for their in theirs if LOAD.search(their)]
+    return tuple(patterns)
 
 
 def _values(path: Path, found: Map, ours: Mapping[str, Slot]) -> dict[Slot, tuple[float, Unit]]:

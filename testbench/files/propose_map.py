@@ -1094,15 +1094,20 @@ def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
 
     Returns:
         Their names with the place of the load, such as "X {mass_kg} [mm]", and the loads.
+
+    Raises:
+        InputError: If two of them have one name.
     """
     place, loads = places(arm), set[str]()
-    patterns = dict[str, None]()
-    for name in table.names:
+    patterns, stated = dict[str, None](), list[int]()
+    for k, name in enumerate(table.names):
         masses = [*MASS.finditer(name)]
         if len(masses) == 1 and place(MASS.sub(" ", name)):
             unit = masses[0]["unit"].casefold()[:2]
             patterns[MASS.sub(f"{{mass_{unit}}}", name)] = None
             loads.add(squeeze(masses[0][0]))
+            stated.append(k)
+    _refuse_twice(table, stated)
     for pattern in patterns:
         before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
         for name in map(squeeze, table.names):

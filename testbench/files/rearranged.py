@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.document import is_decimal
 from testbench.errors import Array, Ids, InputError
 from testbench.files.languages import FLAGS, Language, known_languages
-from testbench.files.mapping import LOAD, FileLayout, Log, Named, Names, as_tuple, without_load
+from testbench.files.mapping import LOAD, FileLayout, Log, Named, Names, without_load
 from testbench.files.motion import PointText, Source, read_points
 from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze
 from testbench.files.table import TableCells, read_table, table_of
@@ -156,14 +156,16 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
 
     Args:
         table: The table.
-        patterns: Names with the place of the load, such as "X {mass_kg} [mm]".
+        patterns: Names with the place of the load, such as "X {mass_kg} [mm]"; those that no column has count
+            only if none of them has any.
         words: Loads in words; a load may also be a number.
 
     Returns:
         The table with one column per pattern, called as it without the load, and the column of the loads.
 
     Raises:
-        InputError: If the columns of a pattern are not there, or are of other loads than others.
+        InputError: If no pattern has columns, or those of one are of other loads than those of another, or
+            have several units.
     """
     names, stacked = [squeeze(name) for name in table.names], dict[str, dict[str, int]]()
     known = {*map(squeeze, words)}
@@ -173,10 +175,18 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
         every = {match["load"]: k for k, name in enumerate(names) if (match := inner.fullmatch(name))}
         found = {load: k for load, k in every.items() if load in known or is_decimal(load)}
         first = next(iter(stacked.values()), found)
-        if not found or {*found} != {*first}:
-            problem = f"expected columns {pattern!r} of the loads {', '.join(first) or 'in [words]'}"
-            raise table.header_error(f"{problem}, got {', '.join(found) or 'none'}")
-        stacked[pattern] = found
+        if found and {*found} != {*first}:
+            problem = f"expected columns {pattern!r} of the loads {', '.join(first)}"
+            raise table.header_error(f"{problem}, got {', '.join(found)}")
+        units = {unit.name if (unit := table.units[k]) else "none" for k in found.values()}
+        if len(units) > 1:
+            problem = f"expected one unit of all columns {pattern!r}, got {', '.join(sorted(units))}"
+            raise table.header_error(problem)
+        if found:
+            stacked[pattern] = found
+    if not stacked:
+        problem = f"expected columns {patterns[0]!r} of several loads, as numbers or in [words], got none"
+        raise table.header_error(problem)
     loads = list(next(iter(stacked.values())))
     hole = next(match[1] for pattern in patterns if (match := LOAD.search(pattern)))
     columns = {without_load(pattern): [found[load] for load in loads] for pattern, found in stacked.items()}
@@ -198,8 +208,7 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     Raises:
         InputError: If a pattern is invalid, or a cell fits none of its patterns.
     """
-    loaded = [own for theirs in names.map.columns.values() for own in as_tuple(theirs) if LOAD.search(own)]
-    table = stack_loads(table, loaded, names.loads) if loaded else table
+    table = stack_loads(table, names.by_load, names.loads) if names.by_load else table
     read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
         place, wholes = f"cells.{header}", []

@@ -274,7 +274,8 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     fields = {
         "run": shell_word(run),
         "beside": "" if run.parent == Path() else f"{shell_word(run.parent)}/",
-        "readings": "in the tracker's frame" if absolute else "without and with the load",
+        "readings": "of the planned instruments" * bool(asked.get("instruments"))
+        or ("in the tracker's frame" if absolute else "without and with the load"),
         "flags": _rehearsal(asked) if absolute else printable(str(asked.get("flags", ""))) + _gauges(asked),
         "fit": _fit(asked),
         "given": "".join(f"{shell_word(path)} " for path in given),

@@ -360,14 +360,15 @@ def _touching(cell: Cell, settings: PlanSettings, planes: Sequence[Mounted]) -> 
     rng, count = trial_rng(settings.seed, 0), -(-settings.candidates_wanted // len(planes))
     parts = [touch(cell, own, count, rng, MIN_POSES) for own in stepwise(planes, "finding touches")]
     q, kind = np.concatenate(parts), np.repeat(np.arange(len(planes)), [*map(len, parts)])
-    why = why_not(build_checks(cell, settings.conditions), q)
+    why, names = why_not(build_checks(cell, settings.conditions), q), names_of(settings.mounted)
+    names = [name for own, name in zip(settings.mounted, names, strict=True) if own.direction is not None]
     clear = np.array([reason is None for reason in why], dtype=bool)
     for k, count in enumerate(np.bincount(kind[clear], minlength=len(planes)).tolist()):
         if count < MIN_POSES:
             reasons = Counter(reason for reason, own in zip(why, kind, strict=True) if reason and own == k)
             most = next((f": {name}" for name, _ in reasons.most_common(1)), "")
             raise PoseError(
-                f"--instrument: {count} candidate poses touch plane {k + 1}, expected at least {MIN_POSES}"
+                f"--instrument: {count} candidate poses touch {names[k]}, expected at least {MIN_POSES}"
                 f"{most}; move the face, or draw more candidates"
             )
     found = Candidates(nearest_turn(q, cell.arm), len(q), {name: why.count(name) for name in REASONS})

@@ -876,6 +876,11 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         (deflections, "of deflections alone the targets' places are not known"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
         (table(twice, [["1"] * 12]), "got 'X' again; say"),
+        (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; say"),
+        (
+            by_load("{x} 0 kg", "{x} 9 kg").replace("\n", "\n,,,,,,,,mm,mm,mm,in,mm,mm\n", 1),
+            r"expected one unit of all columns 'X \{mass_kg\}', got in, mm",
+        ),
     ):
         (file := tmp_path / "file.csv").write_text(content)
         with pytest.raises(InputError, match=said):

@@ -379,6 +379,9 @@ def test_too_few_poses_or_faces_out_of_reach_are_refused(kr500):
     low = replace(TOUCHED, loads_kg=(460.0,), sling_m=3.0)
     with pytest.raises(BenchError, match="touch plane 1, expected at least 6: payload does not hang clear"):
         plan_absolute(kr500, low)
+    # a plane has its number among all instruments, as everywhere else
+    with pytest.raises(BenchError, match="touch plane 2, expected at least 6"):
+        plan_absolute(kr500, replace(low, instruments=("bar:P1:2.2,0,0.1", *TOUCHED.instruments)))
     alone = replace(TOUCHED, instruments=BOX[:1])
     with pytest.raises(BenchError, match="block 'box' has one face"):
         plan_absolute(kr500, alone)

@@ -9,7 +9,7 @@ import pytest
 from refused import refused
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, select, select_rows
 from testbench.errors import InputError
 from testbench.files.names import our_names, recognise
 from testbench.files.read_pairs import read_export
@@ -315,6 +315,51 @@ def test_an_export_may_be_written_otherwise(tmp_path, way):
     check_alike(found.data)
     notes = "; ".join((*found.notes, *found.columns.table.notes))
     assert all(words in notes for words in said)
+
+
+BY_LOAD = """
+columns = {{ pose = "Pose", "joint_{{n}}_deg" = "A{{n}}", "{{marker}}_{{axis}}_mm" = {} }}
+words = {{ 0 = "empty" }}
+"""
+
+
+def columns_by_load() -> bytes:
+    """A row per pose, and a column for every target, axis and load."""
+    loads = ["empty", *map(number, MASSES)]
+    lines = [["Pose", *(f"A{k}" for k in range(1, 7))]]
+    lines[0] += [f"P{m + 1} {x} {load} kg" for m in M for x in "XYZ" for load in loads]
+    for r in (0, 2, 4):
+        places = np.stack([DATA.before[r], DATA.after[r], DATA.after[r + 1]], axis=2)
+        lines.append([DATA.pose[r], *deg(r), *mm(places)])
+    return table(lines, ",")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ['"{marker} {axis} {mass_kg} kg"', '["{marker} at {axis} {mass_kg}", "{marker} {axis} {mass_kg} kg"]'],
+)
+def test_names_of_columns_may_hold_a_target_an_axis_and_a_load(tmp_path, name):
+    export, names = tmp_path / "export.csv", tmp_path / "map.toml"
+    export.write_bytes(columns_by_load())
+    names.write_text(BY_LOAD.format(name))
+    found = read_export(export, ARM, names, None).data
+    order = np.argsort(found.pose, kind="stable")  # the rows of a load stand together
+    check_alike(select_rows(found, order))
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ('"{marker} {axis} {mass_kg} {mass_kg}"', "expected one place of a load"),
+        ('"{marker} {axis} {mass_kg} tonnes"', "expected columns 'P1 x {mass_kg} tonnes' of several loads"),
+    ],
+)
+def test_a_name_of_columns_by_load_that_fits_none_is_refused(tmp_path, name, problem):
+    export, names = tmp_path / "export.csv", tmp_path / "map.toml"
+    export.write_bytes(columns_by_load())
+    names.write_text(BY_LOAD.format(name))
+    with pytest.raises(InputError, match=re.escape(problem)):
+        read_export(export, ARM, names, None)
 
 
 def test_a_lost_target_needs_no_covariances(tmp_path):

@@ -52,6 +52,19 @@ def test_the_next_command_is_filled_in(tmp_path, monkeypatch, command, scenario,
     assert "/tmp" not in "".join(lines)
 
 
+@pytest.mark.parametrize(
+    ("scenario", "readings"),
+    [
+        (PLAN, "without and with the load"),
+        (ABSOLUTE, "in the tracker's frame"),
+        (ABSOLUTE | {"instruments": ["wire:P1:2.2,0,0.1"]}, "of the planned instruments"),
+    ],
+)
+def test_a_plan_says_which_readings_it_needs(tmp_path, scenario, readings):
+    lines = next_lines(run_of(tmp_path / "one", "testbench plan", scenario))
+    assert lines[0].split(maxsplit=1) == ["needed", f"readings of all poses of plan.csv, {readings}"]
+
+
 def test_a_run_without_a_given_arm_has_the_name_of_its_manifest(tmp_path):
     run = run_of(tmp_path / "one", "testbench check", arm="kr\x1b[31m {0}")
     (line,) = [own for own in next_lines(run) if own.startswith("next")]
