@@ -870,6 +870,7 @@ WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a ce
 MASS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)(?![^\W_])", re.IGNORECASE)
 """A mass in the name of a column, such as "X 150 kg [mm]"."""
 MAX_HEADER = 3  #: Most lines of a header.
+MAX_QUANTITIES = 1000  #: Most lines of a file whose rows are columns: each is a quantity, or a remark.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
 LONGEST = 2_000  #: Letters of a line above a table that is looked at.
 
@@ -1120,7 +1121,10 @@ def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
 def _lies(path: Path, arm: Arm) -> bool:
     """Whether the first cells of a file's lines name the joints: its rows are columns."""
     text, how = read_letters(path, None, ".")
-    rows = even_rows(split_lines(path, text), ["\t"] if how.startswith(SHEET) else DELIMITERS[:4])
+    lines = split_lines(path, text)
+    if len(lines) > MAX_QUANTITIES:
+        return False
+    rows = even_rows(lines, ["\t"] if how.startswith(SHEET) else DELIMITERS[:4])
     return bool(joint_family([row[0] for row in rows], arm))
 
 
