@@ -314,7 +314,7 @@ def model_forest(axes: Axes, table: Table, column: TableColumn) -> None:
         low = min(0.0, float(reached.min()))
         axes.set_xlim(low, low + 1.03 * (float(reached.max()) - low))
     title = "; ".join(filter(None, [table.title or "Models", dotted(map(column.value, table.rows))]))
-    axes.set_title(title, loc="left")
+    axes.set_title(textwrap.fill(title, PANE_TITLE), loc="left")
 
 
 class _Sign(NamedTuple):
@@ -391,6 +391,7 @@ HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
 KEYED, TITLED = 0.3, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
+PANE_TITLE = 76  #: Letters of a line of the title of a pane, beside names of rows in words.
 MAP_LETTERS = 26  #: Letters of a line of the title of a map.
 
 
