@@ -170,6 +170,23 @@ def scale_row(union: JointUnknowns, rows: Array, q: Array) -> tuple[Array, float
     )
 
 
+def realigned(union: JointUnknowns, rows: Array) -> Array:
+    """Remove from positions what a frame and a mount, fitted to them, would take up.
+
+    Args:
+        union: The unknowns; frame and mount are its first columns.
+        rows: Positions per unit of x, such as `position_rows`, (poses, 3 loads m, r) [m].
+
+    Returns:
+        The rest of the rows, the same shape [m].
+    """
+    first = union.unknowns.starts["geometry"]
+    A = rows.reshape(-1, rows.shape[2])
+    Q = np.linalg.svd(A[:, :first], full_matrices=False)[0]
+    arm = A[:, first:] - Q @ (Q.T @ A[:, first:])
+    return np.column_stack([np.zeros_like(A[:, :first]), arm]).reshape(rows.shape)
+
+
 def realignment_loss(union: JointUnknowns, rows: Array) -> float:
     """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
 
@@ -180,12 +197,8 @@ def realignment_loss(union: JointUnknowns, rows: Array) -> float:
     Returns:
         RMS distance of a target from its prediction [m].
     """
-    first = union.unknowns.starts["geometry"]
-    A = rows.reshape(-1, rows.shape[2])
-    # remove what a frame and a mount, fitted to these positions, would take up
-    Q = np.linalg.svd(A[:, :first], full_matrices=False)[0]
-    arm = A[:, first:] - Q @ (Q.T @ A[:, first:])
-    return float(np.sqrt(3 * np.square(arm).sum() / len(arm)))
+    left = realigned(union, rows)
+    return float(np.sqrt(3 * np.square(left).sum() / left[..., 0].size))
 
 
 def unmodelled_joint_error(union: JointUnknowns, q: Array) -> Array:

@@ -407,7 +407,7 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
         sigma: Standard deviation of a reading along an axis [m].
 
     Returns:
-        Both errors [m], frame and mount fitted.
+        Both errors [m], each after frame and mount were fitted to the predicted positions.
 
     Raises:
         BenchError: When the arm can be nowhere.
@@ -415,9 +415,10 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
     settings = PlanSettings(
         absolute=True, criterion="I", poses=FURTHER, sigma_um=UM * sigma, candidates_wanted=FURTHER_CANDIDATES
     )
-    union = replace(union_after(given, settings), min_information=float(FURTHER))
+    union = union_after(given, settings)
     wanted = absolute.position_rows(union, workspace_poses(cell, settings)[:FURTHER_CANDIDATES])
-    return absolute.realignment_loss(union, wanted), best_of(union, search(cell, settings).q, wanted)[1]
+    left = absolute.realigned(union, wanted)
+    return absolute.realignment_loss(union, wanted), best_of(union, search(cell, settings).q, left)[1]
 
 
 def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], float]:

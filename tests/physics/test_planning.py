@@ -463,6 +463,23 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     assert found(np.arange(6)) == pytest.approx(error)
 
 
+def test_further_poses_lower_the_error_that_is_left_after_realignment(before, places, rng):
+    """Errors of a new frame are in neither error: with them, more poses would seem to make an arm worse."""
+    own = union_after(model_of(before[1]), ALONE)
+    rows = absolute.position_rows(own, places[-20:])
+    left, first = absolute.realigned(own, rows), own.unknowns.starts["geometry"]
+    A = rows.reshape(-1, rows.shape[2])
+    b = A[:, first:] @ rng.standard_normal(A.shape[1] - first)
+    fitted = np.linalg.lstsq(A[:, :first], b, rcond=None)[0]
+    x = np.r_[np.zeros(first), np.linalg.lstsq(A[:, first:], b, rcond=None)[0]]
+    np.testing.assert_allclose(left.reshape(A.shape) @ x, b - A[:, :first] @ fitted, atol=1e-8 * abs(b).max())
+    error = error_after(absolute.candidate_set(own, places[:40], 40).problem, left)
+    errors = [error(np.arange(k)) for k in (0, 5, 10, 20, 40)]
+    assert errors[0] == pytest.approx(absolute.realignment_loss(own, rows), rel=1e-6)
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.9 * errors[0]
+
+
 def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, places):
     """Asked for the other side of joint_1, to which one in five candidates turns it."""
     series, found = before

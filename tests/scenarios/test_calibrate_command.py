@@ -125,6 +125,7 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     assert (verdict["winner"], verdict["verdict"]) == ("calibrated arm", "holds")
     assert verdict["rival"] == "arm with only geometry and joint springs"
     assert report["total_after"]["mean_mm"] < 0.2 * report["total_before"]["mean_mm"]
+    assert report["more"]["after_mm"] < report["more"]["now_mm"]
     kept = {step["name"]: step["after_mm"] for step in report["steps"] if step["kept"]}
     assert [*kept] == ["joint springs", "joint errors"]
     assert report["held_out_mm"] == [report["steps"][0]["before_mm"], kept["joint errors"]]
