@@ -280,6 +280,8 @@ def seeds(run: Finished) -> str:
 def inputs_differ(a: Finished, b: Finished) -> list[Row]:
     """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit.
 
+    Settings that one of two commands does not have say nothing: they are counted.
+
     Args:
         a: A finished run.
         b: Another one.
@@ -289,7 +291,17 @@ def inputs_differ(a: Finished, b: Finished) -> list[Row]:
     """
     ours, theirs = _inputs(a), _inputs(b)
     keys = [key for key in dict.fromkeys([*ours, *theirs]) if ours.get(key) != theirs.get(key)]
-    return [Row(what=key, a=ours.get(key, "none"), b=theirs.get(key, "none")) for key in keys]
+    alone = [key for key in keys if key.startswith("settings.") and (key in ours) != (key in theirs)]
+    alone = alone if ours["command"] != theirs["command"] else []
+    rows = [
+        Row(what=key, a=ours.get(key, "none"), b=theirs.get(key, "none")) for key in keys if key not in alone
+    ]
+    if alone:
+        counts = (str(len([key for key in alone if key in own])) for own in (ours, theirs))
+        rows.append(
+            Row(what="number of settings of one alone", **dict(zip("ab", counts, strict=True)))
+        )
+    return rows
 
 
 def _inputs(run: Finished) -> dict[str, str]:

@@ -214,8 +214,12 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
         report["models"] = models
 
     fits = changed(one, tmp_path / "fits", "report.json", only)
+    settings = {"sigma_um": None, "load": None}
     fits = changed(
-        fits, tmp_path / "identify", "manifest.json", lambda m: m.update(command="testbench identify")
+        fits,
+        tmp_path / "identify",
+        "manifest.json",
+        lambda m: m.update(command="testbench identify", scenario=settings),
     )
     _, report = said(tmp_path, one, fits)
     assert {pair["kind"] for pair in report["models"]} == {"identification"}
@@ -224,6 +228,10 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
         "a": "scenarios/gravity_calibration.py",
         "b": "testbench identify",
     }
+    counted = report["inputs"][-1]
+    assert counted["what"] == "number of settings of one alone"
+    assert (int(counted["a"]) > 10, counted["b"]) == (True, "2")
+    assert not [own for own in report["inputs"] if own["what"].startswith("settings.")]
 
 
 def broken(text):
