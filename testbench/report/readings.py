@@ -344,7 +344,7 @@ def calibration_tables(f: Row) -> dict[str, Table]:
     }
     heads = {"steps": "after_mm", "series": "after.mean_mm"}
     shown = {name: keys for name, (_, keys) in CALIBRATION_TABLES.items()}
-    if len(f.series) == 1:  # no whole series was held out
+    if all(row.series_after_mm is None for row in f.steps):  # no whole series was held out
         shown["steps"] = shown["steps"].removesuffix(" series_after_mm")
     return {
         name: Table(
