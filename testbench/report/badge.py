@@ -58,6 +58,9 @@ def ratio(value: float) -> str:
     return f"{value:.1f}" if value < 9.95 else f"{value:,.0f}"
 
 
+MAX_TIES = (
+    2  #: Models that a verdict names because they tie with ours: of more, the first and how many others.
+)
 MIN_PAIRS = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.
 ROUNDING_RATIO = 1000.0  #: Errors below the largest one over this are rounding.
@@ -110,13 +113,16 @@ class Badge:
         if self.interval is None:
             return Markdown(f"Too few: {times} in {pairs}; {takes}.")
         low, high = self.interval
-        tied = as_markdown(listed([self._told(name) for name in self.ties]))
+        told = [self._told(name) for name in sorted(self.ties, key=lambda name: name != self.rival)]
+        if len(told) > MAX_TIES:
+            told = [told[0], counted(len(told) - 1, "other")]
+        tied = as_markdown(listed(told))
         seen = pairs if self.exact else f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
             near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
             of = "" if len(self.ties) < 2 else f" of {rival} to {winner}"
-            told = f"{self.what} ratio{of} {self.factor:.2f}, {seen.format(f'{low:.2f}', f'{high:.2f}')}"
-            return Markdown(f"Tie{near}: {winner} ties with {tied} ({told}).")
+            size = f"{self.what} ratio{of} {self.factor:.2f}, {seen.format(f'{low:.2f}', f'{high:.2f}')}"
+            return Markdown(f"Tie{near}: {winner} ties with {tied} ({size}).")
         if self.chance is not None:
             sure = f"a {first} improves with a probability of {100 * self.chance:.0f} %"
             return Markdown(f"Likely: {times}; {sure} (median of {pairs}).")

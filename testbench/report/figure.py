@@ -44,7 +44,13 @@ WIDTH, DPI = 183 / INCH, 200
 MIN_LETTER_SIZE, LETTER_SIZE, TITLE_SIZE = 7.0, 7.4, 8.8
 """Sizes of letters [pt]: the least, that of most, that of a title. On a page 800 pixels wide, 7 points are
 11 pixels high."""
-STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 100: (1, 2, 5), 1000: (1, 3), math.inf: (1,)}
+STEPS = {
+    2: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
+    5: (1, 1.5, 2, 3, 5, 7),
+    100: (1, 2, 5),
+    1000: (1, 3),
+    math.inf: (1,),
+}
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].

@@ -27,8 +27,23 @@ WORDS: Mapping[str, str] = {
     CLIPPED: "clipped least squares of beam links",
     f"{WITHOUT_CONE}{FILLED}": "least squares with the same prior",
     "default": "the default model",
+    "+ joint springs": "the model with joint springs",
+    "+ links, LS": "the model with links by least squares",
+    "+ links, GCO": "the model with links by GCO",
+    "+ links, GCO + prior": "the model with links by GCO with prior",
+    "+ joint errors": "the model with joint errors",
+    "+ joint errors + links": "the model with joint errors and links",
+    "+ common pattern": "the model with a common pattern of joint errors",
+    "chosen": "the model chosen by cross-validation",
+    "geometry alone": "the model with geometry alone",
+    "joint springs": "the model with joint springs",
+    "joint springs, joint errors": "the model with joint errors",
+    "joint springs, links": "the model with links",
+    "all, least squares": "the model with all errors by least squares",
+    "all, GCO": "the model with all errors by GCO",
+    "chosen by cross-validation": "the model chosen by cross-validation",
 }
-"""Models whose name in words does not follow from their kind."""
+"""Models whose name in words does not follow from their kind; absolute calibration names errors."""
 METHODS = {"MLS": "least squares", "LS": "least squares", "MGCO": "GCO", "ALL": "GCO"}
 """Methods by the letters of a name."""
 KIND = re.compile(r"(MLS|LS|MGCO|ALL)([1-9]\d*)")
@@ -79,7 +94,9 @@ def first_mention(name: str) -> str:
 
 
 def row_words(name: str) -> str:
-    """Describe a model beside its row or line of a picture: `first_mention` without an article.
+    """Describe a model beside its row or line of a picture: `first_mention` without its first words.
+
+    These are "the", or "the model with".
 
     Args:
         name: Name of a model.
@@ -87,4 +104,4 @@ def row_words(name: str) -> str:
     Returns:
         The words.
     """
-    return first_mention(name).removeprefix("the ")
+    return first_mention(name).removeprefix("the model with ").removeprefix("the ")

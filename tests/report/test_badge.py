@@ -14,6 +14,7 @@ from testbench.report.badge import Badge, decide, drawn, incumbents, of_models
 from testbench.report.report import read
 from testbench.report.table import SHARED, Row, Trials, merged
 from testbench.runs.spread import independent
+from testbench.workflows.model_names import in_words
 
 NOISE = np.exp(np.random.default_rng(3).normal(0, 0.3, 40))
 MODELS = [
@@ -141,6 +142,10 @@ def test_all_that_tie_are_named_the_strongest_first_and_a_weaker_one_is_no_rival
     own = of_models(trials, MODELS, "ALL153 + prior", "mm")
     assert (own.verdict, own.rival, own.ties) == ("tie", "LS153 + prior", ("LS153 + prior", "MLS56 + prior"))
     assert read(json.loads(json.dumps(replace(REPORT, badge=own).json()))).badge == own
+    three = replace(own, ties=("MGCO56 + prior", *own.ties[::-1]))
+    assert in_words("LS153 + prior") in three.words
+    assert "2 others" in three.words
+    assert in_words("MLS56 + prior") not in three.words
     places = Trials.holding(
         {
             "name": np.array(["ALL153 + prior", "LS153 + prior", "Joints"], dtype=object),

@@ -23,6 +23,8 @@ WORDS = {
     "mine.py:best": "mine.py:best",
     "MGCO56, LS + prior": "MGCO56, LS + prior",  # another method than its first word says
     "corrected program": "corrected program",
+    "+ links, GCO + prior": "the model with links by GCO with prior",
+    "joint springs": "the model with joint springs",
 }
 
 

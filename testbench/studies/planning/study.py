@@ -172,7 +172,8 @@ def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
     n, rivals = asked.scope.featured, [row.plan for row in f.criteria if row.plan != "test"]
     own = trials.where(part="measured", poses=n, fit=PLANNED)
     badge = of_rivals(own.add(name=own["plan"]), "test", rivals, "tasks_mm")
-    badge = badge and replace(badge, what="task error")  # over the workspace another may be better
+    # Over the workspace another criterion may be better.
+    badge = badge and replace(badge, what="task error", article="criterion ")
     criteria = Table(
         columns(CRITERIA), f.criteria, f"{n} poses by criterion", headline="tasks_mm", looks=LOOKS
     )
