@@ -19,6 +19,7 @@ from testbench.plant.disturbance import Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb, true_arms, true_plant
 from testbench.runs import manifest
+from testbench.runs.store import numeric_versions
 from testbench.workflows.campaign_flags import true_arm_name
 from testbench.workflows.cell import Scenario, simulate, true_cell
 from testbench.workflows.models import named_models, with_priors
@@ -55,9 +56,11 @@ def test_packages_of_the_pages_are_known_by_name_and_the_manifest_says_which_fil
     assert list(joint_laws) == ["stiffening", "backlash", "friction", "wind_up"]
     assert list(true_arms.added) == ["worn", "wound"]
     assert true_arm_name("worn") == "worn"
-    digests = manifest.versions()
+    digests = manifest.versions(true_arms)
     assert digests["joint law wind_up"] == manifest.digest(installed / "wind_up.py")
     assert digests["true arm worn"] == manifest.digest(installed / "worn.py")
+    assert digests.keys() - manifest.versions().keys() == {"true arm worn", "true arm wound"}
+    assert numeric_versions().items() >= {"true arm worn": digests["true arm worn"]}.items()
 
 
 def test_a_worn_joint_is_one_and_the_same_for_a_seed(installed, kr500):
