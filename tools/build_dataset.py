@@ -27,8 +27,8 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.files.write import columns
-from testbench.plant.true_arms import TRUE_ARM_LABELS, TRUTHS
-from testbench.report.schema import KNOWN
+from testbench.plant.true_arms import TRUTHS
+from testbench.report.schema import KNOWN, TRUE_ARM_LABELS
 from testbench.runs import manifest as files
 from testbench.runs.engine import Chunks, on_cores
 from testbench.runs.manifest import digests

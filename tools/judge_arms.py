@@ -32,8 +32,9 @@ from testbench.identify.posterior import intervals
 from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed, true_arms
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed, true_arms
 from testbench.report import markdown
+from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import covers, reread, worst_tenth

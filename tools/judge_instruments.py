@@ -34,7 +34,8 @@ from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
 from testbench.plant.tracker import Gauge, Tracker, trial_rng
-from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.campaign.trial import cover, worst_tenth
 from testbench.workflows.campaign_flags import Mounted, read_instruments

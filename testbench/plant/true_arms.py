@@ -310,25 +310,6 @@ HELD_OUT: Mapping[str, TrueArm] = {
 }
 """True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
 them."""
-TRUE_ARM_LABELS = {
-    "tubes": "links of tubes",
-    **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
-    "cast": "cast links",
-    "joints": "unequal joints",
-    **{f"stiffer_{n}": f"links {n} times stiffer" for n in STIFFER_FACTORS},
-    "soft_link": "one link softer",
-    "coupled": "coupled links",
-    "far_joints": "joints far off",
-    "bearings": "soft bearings",
-    **{
-        f"following_{percent}": f"links follow the pose by {percent} %" for percent in POSE_DEPENDENCE_PERCENT
-    },
-    "following_all": "axes of links follow all joints",
-    "tied_joints": "neighbouring joints coupled",
-    "tied_all": "all joints coupled",
-    "slipping": "friction slips bit by bit",
-}
-"""Names of our true arms in reports; one that is added bears its own."""
 TRUTH_DESCRIPTIONS = {
     "tubes": "the folder's: every link a straight tube, which the template contains",
     **{
@@ -352,11 +333,6 @@ def _check(name: str, kind: TrueArm) -> None:
 
 true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TRUTHS, **HELD_OUT}, _check)
 """Kinds of true arms by name: TRUTHS, HELD_OUT, and those that users add."""
-
-
-def true_arm_label(name: str) -> str:
-    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name."""
-    return TRUE_ARM_LABELS.get(name, name)
 
 
 def true_arm_of_seed(family: str, seed: int) -> str:

@@ -194,7 +194,7 @@ def write_manifest(
         scenario: What was asked for, as plain data.
         seeds: Roots of randomness; empty where nothing is drawn.
         models: Digests of the files of every arm, by its name.
-        tables: Tables of parts that users add, those of simulations: see `versions`.
+        tables: Tables of the parts that a simulation uses, see `versions`.
         measured: Of the run itself, such as its seconds, or digests of what it left elsewhere.
     """
     project = SESSION.get().project
