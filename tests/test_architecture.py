@@ -38,7 +38,7 @@ DOORS = {
     "distributed": "runs/cluster.py",
     "joblib": "runs/engine.py",
     "trimesh": "files/robot/meshes.py",
-    "fast_simplification": "files/robot/meshes.py",
+    "fast_simplification": "plant/shapes.py",
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
