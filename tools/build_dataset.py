@@ -35,7 +35,8 @@ from testbench.runs.manifest import digests
 from testbench.runs.whole import claim_folder, whole_folder
 from testbench.studies.run import show_progress
 from testbench.workflows.arm_models import copy_arm
-from testbench.workflows.cell import Cell, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.campaign import draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.load_dataset import (
     ARM,
     ARMS,

@@ -248,6 +248,23 @@ def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
     return _frames(model, address, np.hstack([q, theta]), bodies)
 
 
+def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
+    """Compute where MuJoCo places bodies of the elastic arm at theta = 0.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (runs, n) [rad, m].
+        names: Names of the bodies.
+
+    Returns:
+        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3) [1].
+    """
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
+    bodies = np.array([plant.model.body(name).id for name in names])
+    frames = _frames(plant.model, plant.joints, q, bodies)
+    return [(frames.positions[:, k], frames.rotations[:, k]) for k in range(len(names))]
+
+
 def _frames(
     model: mujoco.MjModel,
     address: Ids,

@@ -28,7 +28,6 @@ from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant
 from testbench.plant.cast import cast_link
 from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
 from testbench.plant.equilibrium import hinged_bodies
-from testbench.plant.tracker import trial_rng
 from testbench.registry import Registry
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
@@ -348,13 +347,13 @@ def true_arm_of_seed(family: str, seed: int) -> str:
     return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
 
 
-def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
-    """Build another true arm, a new one for every seed.
+def true_plant(arm: Arm, name: str, rng: np.random.Generator, stiffer: float = 1.0) -> "Plant":
+    """Build another true arm, drawn at random.
 
     Args:
         arm: The arm as its folder describes it.
         name: Kind of truth, a name of `true_arms`.
-        seed: Seed of its random numbers.
+        rng: Source of randomness.
         stiffer: Factor by which its links are stiffer [1].
 
     Returns:
@@ -365,7 +364,7 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
     """
     from testbench.plant.build import build_plant
 
-    kind, rng = true_arms[name], trial_rng(seed, 8)
+    kind = true_arms[name]
     drawn = kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng)
     if not isinstance(drawn, Arm) or (drawn.n_joints, drawn.n_theta) != (arm.n_joints, arm.n_theta):
         problem = "expected an Arm of the same joints and links from draw(arm, rng)"

@@ -15,7 +15,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
 from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
 from testbench.plant.shapes import CIRCLE
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell, build_cell, check_agreement
 from testbench.workflows.rows import rms
 

@@ -18,8 +18,7 @@ from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, cross, generalised_load, tool_pose
-from testbench.plant.tracker import trial_rng
-from testbench.runs.rows import Row, finite
+from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.fits import IdentifyResult

@@ -59,7 +59,7 @@ from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.vjm import WorkArea, tool_pose
 from testbench.plant.site import Site
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.options import payload_of

@@ -20,9 +20,9 @@ from testbench.plant.cast import (
     rib_thickness,
     scale_walls,
 )
-from testbench.plant.tracker import trial_rng
 from testbench.report.schema import TRUE_ARM_LABELS
-from testbench.workflows.cell import Scenario, simulate, true_cell
+from testbench.runs.rows import trial_rng
+from testbench.workflows.campaign import Scenario, simulate, true_cell
 from testbench.workflows.models import PRIORS, WRONG_FACTOR, WRONG_ROTATION, prior_of, wrong_prior
 
 TUBE = elastic.tube_compliance(elastic.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))

@@ -20,7 +20,8 @@ from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
 from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, distinct, told
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Run, calibration_scene, write_runs
-from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.campaign import true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.model_names import IN_PAPER
 from testbench.workflows.models import DEFAULT, JOINTS
 
