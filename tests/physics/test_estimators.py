@@ -11,6 +11,7 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import all_deflections, deflections, make_estimate
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
 from testbench.identify.metric import cad_prior
+from testbench.identify.observability import without_readings
 from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
@@ -24,7 +25,6 @@ from testbench.studies.paper.factorised import BOX, Budget, explore, trial_point
 from testbench.workflows.advice import advice
 from testbench.workflows.campaign import FullPose, Scenario, draw_poses, simulate_at, simulate_full_pose
 from testbench.workflows.campaign import simulate as calibrate
-from testbench.workflows.identifiability import without_readings
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
 
