@@ -15,7 +15,8 @@ from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior, 
 from testbench.identify.regression import reduce
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
-from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
+from testbench.workflows.campaign import Scenario, simulate
+from testbench.workflows.cell import Cell, build_cell
 
 RANDOM, NASTY_ONES = 10_000, 1_000
 SEED = 20_000

@@ -8,7 +8,8 @@ from testbench.identify.regression import reduce
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.intervals import CEILING, FitSet, bounds, fit_set
-from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
+from testbench.workflows.campaign import Scenario, simulate
+from testbench.workflows.cell import Cell, build_cell
 
 ARM = "kr500_l480"
 CONFIDENCE = 0.95

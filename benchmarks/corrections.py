@@ -12,7 +12,8 @@ from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import elastic_state, model_of_estimate
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153
-from testbench.workflows.cell import build_cell, simulate
+from testbench.workflows.campaign import simulate
+from testbench.workflows.cell import build_cell
 
 ARM, SEED, POINTS, REPEATS = "kr500_l480", 5, 10_000, 5
 FORCE = 2000.0  #: Of the process [N].

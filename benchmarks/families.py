@@ -17,7 +17,8 @@ from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import solve_by_reference, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.intervals import resampler
-from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
+from testbench.workflows.campaign import Scenario, simulate
+from testbench.workflows.cell import Cell, build_cell
 
 ARM = "kr500_l480"
 FITS, ALONE, REPEATS = 100, 8, 5

@@ -9,7 +9,8 @@ from measure import MODELS, Row, at_most, interleave, spread
 from testbench.arm.folder import Arm
 from testbench.identify.method import gco
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
+from testbench.workflows.campaign import Scenario, simulate
+from testbench.workflows.cell import Cell, build_cell
 
 ARMS = "kr500_l480", "ur10", "arm_6r"
 STRUCTURES = mgco68, template56, all153

@@ -13,7 +13,8 @@ from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior
 from testbench.identify.regression import reduce
 from testbench.identify.solve import solve_by_reference
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
+from testbench.workflows.campaign import Scenario, simulate
+from testbench.workflows.cell import Cell, build_cell
 
 ARM = "kr500_l480"
 STRENGTH = Strength(0.3)

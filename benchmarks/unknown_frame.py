@@ -27,17 +27,11 @@ from testbench.identify.registration import Frame, kabsch, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.plant.disturbance import Disturbances, GeometryErrors
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import disturb
+from testbench.runs.rows import trial_rng
 from testbench.workflows.absolute import by_trackers
-from testbench.workflows.cell import (
-    Cell,
-    Scenario,
-    build_cell,
-    draw_poses,
-    measure_markers,
-    poses_with_weight,
-)
+from testbench.workflows.campaign import Scenario, draw_poses, measure_markers, poses_with_weight
+from testbench.workflows.cell import Cell, build_cell
 
 ARM, PLACE, POSES, MASS = "kr500_l480", (2.2, -4.0, 1.6), 10, 460.3
 ROUGH, NOISE = 0.03, 1e-3  #: Of nominal targets, and of readings where the covariance is judged [m].

@@ -76,12 +76,12 @@ if TYPE_CHECKING:
     from testbench.plant.true_arms import true_arms as true_arms
     from testbench.workflows.arm_models import load_model as load_model
     from testbench.workflows.arm_models import save_model as save_model
-    from testbench.workflows.cell import Campaign as Campaign
+    from testbench.workflows.campaign import Campaign as Campaign
+    from testbench.workflows.campaign import Scenario as Scenario
+    from testbench.workflows.campaign import simulate as simulate
+    from testbench.workflows.campaign import true_cell as true_cell
     from testbench.workflows.cell import Cell as Cell
-    from testbench.workflows.cell import Scenario as Scenario
     from testbench.workflows.cell import build_cell as build_cell
-    from testbench.workflows.cell import simulate as simulate
-    from testbench.workflows.cell import true_cell as true_cell
     from testbench.workflows.load_dataset import PublicCampaign as PublicCampaign
     from testbench.workflows.load_dataset import load_dataset as load_dataset
     from testbench.workflows.models import MODELS as MODELS
@@ -93,8 +93,8 @@ if TYPE_CHECKING:
 HOMES = {
     "load_arm": "arm.folder",
     "build_cell": "workflows.cell",
-    "Scenario": "workflows.cell",
-    "simulate": "workflows.cell",
+    "Scenario": "workflows.campaign",
+    "simulate": "workflows.campaign",
     "load_dataset": "workflows.load_dataset",
     "MODELS": "workflows.models",
     "Dataset": "data.dataset",
@@ -134,12 +134,12 @@ HOMES = {
     "plan": "workflows.plan",
     "joint_laws": "model.laws",
     "true_arms": "plant.true_arms",
-    "true_cell": "workflows.cell",
+    "true_cell": "workflows.campaign",
     "member_of_family": "plant.true_arms",
     "BenchError": "errors",
     "Arm": "arm.folder",
     "Calibration": "identify.absolute.fit",
-    "Campaign": "workflows.cell",
+    "Campaign": "workflows.campaign",
     "Cell": "workflows.cell",
     "Certificate": "identify.estimate",
     "Compensated": "correct.compensated",

@@ -38,7 +38,7 @@ DOORS = {
     "distributed": "runs/cluster.py",
     "joblib": "runs/engine.py",
     "trimesh": "files/robot/meshes.py",
-    "fast_simplification": "files/robot/meshes.py",
+    "fast_simplification": "plant/shapes.py",
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
@@ -294,7 +294,8 @@ def test_the_page_of_dependencies_lists_every_package_and_no_other():
 def test_only_modules_of_figures_import_matplotlib():
     found = users("matplotlib")
     assert found
-    assert all("figure" in Path(name).stem or name == "report/recording/run.py" for name in found), found
+    others = {"report/recording/run.py", "report/leave.py"}  # the second only shortens its docstrings
+    assert all("figure" in Path(name).stem or name in others for name in found), found
 
 
 def test_any_is_said_at_the_door_of_untyped_things_only():

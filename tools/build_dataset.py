@@ -27,15 +27,16 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.files.write import columns
-from testbench.plant.true_arms import TRUE_ARM_LABELS, TRUTHS
-from testbench.report.schema import KNOWN
+from testbench.plant.true_arms import TRUTHS
+from testbench.report.schema import KNOWN, TRUE_ARM_LABELS
 from testbench.runs import manifest as files
 from testbench.runs.engine import Chunks, on_cores
 from testbench.runs.manifest import digests
 from testbench.runs.whole import claim_folder, whole_folder
 from testbench.studies.run import show_progress
 from testbench.workflows.arm_models import copy_arm
-from testbench.workflows.cell import Cell, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.campaign import draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.load_dataset import (
     ARM,
     ARMS,

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from testbench.plant.tracker import trial_rng
 from testbench.report.badge import wilson
+from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import build_cell
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -31,15 +31,17 @@ from testbench.identify.method import gco
 from testbench.identify.posterior import intervals
 from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
-from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed, true_arms
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed, true_arms
 from testbench.report import markdown
+from testbench.report.schema import TRUE_ARM_LABELS
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import covers, reread, worst_tenth
 from testbench.studies.intervals import ridge
 from testbench.studies.study import without_cone
-from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.campaign import Scenario, draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models, with_priors, wrong_prior
 
 ARM, SIGMA, POSES = "kr500_l480", 50e-6, 50  #: The arm; noise of a reading [m]; poses of the workspace.

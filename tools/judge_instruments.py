@@ -33,19 +33,15 @@ from testbench.identify.estimate import deflections, score
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
-from testbench.plant.tracker import Gauge, Tracker, trial_rng
-from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed
+from testbench.plant.tracker import Gauge, Tracker
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.report.schema import TRUE_ARM_LABELS
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.campaign.trial import cover, worst_tenth
+from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, true_cell
 from testbench.workflows.campaign_flags import Mounted, read_instruments
-from testbench.workflows.cell import (
-    Scenario,
-    build_cell,
-    clear_poses,
-    measure_markers,
-    poses_with_weight,
-    true_cell,
-)
+from testbench.workflows.cell import build_cell, clear_poses
 from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50

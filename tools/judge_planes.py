@@ -28,8 +28,8 @@ from testbench.errors import BenchError
 from testbench.identify.absolute.fit import SELECTABLE_ERRORS, CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
 from testbench.plant.disturbance import TYPICAL, Disturbances
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.runs.rows import trial_rng
 from testbench.workflows.absolute import (
     AbsoluteCampaign,
     moved_along_normal,
@@ -38,8 +38,9 @@ from testbench.workflows.absolute import (
     simulate_distances,
     simulate_series,
 )
+from testbench.workflows.campaign import true_cell
 from testbench.workflows.campaign_flags import mounted
-from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.models import wrong_prior
 
 ARM, POSES, MASS = "kr500_l480", 60, 460.0

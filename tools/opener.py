@@ -36,7 +36,8 @@ from testbench.runs import command
 from testbench.runs.whole import whole_file
 from testbench.studies.campaign import coverage as trial
 from testbench.studies.campaigns import Result
-from testbench.workflows.cell import Campaign, Cell, build_cell, settle_both
+from testbench.workflows.campaign import Campaign, settle_both
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import DEFAULT, JOINTS
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {

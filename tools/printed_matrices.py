@@ -9,9 +9,9 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.method import paper_gco
 from testbench.identify.regression import f_m, reduce
-from testbench.plant.tracker import trial_rng
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import Spread, spread
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.single_link import (
@@ -25,7 +25,8 @@ from testbench.studies.paper.single_link import (
     wrenches_within,
 )
 from testbench.studies.paper.verdicts import EQ_22, EQ_23, statement_row, verdict_table
-from testbench.workflows.cell import Cell, FullPose
+from testbench.workflows.campaign import FullPose
+from testbench.workflows.cell import Cell
 
 DRAWS = 20_000  #: Of noise, of random load sets, and of matrices that round to Eq. (23).
 ROUNDED_COSTS = 200  #: F_M taken of so many of them.

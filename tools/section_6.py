@@ -24,12 +24,12 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate, deflections, make_estimate, score
 from testbench.identify.regression import reduce
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report.report import read_report
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row, Trials, aligned
 from testbench.runs import command
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import Spread, middle, spread
 from testbench.studies.paper.factorised import Factorised, cost, factorise, parameters, random_start
 from testbench.studies.paper.verdicts import (
@@ -42,16 +42,8 @@ from testbench.studies.paper.verdicts import (
     verdict_table,
 )
 from testbench.studies.study import as_in_paper
-from testbench.workflows.cell import (
-    Campaign,
-    CampaignPoses,
-    Cell,
-    Scenario,
-    build_cell,
-    draw_poses,
-    simulate_at,
-    true_cell,
-)
+from testbench.workflows.campaign import Campaign, CampaignPoses, Scenario, draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import IN_PAPER
 from testbench.workflows.models import MODELS
 

@@ -15,12 +15,13 @@ from testbench.errors import BenchError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.site import check_position
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
+from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, check_file, whole_files
+from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight
 from testbench.workflows.campaign_flags import instruments, mounted, read_instruments
-from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.options import (
     ArmName,
     Force,

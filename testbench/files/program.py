@@ -28,17 +28,17 @@ from testbench.files.columns import (
     vector,
     wrench,
 )
-from testbench.files.languages import Language, known_languages, language_of
-from testbench.files.mapping import Controller, Names, read_map
-from testbench.files.motion import (
+from testbench.files.languages import (
+    Language,
     PointText,
     ProgramText,
-    axes_of,
+    known_languages,
+    language_of,
     read_motions,
-    scale_of,
-    turn_flags,
     values_of,
 )
+from testbench.files.mapping import Controller, Names, read_map
+from testbench.files.motion import axes_of, scale_of, turn_flags
 from testbench.files.names import (
     ALONG,
     ROTATIONS,

@@ -14,9 +14,8 @@ import numpy as np
 
 from testbench.arm.document import is_decimal
 from testbench.errors import Array, Ids, InputError
-from testbench.files.languages import FLAGS, Language, known_languages
+from testbench.files.languages import FLAGS, Language, PointText, Source, known_languages, read_points
 from testbench.files.mapping import LOAD, FileLayout, Log, Named, Names, without_load
-from testbench.files.motion import PointText, Source, read_points
 from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze
 from testbench.files.table import TableCells, read_table, table_of
 from testbench.files.text import SHEET, read_letters

@@ -25,7 +25,7 @@ equivalent stiffness K_eq = stiffness s'^2 + F s'', with derivatives by q_2. It 
 strut points at the axis, and is largest where the strut is perpendicular to its lever.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields, replace
 
 import mujoco
@@ -73,11 +73,7 @@ class ArmCopies:
 
 def open_copies(plant: Plant) -> ArmCopies:
     """Make the MuJoCo model with copies of the plant's arm in a row, and views of its arrays by copy."""
-    return _views_by_copy(plant, plant.model_of_copies)
-
-
-def _views_by_copy(plant: Plant, model: mujoco.MjModel) -> ArmCopies:
-    """View the arrays of a model with one or several copies of the plant's arm, one row per copy."""
+    model = plant.model_of_copies
     data = mujoco.MjData(model)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmCopies(
@@ -461,24 +457,6 @@ def fixed_configurations(plant: Plant, q: Array) -> Array:
     held = np.zeros((len(q), plant.model.nv))
     held[:, plant.joints] = q
     return held
-
-
-def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
-    """Compute where MuJoCo places bodies of the elastic arm at theta = 0.
-
-    Args:
-        plant: The plant.
-        q: Joint angles, (runs, n) [rad, m].
-        names: Names of the bodies.
-
-    Returns:
-        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3) [1].
-    """
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
-    bodies = [int(plant.model.body(name).id) for name in names]
-    alone = _views_by_copy(plant, plant.model)  # compiling copies takes longer than these poses
-    state = evaluate(alone, fixed_configurations(plant, q), set(bodies))
-    return [(state.position[body], state.rotation[body]) for body in bodies]
 
 
 def _solve_batch(poses: Batch, row: ArmCopies) -> ArmEquilibrium:

@@ -1,8 +1,11 @@
-"""Appearance of the arm: geoms of its rigid MJCF, their surfaces, and poses of all bodies."""
+"""Appearance of the arm: geoms of its rigid MJCF, their surfaces, and poses of all bodies.
+
+Hulls are computed by Qhull, not by trimesh, which perturbs flat points until they have a hull.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import mujoco
 import numpy as np
@@ -10,6 +13,9 @@ import numpy as np
 from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
 from testbench.plant.site import VISUAL_GROUPS, Site
+
+if TYPE_CHECKING:  # it takes long to import, and few commands draw
+    from scipy.spatial import ConvexHull
 
 Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 
@@ -242,6 +248,23 @@ def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
     return _frames(model, address, np.hstack([q, theta]), bodies)
 
 
+def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
+    """Compute where MuJoCo places bodies of the elastic arm at theta = 0.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (runs, n) [rad, m].
+        names: Names of the bodies.
+
+    Returns:
+        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3) [1].
+    """
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
+    bodies = np.array([plant.model.body(name).id for name in names])
+    frames = _frames(plant.model, plant.joints, q, bodies)
+    return [(frames.positions[:, k], frames.rotations[:, k]) for k in range(len(names))]
+
+
 def _frames(
     model: mujoco.MjModel,
     address: Ids,
@@ -286,3 +309,130 @@ def corners(shape: Shape) -> Array:
     """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
     points = SURFACE_POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + points @ shape.rotation.T)
+
+
+# --- Surfaces of triangles: convex hulls of points, and fewer triangles -------------------------------------
+
+Faces = Ids
+Surface = tuple[Array, Faces]
+"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
+PLAUSIBLE = 300.0, 4000.0
+"""Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
+SLACK = 5e-4
+"""Distance by which points may be outside a hull, over the extent of all points [1]."""
+SHRINKS = 0.9
+"""Share of points below which the next hull is computed of the points that are left [1]."""
+AT_ONCE = 20_000
+"""Most points of a hull that is computed in one step."""
+
+
+def hull_of(vertices: Array) -> Surface | None:
+    """Compute the convex hull of points, to within SLACK.
+
+    Args:
+        vertices: The points, (v, 3) [m].
+
+    Returns:
+        Corners and faces of the hull; None if the points are flat.
+    """
+    hull = _hull(vertices, _slack(vertices))
+    if hull is None:
+        return None
+    used, faces = np.unique(hull.simplices, return_inverse=True)
+    corners = vertices[used]
+    return corners, outward(corners, faces.reshape(-1, 3))
+
+
+def hull_volume(vertices: Array) -> float:
+    """Compute the volume of the convex hull of points.
+
+    Args:
+        vertices: The points, (v, 3) [m].
+
+    Returns:
+        The volume [m^3]; 0 if the points are flat.
+    """
+    hull = _hull(vertices, _slack(vertices))
+    return 0.0 if hull is None else float(hull.volume)
+
+
+def outermost(vertices: Array) -> Array:
+    """Select the corners that span the convex hull of all.
+
+    For many corners, hulls of subsets are computed first: the time of one hull grows faster than their
+    number.
+
+    Args:
+        vertices: The corners, (v, 3) [m].
+
+    Returns:
+        The selected corners, (h, 3) [m]; all if they are flat.
+    """
+    slack = _slack(vertices)
+    while (groups := -(-len(vertices) // AT_ONCE)) > 1:
+        kept = np.concatenate([_outer(vertices[k::groups], slack) for k in range(groups)])
+        if len(kept) > SHRINKS * len(vertices):
+            break
+        vertices = kept
+    return _outer(vertices, slack)
+
+
+def _outer(vertices: Array, slack: float) -> Array:
+    hull = _hull(vertices, slack)
+    return vertices if hull is None else np.asarray(vertices[hull.vertices])
+
+
+def _slack(vertices: Array) -> float:
+    return SLACK * float(np.ptp(vertices, axis=0).max(initial=0.0))
+
+
+def _hull(vertices: Array, slack: float) -> "ConvexHull | None":
+    """Compute the hull without points outside by less than the slack: a fine cylinder would take minutes."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(vertices) < 4:
+        return None
+    try:
+        return ConvexHull(vertices, qhull_options=f"W{slack:.17f}")
+    except QhullError:
+        return None
+
+
+def outward(corners: Array, faces: Faces) -> Faces:
+    """Orient the faces of a convex body counterclockwise as seen from outside.
+
+    Args:
+        corners: Corners of the body, (v, 3) [m].
+        faces: Corner indices of every triangle, (f, 3).
+
+    Returns:
+        The triangles in that order, (f, 3).
+    """
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), a - corners.mean(axis=0)) < 0
+    return np.where(inward[:, None], faces[:, ::-1], faces).astype(int)
+
+
+def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
+    """Reduce a surface to at most about a given number of triangles.
+
+    Uses fast_simplification, which trimesh uses too.
+
+    Args:
+        vertices: Corners, (v, 3) [m].
+        faces: Corner indices of every triangle, (f, 3).
+        most: Number of triangles to keep.
+
+    Returns:
+        Corners and triangles; the surface itself if it is small enough.
+    """
+    if len(faces) <= most:
+        return vertices, faces
+    import fast_simplification
+
+    thin, kept = fast_simplification.simplify(
+        np.ascontiguousarray(vertices, dtype=np.float32),
+        np.ascontiguousarray(faces, dtype=np.int32),
+        target_count=most,
+    )
+    return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)

@@ -222,16 +222,6 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
     return {reason: np.asarray(mask.any(axis=1)) for reason, mask in refused.items()}
 
 
-def trial_rng(seed: int, trial: int = 0) -> np.random.Generator:
-    """Make the random numbers of one trial, independent of order, workers and restarts.
-
-    Args:
-        seed: Root of all randomness.
-        trial: Number of the trial.
-    """
-    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
-
-
 # --- Instruments that read one number of a marker's motion --------------------------------------------------
 
 PRELOAD = 0.5  #: Share of its range at which a gauge is set up unloaded [1].

@@ -28,7 +28,6 @@ from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant
 from testbench.plant.cast import cast_link
 from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
 from testbench.plant.equilibrium import hinged_bodies
-from testbench.plant.tracker import trial_rng
 from testbench.registry import Registry
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
@@ -310,25 +309,6 @@ HELD_OUT: Mapping[str, TrueArm] = {
 }
 """True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
 them."""
-TRUE_ARM_LABELS = {
-    "tubes": "links of tubes",
-    **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
-    "cast": "cast links",
-    "joints": "unequal joints",
-    **{f"stiffer_{n}": f"links {n} times stiffer" for n in STIFFER_FACTORS},
-    "soft_link": "one link softer",
-    "coupled": "coupled links",
-    "far_joints": "joints far off",
-    "bearings": "soft bearings",
-    **{
-        f"following_{percent}": f"links follow the pose by {percent} %" for percent in POSE_DEPENDENCE_PERCENT
-    },
-    "following_all": "axes of links follow all joints",
-    "tied_joints": "neighbouring joints coupled",
-    "tied_all": "all joints coupled",
-    "slipping": "friction slips bit by bit",
-}
-"""Names of our true arms in reports; one that is added bears its own."""
 TRUTH_DESCRIPTIONS = {
     "tubes": "the folder's: every link a straight tube, which the template contains",
     **{
@@ -354,11 +334,6 @@ true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TR
 """Kinds of true arms by name: TRUTHS, HELD_OUT, and those that users add."""
 
 
-def true_arm_label(name: str) -> str:
-    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name."""
-    return TRUE_ARM_LABELS.get(name, name)
-
-
 def true_arm_of_seed(family: str, seed: int) -> str:
     """Return the true arm of a seed.
 
@@ -372,13 +347,13 @@ def true_arm_of_seed(family: str, seed: int) -> str:
     return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
 
 
-def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
-    """Build another true arm, a new one for every seed.
+def true_plant(arm: Arm, name: str, rng: np.random.Generator, stiffer: float = 1.0) -> "Plant":
+    """Build another true arm, drawn at random.
 
     Args:
         arm: The arm as its folder describes it.
         name: Kind of truth, a name of `true_arms`.
-        seed: Seed of its random numbers.
+        rng: Source of randomness.
         stiffer: Factor by which its links are stiffer [1].
 
     Returns:
@@ -389,7 +364,7 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
     """
     from testbench.plant.build import build_plant
 
-    kind, rng = true_arms[name], trial_rng(seed, 8)
+    kind = true_arms[name]
     drawn = kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng)
     if not isinstance(drawn, Arm) or (drawn.n_joints, drawn.n_theta) != (arm.n_joints, arm.n_theta):
         problem = "expected an Arm of the same joints and links from draw(arm, rng)"

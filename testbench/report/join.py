@@ -8,10 +8,10 @@ from typing import Any, Literal
 import numpy as np
 
 from testbench.errors import BenchError, InputError
-from testbench.plant.true_arms import TRUTHS, true_arm_label, true_arm_of_seed
+from testbench.plant.true_arms import TRUTHS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
 from testbench.report.report import number
-from testbench.report.schema import ALIKE
+from testbench.report.schema import ALIKE, true_arm_label
 from testbench.report.table import Row, finite
 from testbench.runs.manifest import Finished
 from testbench.runs.spread import (

@@ -68,6 +68,7 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
             scenario=plain,
             seeds=run_request.seeds,
             models=models,
+            tables=(),
             **found,
         )
 
@@ -76,7 +77,7 @@ def _views(
     folder: Path, run_request: RunRequest, report: Report, page: PageContent
 ) -> list[Callable[[], object]]:
     """List what draws a run into its folder: figures, map, recording and page."""
-    import testbench.report.figure_docs  # noqa: F401 - before any figure
+    _shorten_matplotlib_docstrings()
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
     from testbench.report.page import write_page  # every command leaves a folder
     from testbench.report.recording.run import write_run
@@ -107,3 +108,20 @@ def _views(
         arm = silhouette(drawn, places)
         views.insert(1, lambda: save(error_map(places, run_request.map, arm), folder / MAP))
     return views
+
+
+def _shorten_matplotlib_docstrings() -> None:
+    """Keep tables of properties out of matplotlib's docstrings; to be called before figures are imported.
+
+    Every class of artists lists all of its setters in the signature and docstring of `set` and in several
+    other docstrings: a fifth of the time of the import.
+    """
+    import matplotlib.artist
+
+    def none(artist: object) -> str:
+        """Stand in for `matplotlib.artist.kwdoc`, the table of an artist's properties."""
+        del artist
+        return ""
+
+    matplotlib.artist.kwdoc = none
+    matplotlib.artist.Artist._update_set_signature_and_docstring = classmethod(none)  # type: ignore[attr-defined]

@@ -20,9 +20,16 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from testbench.errors import Array
-from testbench.files.robot.meshes import decimated, hull_of
-from testbench.files.robot.robot import Surface
-from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
+from testbench.plant.shapes import (
+    BodyFrames,
+    Shape,
+    Surface,
+    corners,
+    decimated,
+    hull_of,
+    quaternions,
+    visual_shapes,
+)
 from testbench.report.colours import SCALE, Look, hexadecimal
 from testbench.report.markdown import ReportWords, as_plain
 from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, squares, tube_colours

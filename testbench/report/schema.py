@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.report.colours import Look, Modelled, look_of
 from testbench.runs.spread import Number, Share, Spread, median_interval, middle, spans
 
@@ -360,17 +359,22 @@ WORDS = """
 """
 COUNTS = "datasets seeds poses run task line pose seed cases trials readings row"
 """Keys of words and of counts that are their own headings."""
-NAMES = {"true_arm": TRUE_ARM_LABELS}  #: What readers call the words of a column.
 
 
 DECLARED = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 EVERY = (
     *(TableColumn(key, key.replace("_", " ")) for key in WORDS.split()),
     *(TableColumn(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
-    *(TableColumn(key, **{"called": NAMES.get(key, {}), **own}) for key, own in DECLARED.items()),
+    *(TableColumn(key, **own) for key, own in DECLARED.items()),
 )
 KNOWN = {column.key: column for column in EVERY}
 ROUNDING_UM = KNOWN["rms_um"].rounding  #: Errors below are rounding.
+TRUE_ARM_LABELS = KNOWN["true_arm"].called  #: What readers call our true arms.
+
+
+def true_arm_label(name: str) -> str:
+    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name."""
+    return TRUE_ARM_LABELS.get(name, name)
 
 
 def columns(keys: str, *, paper: bool = True) -> tuple[TableColumn, ...]:

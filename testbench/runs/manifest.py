@@ -5,17 +5,16 @@ import json
 import math
 import re
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from testbench import __version__
 from testbench.arm.mjcf import MAX_MESH_BYTES, asset_paths, read_mjcf
 from testbench.errors import InputError, open_file, printable, read_bytes, read_text
 from testbench.registry import Registry
@@ -154,7 +153,6 @@ def _checked(path: Path, value: JsonValue, place: tuple[object, ...]) -> JsonVal
     return value
 
 
-T = TypeVar("T")
 PACKAGE = Path(__file__).resolve().parents[1]  #: Folder of testbench's modules.
 ROOT = PACKAGE.parent  #: The checkout, where the package runs from one.
 #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
@@ -162,6 +160,7 @@ MAX_DIGEST_BYTES = 10**11
 NUMBERS = re.compile(
     r"\[\n\s+(-?\d[-+\d.e,\s]*?)\n\s+\]"
 )  #: A list of them alone: no text of JSON has a new line.
+DISTRIBUTION = "robot-testbench"  #: Our own package, by the name under which pip installs it.
 PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
@@ -184,6 +183,7 @@ def write_manifest(
     scenario: Any,
     seeds: range,
     models: Mapping[str, Mapping[str, str]],
+    tables: Sequence[Registry[Any]] = (),
     **measured: object,
 ) -> None:
     """Write manifest.json, the last file: what it takes to run again, and the SHA-256 of all files.
@@ -194,6 +194,7 @@ def write_manifest(
         scenario: What was asked for, as plain data.
         seeds: Roots of randomness; empty where nothing is drawn.
         models: Digests of the files of every arm, by its name.
+        tables: Tables of the parts that a simulation uses, see `versions`.
         measured: Of the run itself, such as its seconds, or digests of what it left elsewhere.
     """
     project = SESSION.get().project
@@ -203,7 +204,7 @@ def write_manifest(
         **({"seed": seeds[0], "seeds": len(seeds)} if seeds else {}),
         **measured,
         **({"project": project} if project else {}),
-        "versions": versions(),
+        "versions": versions(*tables),
         "git": git_commit(ROOT),
         "models": models,
         "files": sorted({*inside(folder), "manifest.json"}),
@@ -222,16 +223,23 @@ def inside(folder: Path) -> list[str]:
     return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
 
 
-def versions() -> dict[str, str]:
-    """Collect the versions of packages that numbers depend on, and digests of the parts that users add."""
+def versions(*tables: Registry[Any]) -> dict[str, str]:
+    """Collect the versions of packages that numbers depend on, and digests of the parts that users add.
+
+    Args:
+        tables: Tables of parts beside the joint laws, such as true arms in a simulation.
+
+    Returns:
+        Versions by package, and SHA-256 by part.
+    """
     packages = {name: _version(name) for name in PACKAGES}
     from testbench.model.laws import joint_laws  # here: they bring MuJoCo, and help needs none
-    from testbench.plant.true_arms import true_arms
 
-    return {"testbench": __version__, **packages, **_parts(joint_laws), **_parts(true_arms)}
+    parts = {name: sha for known in (joint_laws, *tables) for name, sha in _parts(known).items()}
+    return {"testbench": _version(DISTRIBUTION), **packages, **parts}
 
 
-def _parts(known: Registry[T]) -> dict[str, str]:
+def _parts(known: Registry[Any]) -> dict[str, str]:
     """Collect the SHA-256 of the file of every part that is not ours."""
     return {
         f"{known.kind} {name}": "added by a script" if file is None else digest(file)

@@ -1,4 +1,7 @@
-"""A trial's rows by column, and back: rows are frozen dataclasses, nested ones dotted columns."""
+"""A trial's random numbers, and its rows by column, and back.
+
+Rows are frozen dataclasses, nested ones dotted columns.
+"""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -19,6 +22,19 @@ Flat = dict[str, Value]  #: A row by column.
 Table = dict[str, list[Value]]  #: Rows of a trial: the cells of every column.
 SEED = "seed"
 MAX_INTEGER = 2**63  #: Integers lie below it: Parquet's have 64 bits.
+
+
+def trial_rng(seed: int, trial: int = 0) -> np.random.Generator:
+    """Make the random numbers of one trial, independent of order, workers and restarts.
+
+    Args:
+        seed: Root of all randomness.
+        trial: Number of the trial.
+
+    Returns:
+        The generator.
+    """
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
 
 
 class Row(dict[str, Any]):

@@ -23,6 +23,7 @@ import pyarrow.compute as pc
 from pyarrow import parquet
 
 from testbench.errors import BenchError, InputError, open_file
+from testbench.plant.true_arms import true_arms
 from testbench.runs import manifest as files
 from testbench.runs.rows import MAX_INTEGER, SEED, ColumnType, Table, columns, count, restored
 from testbench.runs.whole import folder_for, writing
@@ -64,7 +65,7 @@ class TrialPlan:
 
 def numeric_versions() -> dict[str, str]:
     """List the versions of Python, of packages that compute and of our sources, which may change results."""
-    packages = {k: v for k, v in files.versions().items() if k != "rerun-sdk"}
+    packages = {k: v for k, v in files.versions(true_arms).items() if k != "rerun-sdk"}
     python = ".".join(platform.python_version_tuple()[:2])  # without the number of the bug fix
     return {"python": python, **packages, "sources": files.sources()}
 

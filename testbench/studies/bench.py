@@ -36,7 +36,6 @@ from testbench.identify.regression import Regression
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances
-from testbench.plant.tracker import trial_rng
 from testbench.report.badge import MIN_PAIRS, Badge
 from testbench.report.colours import look_of
 from testbench.report.figure import Figure, forest
@@ -45,6 +44,7 @@ from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, number
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, Number, Share, spread
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
@@ -54,16 +54,15 @@ from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.absolute import FRAME_POSES, by_trackers, evenly_spaced_rows
-from testbench.workflows.cell import (
-    Cell,
+from testbench.workflows.campaign import (
     FullPose,
     Scenario,
-    build_cell,
     draw_poses,
     simulate_at,
     simulate_full_pose,
     true_cell,
 )
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import named_models, prior_of, with_priors, without_compliances
 from testbench.workflows.own_estimator import (
     MAX_COMPLIANCE,

@@ -14,7 +14,8 @@ from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.rows import finite
 from testbench.runs.spread import span
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
-from testbench.workflows.cell import Campaign, Cell
+from testbench.workflows.campaign import Campaign
+from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import (
     ErrorPlaces,
     WorkspacePoses,

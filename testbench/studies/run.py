@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from testbench.errors import BenchError, InputError, Interrupted
+from testbench.plant.true_arms import true_arms
 from testbench.progress import tell
 from testbench.report import terminal
 from testbench.report.badge import Badge
@@ -150,7 +151,14 @@ def run(
         seconds = time.perf_counter() - start
         files.write_log(folder)
         files.write_manifest(
-            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds, **sha
+            folder,
+            command=script,
+            scenario=plain,
+            seeds=seeds,
+            models=digests(arms),
+            tables=(true_arms,),
+            seconds=seconds,
+            **sha,
         )
     console.print(terminal.as_plain(report.title))
     terminal.print_words(console, report, _shown(study, report))

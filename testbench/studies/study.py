@@ -39,7 +39,8 @@ from testbench.report.scene import (
 )
 from testbench.report.table import Row, Trials
 from testbench.studies.intervals import clipped, ridge
-from testbench.workflows.cell import Cell, Setup, settle_both
+from testbench.workflows.campaign import Setup, settle_both
+from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE
 from testbench.workflows.models import Model, equal_fit, named_models
 from testbench.workflows.own_estimator import EstimatorSource

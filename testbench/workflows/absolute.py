@@ -61,13 +61,13 @@ from testbench.plant.tracker import (
     precision,
     read_orientations,
     read_positions,
-    trial_rng,
 )
 from testbench.plant.true_arms import disturb
 from testbench.runs.manifest import digest
-from testbench.runs.rows import Row
+from testbench.runs.rows import Row, trial_rng
+from testbench.workflows.campaign import LoadedPoses, poses_with_weight
 from testbench.workflows.campaign_flags import Mounted, check_markers
-from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, poses_with_weight
+from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.plan_input import Place
 
 # --- Absolute readings in, a calibrated arm out; and how far it is from readings that it never saw ----------

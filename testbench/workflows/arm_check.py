@@ -15,7 +15,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
 from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
 from testbench.plant.shapes import CIRCLE
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell, build_cell, check_agreement
 from testbench.workflows.rows import rms
 
@@ -277,8 +277,7 @@ def _masses(arm: ArmContext) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.files.robot.meshes import PLAUSIBLE, hull_volume
-    from testbench.plant.shapes import corners, solid_shapes
+    from testbench.plant.shapes import PLAUSIBLE, corners, hull_volume, solid_shapes
 
     names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
     for shape in solid_shapes(cell.room):

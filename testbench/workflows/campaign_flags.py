@@ -27,10 +27,11 @@ from testbench.plant.tracker import (
     read_positions,
 )
 from testbench.plant.true_arms import FAMILY, true_arms
-from testbench.workflows.cell import Cell, LoadedPoses, Scenario, Truth, of_arm, settle_both
+from testbench.workflows.campaign import LoadedPoses, Scenario, Truth, of_arm, settle_both
+from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:
-    from testbench.workflows.cell import Pair
+    from testbench.workflows.campaign import Pair
 
 
 # --- Flags of simulated campaigns ---------------------------------------------------------------------------

@@ -12,25 +12,23 @@ from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import scaled_units
 from testbench.identify.estimate import MIN_RESIDUALS, Estimate, all_deflections, lilliefors
 from testbench.identify.metric import Prior, Strength, aggregate, cad_prior, weighted_rows
+from testbench.identify.observability import (
+    DECIDED,
+    Identifiability,
+    any_metric,
+    explained_variance,
+    of_regression,
+)
 from testbench.identify.posterior import CONFIDENCE, linearise
 from testbench.identify.regression import Regression
 from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, cross, generalised_load, tool_pose
-from testbench.plant.tracker import trial_rng
-from testbench.runs.rows import Row, finite
+from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.fits import IdentifyResult
-from testbench.workflows.identifiability import (
-    DECIDED,
-    Identifiability,
-    any_metric,
-    explained_variance,
-    of_regression,
-    unseen_poses,
-)
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import MM, UM
 
@@ -378,6 +376,9 @@ def fit_details(
 
 # --- Numbers of fits to a user's runs: residuals, half widths over the workspace, what the runs tell --------
 
+NAMED = 3  #: Links and joints that are named of those that too few poses leave open.
+AXES = ("stretch", "deflection y", "deflection z", "torsion", "rotation y", "rotation z")
+"""Names of the diagonal entries of a link's compliance, in its beam frame: c11 to c66."""
 PLACES = 200  #: Poses over the workspace.
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with.
 COUNTS = "it contains noise and prior, but no model error; the interval of Joints-only is too narrow"
@@ -683,3 +684,45 @@ def _noise_limit(data: Dataset) -> float:
         return float(np.sqrt(2 * gammaincinv(1 / 2, share) * variance.mean()))
     squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
     return float(data.sigma * np.sqrt(2 * squared))
+
+
+def unseen_poses(identifiability: Identifiability) -> list[Row]:
+    """List the directions that the data do not show, a row for each set of links and joints that trade.
+
+    Returns:
+        Rows with `why` (structure: no experiment shows them; loads: no pose does under these loads; poses:
+        these are too few), `parts`, the number of `directions`, and `parameters` that change in the first.
+    """
+    rows: dict[tuple[str, tuple[str, ...]], Row] = {}
+    for why, lost in (
+        ("structure", identifiability.lost_to_structure),
+        ("loads", identifiability.lost_to_loads),
+    ):
+        for direction in lost:
+            every = [*direction.parameters, *direction.minor_parameters]
+            parts = tuple(dict.fromkeys(identifiability.component[k] for k in sorted(every)))
+            names = ", ".join(_name(identifiability, k) for k in every)
+            start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
+            rows.setdefault((why, parts), start)["directions"] += 1
+    if identifiability.lost_to_poses:
+        most = sorted(
+            dict.fromkeys(identifiability.component), key=lambda name: -_spread(identifiability, name)
+        )[:NAMED]
+        last = Row(
+            why="poses", parts=", ".join(most), directions=identifiability.lost_to_poses, parameters=""
+        )
+        rows["poses", ()] = last
+    return list(rows.values())
+
+
+def _spread(identifiability: Identifiability, part: str) -> float:
+    """How many of the directions lost to too few poses a link or joint holds."""
+    return float(identifiability.spread[np.array(identifiability.component) == part].sum())
+
+
+def _name(identifiability: Identifiability, parameter: int) -> str:
+    """Name a parameter: its joint, or its link and axes."""
+    part, (a, b) = identifiability.component[parameter], identifiability.entry[parameter].tolist()
+    if a < 0:
+        return part
+    return f"{part} {AXES[a]}" if a == b else f"{part} {AXES[min(a, b)]} with {AXES[max(a, b)]}"

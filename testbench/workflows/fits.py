@@ -22,6 +22,7 @@ from testbench.identify.hierarchy import (
 )
 from testbench.identify.method import Method
 from testbench.identify.metric import LearntScale, scale_by_prior
+from testbench.identify.observability import set_aside
 from testbench.identify.posterior import intervals
 from testbench.identify.regression import (
     BLOCK_RUNS,
@@ -35,7 +36,6 @@ from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
-from testbench.workflows.identifiability import set_aside
 from testbench.workflows.models import (
     EstimatorFailed,
     Model,

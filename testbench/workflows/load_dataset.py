@@ -19,7 +19,7 @@ from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError, InputError, open_file
 from testbench.files.names import WHEN, columns_of
 from testbench.identify.metric import Prior
-from testbench.workflows.cell import Campaign, Scenario
+from testbench.workflows.campaign import Campaign, Scenario
 
 MAX_BYTES = 10**9  #: Of a file [byte].
 Cells = npt.NDArray[np.generic]

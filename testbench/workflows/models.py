@@ -43,8 +43,8 @@ from testbench.model.structure import (
 )
 from testbench.model.structure import JOINTS as JOINTS
 from testbench.model.vjm import Vjm
-from testbench.plant.tracker import trial_rng
 from testbench.progress import stepwise
+from testbench.runs.rows import trial_rng
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import EQUAL_FIT, FILLED

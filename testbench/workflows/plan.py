@@ -49,8 +49,9 @@ from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load, read_weights, weight
 from testbench.model.vjm import Vjm, marker_points, tool_points
 from testbench.plant.site import build_site, contacts
-from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station, trial_rng
+from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
+from testbench.runs.rows import trial_rng
 from testbench.workflows.absolute import Calibrated, blocks_of, distances_of, names_of, touch
 from testbench.workflows.campaign_flags import Mounted, check_markers
 from testbench.workflows.cell import Cell

@@ -32,8 +32,7 @@ from testbench.identify.metric import Prior, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings
-from testbench.plant.tracker import trial_rng
-from testbench.runs.rows import Row, finite
+from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, places_at, rms
 from testbench.workflows.plan import AbsolutePlanned, Planned, scale_forecast, undetermined_by
 from testbench.workflows.plan_settings import pull_words

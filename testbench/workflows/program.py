@@ -31,17 +31,8 @@ from testbench.correct.predicted import (
 from testbench.data.dataset import select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.columns import Columns
-from testbench.files.languages import known_languages, language_of
-from testbench.files.motion import (
-    CSV,
-    Motion,
-    changed_texts,
-    files_of,
-    format_of,
-    turn_flags,
-    with_mark,
-    write_moves,
-)
+from testbench.files.languages import changed_texts, files_of, known_languages, language_of, with_mark
+from testbench.files.motion import CSV, Motion, format_of, turn_flags, write_moves
 from testbench.files.program import (
     Program,
     RobotMotions,
@@ -59,7 +50,7 @@ from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.vjm import WorkArea, tool_pose
 from testbench.plant.site import Site
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.options import payload_of

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from testbench.model.vjm import tool_pose
-from testbench.plant.equilibrium import unloaded_body_poses
+from testbench.plant.shapes import unloaded_body_poses
 from testbench.workflows.cell import build_cell
 
 

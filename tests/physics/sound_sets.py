@@ -18,9 +18,10 @@ from testbench.identify.metric import Prior, cad_prior, perturbed
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS, disturb
-from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, true_cell
+from testbench.runs.rows import trial_rng
+from testbench.workflows.campaign import LoadedPoses, true_cell
+from testbench.workflows.cell import Cell, clear_poses
 
 PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}
 """Largest mass that hangs from each arm [kg]."""

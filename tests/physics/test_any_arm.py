@@ -19,7 +19,8 @@ from testbench.model.structure import mgco147
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb
-from testbench.workflows.cell import Scenario, build_cell, measure_markers, poses_with_weight, simulate
+from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, simulate
+from testbench.workflows.cell import build_cell
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import default_models, default_name, named_models, plain_name
 

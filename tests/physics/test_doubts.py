@@ -42,7 +42,7 @@ from testbench.identify.registered import RegisteredDataset, register_dataset
 from testbench.model.load import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = {"levels": 22, "pressed": 11, "tracker": 17}

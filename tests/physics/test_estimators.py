@@ -11,10 +11,11 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import all_deflections, deflections, make_estimate
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
 from testbench.identify.metric import cad_prior
+from testbench.identify.observability import without_readings
 from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign import grids as fits
 from testbench.studies.campaign.grids import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
@@ -22,9 +23,8 @@ from testbench.studies.intervals import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
 from testbench.studies.paper.factorised import BOX, Budget, explore, trial_points
 from testbench.workflows.advice import advice
-from testbench.workflows.cell import FullPose, Scenario, draw_poses, simulate_at, simulate_full_pose
-from testbench.workflows.cell import simulate as calibrate
-from testbench.workflows.identifiability import without_readings
+from testbench.workflows.campaign import FullPose, Scenario, draw_poses, simulate_at, simulate_full_pose
+from testbench.workflows.campaign import simulate as calibrate
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
 

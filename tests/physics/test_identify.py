@@ -11,11 +11,12 @@ from testbench.data.dataset import select_rows
 from testbench.identify.conic import gradient_dual
 from testbench.identify.method import gco, least_squares
 from testbench.identify.metric import Strength, cad_prior, scale_by_prior, weighted_rows
+from testbench.identify.observability import of_regression, sampled_tasks
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, template56
 from testbench.model.vjm import chain, observation
 from testbench.workflows.advice import advice
-from testbench.workflows.identifiability import of_regression, sampled_tasks, unseen_poses
+from testbench.workflows.fit_numbers import unseen_poses
 
 
 @pytest.fixture(scope="module")

@@ -25,13 +25,14 @@ from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import GearErrors
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.studies.absolute.simulated import check, true_state
 from testbench.studies.campaign.coverage import draw_conservative
 from testbench.studies.intervals import bootstrap, bounds, fit_set, resampler
 from testbench.workflows import calibration_numbers
 from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.workflows.cell import FullPose, Scenario, clear_poses, simulate, simulate_full_pose
+from testbench.workflows.campaign import FullPose, Scenario, simulate, simulate_full_pose
+from testbench.workflows.cell import clear_poses
 from testbench.workflows.fits import fit_models
 from testbench.workflows.models import named_models
 from testbench.workflows.read_runs import MeasuredRuns

@@ -26,7 +26,7 @@ from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose, turn_between
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import UserInputs
 from testbench.workflows.new_arm import write_arm as write_own

@@ -26,10 +26,10 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import disturb
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.disturbed import disturbed
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import named_models, with_priors
 
 SCENARIO = Scenario(

@@ -19,8 +19,10 @@ from testbench.plant.disturbance import Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb, true_arms, true_plant
 from testbench.runs import manifest
+from testbench.runs.rows import trial_rng
+from testbench.runs.store import numeric_versions
+from testbench.workflows.campaign import Scenario, simulate, true_cell
 from testbench.workflows.campaign_flags import true_arm_name
-from testbench.workflows.cell import Scenario, simulate, true_cell
 from testbench.workflows.models import named_models, with_priors
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -55,9 +57,11 @@ def test_packages_of_the_pages_are_known_by_name_and_the_manifest_says_which_fil
     assert list(joint_laws) == ["stiffening", "backlash", "friction", "wind_up"]
     assert list(true_arms.added) == ["worn", "wound"]
     assert true_arm_name("worn") == "worn"
-    digests = manifest.versions()
+    digests = manifest.versions(true_arms)
     assert digests["joint law wind_up"] == manifest.digest(installed / "wind_up.py")
     assert digests["true arm worn"] == manifest.digest(installed / "worn.py")
+    assert digests.keys() - manifest.versions().keys() == {"true arm worn", "true arm wound"}
+    assert numeric_versions().items() >= {"true arm worn": digests["true arm worn"]}.items()
 
 
 def test_a_worn_joint_is_one_and_the_same_for_a_seed(installed, kr500):
@@ -83,7 +87,9 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
     q = np.random.default_rng(3).uniform(*(0.7 * kr500.arm.limits), (12, 6))
     wrench, point = hung(kr500, 12, 4500 / GRAVITY)
     plant = disturb(
-        true_plant(kr500.arm, "wound", 1), Disturbances(own_weight=True), np.random.default_rng(0)
+        true_plant(kr500.arm, "wound", trial_rng(1, 8)),
+        Disturbances(own_weight=True),
+        np.random.default_rng(0),
     )
     turns = []
     for own in (plant, replace(plant, spring_effects=None)):

@@ -15,8 +15,8 @@ from testbench.runs.spread import spread
 from testbench.studies.campaigns import identify
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.paper import single_link as trial
-from testbench.workflows.cell import FullPose, random_wrenches, simulate_full_pose
-from testbench.workflows.cell import simulate as calibrate
+from testbench.workflows.campaign import FullPose, random_wrenches, simulate_full_pose
+from testbench.workflows.campaign import simulate as calibrate
 from testbench.workflows.models import named_models
 
 STUDY = trial.SingleLinkSettings()

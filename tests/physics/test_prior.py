@@ -59,7 +59,7 @@ from testbench.model.structure import Structure, all153, joints_only, mgco47, mg
 from testbench.model.vjm import chain, observation
 from testbench.studies import intervals as shrinkage
 from testbench.workflows.advice import of_average
-from testbench.workflows.cell import true_cell
+from testbench.workflows.campaign import true_cell
 from testbench.workflows.fits import of_scale
 from testbench.workflows.models import named_models, prior_of, with_priors
 

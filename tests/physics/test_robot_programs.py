@@ -12,9 +12,18 @@ from unsure import unsure
 from testbench.arm.folder import build_map, find_arm, load_arm
 from testbench.correct.newton import Aim
 from testbench.errors import BenchError, InputError
-from testbench.files.languages import FLAGS, known_languages, language_of, read_language
+from testbench.files.languages import (
+    FLAGS,
+    MARK,
+    changed_texts,
+    known_languages,
+    language_of,
+    read_language,
+    read_motions,
+    with_mark,
+)
 from testbench.files.mapping import Controller
-from testbench.files.motion import MARK, Motion, changed_texts, read_motions, with_mark, write_moves
+from testbench.files.motion import Motion, write_moves
 from testbench.files.program import changed_numbers, read_program, read_robot_program
 from testbench.model.vjm import tool_pose
 from testbench.workflows.program import (

@@ -33,7 +33,7 @@ from testbench.identify.regression import Term, f_m, reduce, regression_of
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
 from testbench.plant.true_arms import TRUTHS
-from testbench.workflows.cell import true_cell
+from testbench.workflows.campaign import true_cell
 
 STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
 

@@ -12,7 +12,7 @@ from testbench.identify.method import gco, least_squares, paper_gco
 from testbench.identify.regression import reduce, reduce_parts
 from testbench.identify.trace import _strongest_weight, divide_poses, learn_trace_weight
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
-from testbench.workflows.cell import true_cell
+from testbench.workflows.campaign import true_cell
 
 
 @pytest.fixture(scope="module")

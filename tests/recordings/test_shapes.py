@@ -12,7 +12,8 @@ from read_back import chunks_of, columns
 from testbench.plant.shapes import elastic_frames, join_meshes, rigid_frames, visual_shapes
 from testbench.report.recording.stream import RecordingHeader, recording
 from testbench.report.recording.world import reach, write_arm
-from testbench.workflows.cell import build_cell, settle_both
+from testbench.workflows.campaign import settle_both
+from testbench.workflows.cell import build_cell
 
 
 def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):

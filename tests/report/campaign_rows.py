@@ -12,7 +12,7 @@ from testbench.studies.campaign import coverage, disturbed, family, grids, noise
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import CampaignFitRow, Cover
 from testbench.studies.campaigns import CampaignRow
-from testbench.workflows.cell import Scenario
+from testbench.workflows.campaign import Scenario
 from testbench.workflows.rows import ErrorRow
 
 MODELS = {

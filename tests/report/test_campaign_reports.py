@@ -10,12 +10,12 @@ from legible import check_legible
 from read_back import sound, views
 from reports import check, read_back, table_of
 
-from testbench.plant.true_arms import HELD_OUT, TRUE_ARM_LABELS
+from testbench.plant.true_arms import HELD_OUT
 from testbench.report.badge import LEAST_SQUARES
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent
-from testbench.report.schema import KNOWN
+from testbench.report.schema import KNOWN, TRUE_ARM_LABELS
 from testbench.report.table import SHARED
 from testbench.runs.spread import Spread, middle
 from testbench.studies.campaign import family, grids

@@ -29,7 +29,7 @@ from testbench.report.scene import ModelLine, PageContent, RunChart
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import plain
 from testbench.runs.rows import Row
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.fit_numbers import (
     fit_details,
     joint_functional,

@@ -8,8 +8,8 @@ from checks import bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import campaign_row, check, check_forest, place_of, read_back, table_of
 
-from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.report.markdown import grid
+from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.spread import ends, spread
 from testbench.studies.campaigns import CampaignRow
 from testbench.studies.planning.study import LOOKS, figures, report

@@ -26,7 +26,8 @@ from testbench.identify.metric import cad_prior
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent
-from testbench.workflows.cell import Scenario, build_cell, simulate
+from testbench.workflows.campaign import Scenario, simulate
+from testbench.workflows.cell import build_cell
 from testbench.workflows.models import asked_models
 from testbench.workflows.options import mass, read_masses
 

@@ -27,7 +27,7 @@ from testbench.plant.equilibrium import solve_equilibrium
 from testbench.report.program_scene import draw_correction
 from testbench.runs import manifest as files
 from testbench.workflows.arm_models import load_model
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import Model, named_models, with_priors
 from testbench.workflows.program import correct_program
 from testbench.workflows.program_numbers import correction_numbers

@@ -15,8 +15,8 @@ from testbench.identify.posterior import model_of_estimate
 from testbench.model.load import on_joints, read_weights
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.disturbance import TYPICAL
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import disturb
+from testbench.runs.rows import trial_rng
 from testbench.studies.compensation import trial
 from testbench.studies.compensation.trial import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 from testbench.workflows.cell import build_cell

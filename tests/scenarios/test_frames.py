@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from testbench.errors import InputError
 from testbench.report.table import rows as as_rows
 from testbench.workflows.absolute import by_trackers
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.read_runs import read_frames, registration_notes, registration_row, to_base
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -16,7 +16,8 @@ from testbench.files.write import write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies import run
 from testbench.studies.campaign.coverage import WITH_PRIOR, CalibrationSettings, calibrate, results
-from testbench.workflows.cell import Scenario, build_cell
+from testbench.workflows.campaign import Scenario
+from testbench.workflows.cell import build_cell
 
 APP = app_of_study("gravity_calibration")
 ROWS = 'table[data-table="0"] tbody tr'

@@ -12,7 +12,7 @@ import testbench as tb
 from testbench.errors import InputError
 from testbench.identify.posterior import CURVATURE_COUNT, linearise, second_order_deflection
 from testbench.model.vjm import chain, marker_points, observation
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import named_models, with_priors
 
 FORCE = 460.3 * 9.81  #: Of section 6 [N].

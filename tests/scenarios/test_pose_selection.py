@@ -6,7 +6,7 @@ from unittest import mock
 
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
-from testbench.plant.true_arms import TRUE_ARM_LABELS
+from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.studies.planning import study
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -20,7 +20,7 @@ from testbench.errors import InputError
 from testbench.model.load import Weights
 from testbench.model.vjm import tool_pose
 from testbench.report.schema import show
-from testbench.workflows.cell import Scenario, settle_both, simulate
+from testbench.workflows.campaign import Scenario, settle_both, simulate
 from testbench.workflows.models import named_models, with_priors
 from testbench.workflows.program import predict_file, read_pose_file
 from testbench.workflows.program_numbers import write_predictions

@@ -13,7 +13,8 @@ from run_here import ROOT, held
 
 import testbench as tb
 from testbench.plant.true_arms import TRUTHS
-from testbench.workflows.cell import build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.campaign import draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.load_dataset import SCENARIO, TABLES
 from testbench.workflows.models import PRIORS, prior_of
 

@@ -19,7 +19,8 @@ from strangers import light_urdf
 
 from testbench.files.read_pairs import read_csv
 from testbench.files.robot.meshes import MESH_SUFFIXES
-from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
+from testbench.workflows.campaign import Scenario, simulate, true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.model_names import in_words
 
 ROOT = Path(__file__).resolve().parents[2]

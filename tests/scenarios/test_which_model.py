@@ -13,7 +13,7 @@ from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign import family
 from testbench.studies.campaign.family import POSES, RUNS, FamilySettings, pairs, read, scenario
 from testbench.studies.campaign.trial import cover, covers
-from testbench.workflows.cell import draw_poses, simulate_at, true_cell
+from testbench.workflows.campaign import draw_poses, simulate_at, true_cell
 from testbench.workflows.models import PRIORS, choose_model, prior_of, wrong_link
 
 LINKS = [f"link_{k}" for k in range(7)]

@@ -7,7 +7,7 @@ from testbench.identify import regression
 from testbench.identify.regression import TriangularFactors, pose_batches, reduce
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.campaign import Scenario, simulate
 
 COLUMNS = 12
 SOME = np.array([1, 4, 5, 7, 11])  #: Five columns, as many as a part has rows.

@@ -6,7 +6,7 @@ import pytest
 
 from testbench.plant.true_arms import FAMILY
 from testbench.studies.campaign.trial import covers
-from testbench.workflows.cell import Scenario, draw_poses
+from testbench.workflows.campaign import Scenario, draw_poses
 from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
 
 

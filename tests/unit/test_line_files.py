@@ -10,9 +10,10 @@ from testbench.errors import BenchError
 from testbench.files.read_pairs import read_csv, read_export
 from testbench.files.write import write_csv
 from testbench.identify.registered import register_dataset
-from testbench.plant.tracker import DRAW_WIRE, Gauge, Tracker, trial_rng
+from testbench.plant.tracker import DRAW_WIRE, Gauge, Tracker
+from testbench.runs.rows import trial_rng
+from testbench.workflows.campaign import poses_with_weight
 from testbench.workflows.campaign_flags import Mounted, mounted, read_instruments
-from testbench.workflows.cell import poses_with_weight
 from testbench.workflows.read_runs import contents
 
 HEAD = "run,marker,joint_1_deg,joint_2_deg,joint_3_deg,joint_4_deg,joint_5_deg,joint_6_deg,mass_kg"

@@ -1,8 +1,6 @@
 """Mesh files of a robot, STL, OBJ, PLY and COLLADA: read as triangles of one colour, reduced, and written.
 
-Primitives as triangles, convex hulls, and masses of closed surfaces.
-
-Hulls are computed by Qhull, not by trimesh, which perturbs flat points until they have a hull.
+Primitives as triangles, and masses of closed surfaces.
 """
 
 import io
@@ -14,22 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
 from testbench.errors import Array, InputError, read_bytes
-from testbench.files.robot.robot import Faces, ImportedMesh, Note, Surface
-from testbench.plant.shapes import SURFACE_POINTS, Kind, half_sizes
+from testbench.files.robot.robot import ImportedMesh, Note
+from testbench.plant.shapes import SURFACE_POINTS, Faces, Kind, Surface, half_sizes, outermost, outward
 
-PLAUSIBLE = 300.0, 4000.0
-"""Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
-SLACK = 5e-4
-"""Distance by which points may be outside a hull, over the extent of all points [1]."""
 MIN_INERTIA = 1e-9
 """Least moment of inertia of a body about any axis [kg m^2]."""
-SHRINKS = 0.9
-"""Share of points below which the next hull is computed of the points that are left [1]."""
-AT_ONCE = 20_000
-"""Most points of a hull that is computed in one step."""
 Weighed = tuple[float, Array, Array]
 """Mass [kg] or volume [m^3], its centre, (3,) [m], and inertia about that, (3, 3) [kg m^2] or [m^5]."""
 VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])
@@ -47,84 +37,7 @@ def primitive(kind: Kind, size: Array) -> ImportedMesh:
         The triangles of its convex hull.
     """
     corners = SURFACE_POINTS[kind](half_sizes(kind, size))
-    return ImportedMesh(corners, _outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
-
-
-def hull_of(vertices: Array) -> Surface | None:
-    """Compute the convex hull of points, to within SLACK.
-
-    Args:
-        vertices: The points, (v, 3) [m].
-
-    Returns:
-        Corners and faces of the hull; None if the points are flat.
-    """
-    hull = _hull(vertices, _slack(vertices))
-    if hull is None:
-        return None
-    used, faces = np.unique(hull.simplices, return_inverse=True)
-    corners = vertices[used]
-    return corners, _outward(corners, faces.reshape(-1, 3))
-
-
-def hull_volume(vertices: Array) -> float:
-    """Compute the volume of the convex hull of points.
-
-    Args:
-        vertices: The points, (v, 3) [m].
-
-    Returns:
-        The volume [m^3]; 0 if the points are flat.
-    """
-    hull = _hull(vertices, _slack(vertices))
-    return 0.0 if hull is None else float(hull.volume)
-
-
-def outermost(vertices: Array) -> Array:
-    """Select the corners that span the convex hull of all.
-
-    For many corners, hulls of subsets are computed first: the time of one hull grows faster than their
-    number.
-
-    Args:
-        vertices: The corners, (v, 3) [m].
-
-    Returns:
-        The selected corners, (h, 3) [m]; all if they are flat.
-    """
-    slack = _slack(vertices)
-    while (groups := -(-len(vertices) // AT_ONCE)) > 1:
-        kept = np.concatenate([_outer(vertices[k::groups], slack) for k in range(groups)])
-        if len(kept) > SHRINKS * len(vertices):
-            break
-        vertices = kept
-    return _outer(vertices, slack)
-
-
-def _outer(vertices: Array, slack: float) -> Array:
-    hull = _hull(vertices, slack)
-    return vertices if hull is None else np.asarray(vertices[hull.vertices])
-
-
-def _slack(vertices: Array) -> float:
-    return SLACK * float(np.ptp(vertices, axis=0).max(initial=0.0))
-
-
-def _hull(vertices: Array, slack: float) -> ConvexHull | None:
-    """Compute the hull without points outside by less than the slack: a fine cylinder would take minutes."""
-    if len(vertices) < 4:
-        return None
-    try:
-        return ConvexHull(vertices, qhull_options=f"W{slack:.17f}")
-    except QhullError:
-        return None
-
-
-def _outward(corners: Array, faces: Faces) -> Faces:
-    """Orient the faces of a convex body counterclockwise as seen from outside."""
-    a, b, c = corners[faces].transpose(1, 0, 2)
-    inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), a - corners.mean(axis=0)) < 0
-    return np.where(inward[:, None], faces[:, ::-1], faces).astype(int)
+    return ImportedMesh(corners, outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
 
 
 def integrals(surface: Surface) -> Weighed:
@@ -383,31 +296,6 @@ def check_size(vertices: Array) -> None:
     size = float(np.ptp(vertices, axis=0).max())
     if not size <= MAX_MESH_SIZE or not float(np.abs(vertices).max()) <= 2 * MAX_MESH_SIZE:
         raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")
-
-
-def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
-    """Reduce a surface to at most about a given number of triangles.
-
-    Uses fast_simplification, which trimesh uses too.
-
-    Args:
-        vertices: Corners, (v, 3) [m].
-        faces: Corner indices of every triangle, (f, 3).
-        most: Number of triangles to keep.
-
-    Returns:
-        Corners and triangles; the surface itself if it is small enough.
-    """
-    if len(faces) <= most:
-        return vertices, faces
-    import fast_simplification
-
-    thin, kept = fast_simplification.simplify(
-        np.ascontiguousarray(vertices, dtype=np.float32),
-        np.ascontiguousarray(faces, dtype=np.int32),
-        target_count=most,
-    )
-    return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)
 
 
 def stl_bytes(vertices: Array, faces: Faces) -> bytes:

@@ -19,17 +19,7 @@ import numpy as np
 from testbench.arm.document import path_inside, place_of
 from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
-from testbench.files.robot.meshes import (
-    MAX_ALL_FACES,
-    MeshError,
-    Meshes,
-    check_size,
-    decimated,
-    hull_of,
-    outermost,
-    primitive,
-    stl_bytes,
-)
+from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, primitive, stl_bytes
 from testbench.files.robot.robot import (
     MAX_ELEMENTS,
     Body,
@@ -45,7 +35,7 @@ from testbench.files.robot.robot import (
     substitute_limits,
 )
 from testbench.plant.build import COMPILE_ERRORS, HULL_CORNERS
-from testbench.plant.shapes import GEOM_KINDS, geom_rgba, rotation_of
+from testbench.plant.shapes import GEOM_KINDS, decimated, geom_rgba, hull_of, outermost, rotation_of
 from testbench.plant.site import VISUAL_GROUPS, body_name
 
 KEPT = frozenset(

@@ -23,8 +23,8 @@ import numpy as np
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import ArmJoint, JointMap, build_map
-from testbench.errors import Array, BenchError, Ids, InputError, read_bytes, read_text, shell_word
-from testbench.plant.shapes import Kind
+from testbench.errors import Array, BenchError, InputError, read_bytes, read_text, shell_word
+from testbench.plant.shapes import Faces, Kind, Surface
 
 # --- XML of a robot's file, whatever its format: limited in size, well-formed, with finite numbers ----------
 
@@ -248,10 +248,6 @@ def _equation(
 
 
 # --- A robot as a list of bodies in SI units, whatever the format of its file, and the serial chain in it ---
-
-Faces = Ids
-Surface = tuple[Array, Faces]
-"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 
 
 UNLIMITED = 2 * math.pi

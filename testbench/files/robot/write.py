@@ -19,32 +19,27 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, MAX_BYTES, asset_paths, read_meshes, read_mjcf
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.robot.meshes import (
-    PLAUSIBLE,
     Weighed,
     combined,
-    decimated,
     distinct,
-    hull_of,
     integrals,
     joined,
-    outermost,
     plausible,
     stl_bytes,
     with_area,
 )
 from testbench.files.robot.robot import (
     Body,
-    Faces,
     ImportedChain,
     ImportedShape,
     ImportedSite,
     Note,
     Point,
-    Surface,
     pose_of,
     visible_shapes,
 )
 from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
+from testbench.plant.shapes import PLAUSIBLE, Faces, Surface, decimated, hull_of, outermost
 from testbench.plant.site import compute_contacts
 from testbench.runs.whole import whole_files
 

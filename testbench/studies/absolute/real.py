@@ -30,7 +30,6 @@ from testbench.identify.diagnosis.moves import in_order_of_time
 from testbench.identify.metric import Strength, cad_prior
 from testbench.identify.posterior import ArmModel
 from testbench.model.vjm import translation_rows
-from testbench.plant.tracker import trial_rng
 from testbench.report import colours
 from testbench.report.badge import Badge, badge_against_all
 from testbench.report.colours import CHOICE, Look, look
@@ -40,6 +39,7 @@ from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged
+from testbench.runs.rows import trial_rng
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import (

@@ -42,7 +42,7 @@ from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import GearErrors
-from testbench.plant.tracker import Tracker, read_positions, trial_rng
+from testbench.plant.tracker import Tracker, read_positions
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report import colours
 from testbench.report.badge import of_rivals
@@ -53,12 +53,14 @@ from testbench.report.report import Report, lines, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, columns, pivot
 from testbench.report.table import Row, Trials, number
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, span, spread
 from testbench.studies.run import FEW, READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.workflows.calibration_numbers import Part, functionals
-from testbench.workflows.cell import Cell, build_cell, clear_poses, true_cell
+from testbench.workflows.campaign import true_cell
+from testbench.workflows.cell import Cell, build_cell, clear_poses
 from testbench.workflows.models import wrong_prior
 from testbench.workflows.rows import MM, UM, rms
 

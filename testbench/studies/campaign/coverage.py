@@ -33,25 +33,24 @@ from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHODS, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaigns import CampaignRow, Result, campaign_rows, identify
 from testbench.studies.intervals import Bounds, bootstrap, bounds, fit_set, resampler
 from testbench.studies.study import as_in_paper, plain_models, without_cone
-from testbench.workflows.campaign_flags import CampaignOptions
-from testbench.workflows.cell import (
+from testbench.workflows.campaign import (
     Campaign,
-    Cell,
     FullPose,
     Scenario,
     Truth,
-    build_cell,
     draw_poses,
     simulate,
     simulate_at,
     simulate_full_pose,
     true_cell,
 )
+from testbench.workflows.campaign_flags import CampaignOptions
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import JOINTS, Model, named_models, prior_of, with_priors, wrong_prior
 from testbench.workflows.own_estimator import EstimatorSource, estimator_models
 from testbench.workflows.rows import UM

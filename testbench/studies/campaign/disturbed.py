@@ -20,8 +20,8 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, HELD_OUT, disturb, exactly_loaded, true_arm_of_seed, true_arms
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -33,8 +33,9 @@ from testbench.studies.campaign.trial import (
     score_cases,
     with_wrong_priors,
 )
+from testbench.workflows.campaign import Campaign, Scenario, simulate, true_cell
 from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
-from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, simulate, true_cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import DEFAULT, JOINTS, Model
 from testbench.workflows.own_estimator import Models, UserEstimator

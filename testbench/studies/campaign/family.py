@@ -18,9 +18,9 @@ from testbench.identify.estimate import Estimate, all_deflections
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
 from testbench.identify.method import least_squares
 from testbench.identify.metric import Prior, scale_by_prior
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
 from testbench.report.table import Cells, Trials
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -33,8 +33,9 @@ from testbench.studies.campaign.trial import (
     score_cases,
 )
 from testbench.studies.study import plain_models, without_cone
+from testbench.workflows.campaign import Campaign, Scenario, draw_poses, simulate_at, true_cell
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import (
     JOINTS,
     MODELS,

@@ -32,8 +32,8 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, re
 from testbench.identify.solve import complete_conservatively, free_directions, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import true_arms
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Fits,
@@ -43,16 +43,15 @@ from testbench.studies.campaign.trial import (
     reread,
     score_cases,
 )
-from testbench.workflows.cell import (
-    Cell,
+from testbench.workflows.campaign import (
     FullPose,
     Scenario,
-    build_cell,
     draw_poses,
     simulate_at,
     simulate_full_pose,
     true_cell,
 )
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import Model
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import UM

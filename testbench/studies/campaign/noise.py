@@ -19,14 +19,9 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
-from testbench.plant.tracker import (
-    TYPICAL_SHARE,
-    LaserTracker,
-    precision,
-    read_positions,
-    trial_rng,
-)
+from testbench.plant.tracker import TYPICAL_SHARE, LaserTracker, precision, read_positions
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     TrialCase,
@@ -36,18 +31,17 @@ from testbench.studies.campaign.trial import (
     score_cases,
     with_wrong_priors,
 )
-from testbench.workflows.campaign_flags import TrueArmFlag
-from testbench.workflows.cell import (
+from testbench.workflows.campaign import (
     Campaign,
-    Cell,
     FullPose,
     Scenario,
-    build_cell,
     draw_poses,
     simulate_at,
     simulate_full_pose,
     true_cell,
 )
+from testbench.workflows.campaign_flags import TrueArmFlag
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import DEFAULT, JOINTS, Model
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import UM

@@ -14,8 +14,9 @@ from testbench.errors import Array
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
-from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, Tracker, trial_rng
+from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, Tracker
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -25,16 +26,9 @@ from testbench.studies.campaign.trial import (
     fitted,
     score_cases,
 )
+from testbench.workflows.campaign import Scenario, draw_poses, measure_markers, poses_with_weight, true_cell
 from testbench.workflows.campaign_flags import CAMERA, PROBE, Mounted, TrueArmFlag, read_instruments
-from testbench.workflows.cell import (
-    Cell,
-    Scenario,
-    build_cell,
-    draw_poses,
-    measure_markers,
-    poses_with_weight,
-    true_cell,
-)
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
 

@@ -23,7 +23,8 @@ from testbench.identify.posterior import CONFIDENCE, intervals
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
 from testbench.studies.study import plain_models, without_cone
-from testbench.workflows.cell import Cell, Truth
+from testbench.workflows.campaign import Truth
+from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
     Model,
     fit_or_rigid,

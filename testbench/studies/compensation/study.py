@@ -46,7 +46,8 @@ from testbench.studies.compensation.trial import (
 )
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study, with_errors
-from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.campaign import true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.model_names import WITHOUT_CONE
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import MM, UM

@@ -44,18 +44,12 @@ from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loaded
 from testbench.plant.site import Payload
-from testbench.plant.tracker import Station, trial_rng
+from testbench.plant.tracker import Station
 from testbench.plant.true_arms import FAMILY, TRUTHS, disturb, exactly_loaded, true_arm_of_seed
+from testbench.runs.rows import trial_rng
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Everywhere, without_cone
-from testbench.workflows.cell import (
-    Cell,
-    LoadedPoses,
-    Setup,
-    build_cell,
-    read_markers,
-    settle_both,
-    true_cell,
-)
+from testbench.workflows.campaign import LoadedPoses, Setup, read_markers, settle_both, true_cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import (
     JOINTS,
     PRIORS,

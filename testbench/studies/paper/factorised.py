@@ -37,7 +37,7 @@ from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import Regression, Term, check_symmetric, reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-from testbench.plant.tracker import trial_rng
+from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell
 
 # --- GCO as the paper writes it: F_M as a function of b, the vectors whose Gramians the compliances are -----

@@ -25,13 +25,13 @@ from testbench.model.structure import joints_only
 from testbench.model.vjm import WorkArea, chain, observation
 from testbench.plant.build import Plant, weightless
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.plant.tracker import trial_rng
 from testbench.report.badge import Badge, of_rivals
 from testbench.report.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look, look
 from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report, say
 from testbench.report.schema import ROUNDING_UM, Table, columns, pivot
 from testbench.report.table import Row, Trials
+from testbench.runs.rows import trial_rng
 from testbench.studies import campaigns
 from testbench.studies.paper.verdicts import comparison, verdict_table
 from testbench.studies.run import READ, headline

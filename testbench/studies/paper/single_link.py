@@ -21,21 +21,22 @@ from testbench.files.write import csv_text
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE, Estimate
 from testbench.identify.method import least_squares, paper_gco
 from testbench.model.structure import Structure, free36
-from testbench.plant.tracker import trial_rng
 from testbench.report.badge import of_rivals
 from testbench.report.figure import Figure, forest
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, aligned, merged, nested
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
 from testbench.studies.paper.factorised import every_order, order_range
 from testbench.studies.paper.verdicts import EQ_22, EQ_23, comparison, statement_row, verdict_table
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Study
-from testbench.workflows.cell import Cell, FullPose, at_tool, build_cell, random_wrenches
-from testbench.workflows.cell import measure_markers as read
+from testbench.workflows.campaign import FullPose, at_tool, random_wrenches
+from testbench.workflows.campaign import measure_markers as read
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import Model, fit_model
 from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 

@@ -21,13 +21,13 @@ from testbench.identify.conic import certify
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.method import gco, paper_gco
 from testbench.identify.regression import reduce
-from testbench.plant.tracker import trial_rng
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GCO, SERIES, Look
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged, number
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import most
 from testbench.studies import campaigns
 from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
@@ -51,7 +51,8 @@ from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
-from testbench.workflows.cell import Campaign, Cell, FullPose, build_cell, simulate_full_pose
+from testbench.workflows.campaign import Campaign, FullPose, simulate_full_pose
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import Model, named_models
 
 ARM = "arm_6r"

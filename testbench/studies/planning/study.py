@@ -14,16 +14,16 @@ from testbench.design.planning import forecast_errors, make_plan, observability
 from testbench.design.rows import task_rows
 from testbench.model.vjm import chain
 from testbench.plant.site import Payload
-from testbench.plant.tracker import Station, trial_rng
-from testbench.plant.true_arms import TRUE_ARM_LABELS
+from testbench.plant.tracker import Station
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.figure import Figure, forest, sweeps
 from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.report.report import Report, say
 from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
-from testbench.report.schema import Table, columns
+from testbench.report.schema import TRUE_ARM_LABELS, Table, columns
 from testbench.report.table import Row, Trials, merged, number
+from testbench.runs.rows import trial_rng
 from testbench.runs.spread import ends, independent, middle, span, wins
 from testbench.studies import campaigns
 from testbench.studies.planning import trial

@@ -23,12 +23,13 @@ from testbench.identify.metric import Prior, Strength, scale_by_prior
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, chain
-from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
+from testbench.runs.rows import trial_rng
 from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
+from testbench.workflows.campaign import Campaign, Setup, poses_with_weight, true_cell
+from testbench.workflows.campaign import measure_markers as read
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_with_weight, true_cell
-from testbench.workflows.cell import measure_markers as read
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import (
     DEFAULT,

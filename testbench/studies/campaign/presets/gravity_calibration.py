@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbench.arm.folder import find_arm
-from testbench.plant.true_arms import true_arm_label, true_arm_of_seed
+from testbench.plant.true_arms import true_arm_of_seed
 from testbench.report.badge import drawn, ratios_of
 from testbench.report.colours import look_of
 from testbench.report.figure import Figure, forest, ranked
 from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
+from testbench.report.schema import true_arm_label
 from testbench.report.table import Row, Trials, merged
 from testbench.studies import campaigns
 from testbench.studies.campaign import coverage
@@ -19,7 +20,8 @@ from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
 from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, distinct, told
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Run, calibration_scene, write_runs
-from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.campaign import true_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.model_names import IN_PAPER
 from testbench.workflows.models import DEFAULT, JOINTS
 

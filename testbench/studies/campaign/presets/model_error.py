@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.plant.true_arms import true_arm_label
 from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
+from testbench.report.schema import true_arm_label
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
 from testbench.runs.spread import middle, wins
 from testbench.studies.campaign import disturbed

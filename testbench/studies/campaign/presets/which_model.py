@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.plant.true_arms import TRUE_ARM_LABELS, TRUTHS
+from testbench.plant.true_arms import TRUTHS
 from testbench.report.colours import CHOICE
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
-from testbench.report.schema import KNOWN, columns
+from testbench.report.schema import KNOWN, TRUE_ARM_LABELS, columns
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
 from testbench.studies.campaign import family
 from testbench.studies.campaign.family import (
