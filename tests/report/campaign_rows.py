@@ -99,15 +99,13 @@ GRIDS = grids.GridSettings(
 def of_grids(seed):
     rng = np.random.default_rng(seed)
     for kind, grid in GRIDS.grids.items():
-        cases = product(GRIDS.truths, ("MGCO56", "ALL153"), ("none", "30 %"), grid.cells)
-        for arm, structure, uncertainty, (poses, sigma) in cases:
+        cases = product(GRIDS.truths, ("MGCO56", "ALL153"), grid.cells)
+        for arm, structure, (poses, sigma) in cases:
             cell = {"part": kind, "true_arm": arm, "structure": structure, "poses": poses}
-            cell |= {"uncertainty": uncertainty, "sigma_um": 1e6 * sigma, "status": "solved"}
+            cell |= {"sigma_um": 1e6 * sigma, "status": "solved", "prior": False}
             cell |= {"expected": float(rng.choice([*EXPECTED.values()])), "binds": bool(rng.integers(2))}
             for name, constraint in METHODS.items():
-                if uncertainty == "none" or name not in (grids.EQUAL, grids.LENT):
-                    known = {**cell, "name": name, "constraint": constraint}
-                    yield of_one_trial(grids.GridMethodRow, rng, prior=uncertainty != "none", **known)
+                yield of_one_trial(grids.GridMethodRow, rng, **cell, name=name, constraint=constraint)
 
 
 FILLED = {
