@@ -115,7 +115,7 @@ FILLED = {
     "MGCO56, LS + prior": ("MGCO56", "none", "prior"),
     "MGCO56, GCO + prior": ("MGCO56", "psd", "prior"),
 }
-COVERED = {"a": "linearised", "b": "posterior", "c": "set", "d": "learnt", "e": "believed"}
+COVERED = {"a": "linearised", "b": "posterior", "d": "learnt", "e": "believed"}
 
 
 def of_priors(seed):
@@ -149,7 +149,7 @@ TRIALS = {
     "model_error": (disturbed.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
     "which_model": (family.FamilySettings(ARM, 1), of_family),
     "regimes": (GRIDS, of_grids),
-    "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
+    "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9), of_priors),
     "gravity_calibration": (coverage.CalibrationSettings(ARM, Scenario(arm=ARM)), of_calibration),
 }
 """Settings and what makes the rows of a seed, by the name of the preset."""

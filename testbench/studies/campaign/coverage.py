@@ -36,7 +36,7 @@ from testbench.model.vjm import chain, observation
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.campaigns import CampaignRow, Result, campaign_rows, identify
-from testbench.studies.intervals import Bounds, bootstrap, bounds, fit_set, resampler
+from testbench.studies.intervals import bootstrap, resampler
 from testbench.studies.study import as_in_paper, plain_models, without_cone
 from testbench.workflows.campaign_flags import CampaignOptions
 from testbench.workflows.cell import (
@@ -162,7 +162,7 @@ TRIED: dict[tuple[Truth, str], str] = {
 }
 """Truth and prior, one of wrong_prior.PRIORS, of arms of the family; in words."""
 
-Kind = Literal["linearised", "bootstrap", "posterior", "set", "learnt", "believed"]
+Kind = Literal["linearised", "bootstrap", "posterior", "learnt", "believed"]
 """What intervals are; of the last two the arm is of the family, its prior learnt or believed."""
 
 
@@ -183,7 +183,7 @@ class Covered:
 
     name: str  #: Case and method.
     kind: Kind  #: What the intervals are.
-    inside: tuple[bool, ...]  #: Whether each holds the true deflection, to a picometre; a NaN holds nothing.
+    inside: tuple[bool, ...]  #: Whether each holds the true deflection, to a picometre.
     width_um: tuple[float, ...]  #: Of each, infinite where nothing bounds it.
     #: Share of the intervals that hold the truth at each of `LEVELS`; empty of kinds with one level.
     at_levels: tuple[float, ...] = ()
@@ -296,23 +296,6 @@ def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.G
     )
 
 
-def bounded(case: CoverageCase, k: int) -> Covered:
-    """Compute set-based bounds from dataset k: they hold all true deflections at once as often as stated.
-
-    Args:
-        case: What datasets are drawn for.
-        k: Number of the dataset.
-
-    Returns:
-        The bounds.
-    """
-    regression = resampler(case.regression)(case.truth, trial_rng(k))
-    models = fit_set(regression, case.metric, CONFIDENCE)
-    seen = bounds(models, case.functionals)
-    truth = case.functionals @ case.truth
-    return _covered(f"{case.name}, {models.name}", "set", truth, seen)
-
-
 def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     """Compute intervals of `identify` on another arm of the family, with another wrong prior.
 
@@ -352,6 +335,6 @@ def _covered_at(name: str, kind: Kind, truth: Array, at: Callable[[float], Inter
     )
 
 
-def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:
+def _covered(name: str, kind: Kind, truth: Array, seen: Intervals) -> Covered:
     inside = (seen.lower - 1e-12 <= truth) & (truth <= seen.upper + 1e-12)
     return Covered(name, kind, tuple(inside.tolist()), tuple((UM * (seen.upper - seen.lower)).tolist()))

@@ -87,7 +87,6 @@ class PriorSettings:
     first: int  #: The first seed.
     campaigns: int  #: Trials with a campaign.
     bootstraps: int  #: Those with bootstrap intervals.
-    bounds: int  #: Those with set-based bounds.
     family: int  #: Those with an arm of the family.
     structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
     scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
@@ -129,7 +128,6 @@ def settings(options: PriorOptions, quick: bool, seeds: range) -> PriorSettings:
         first=seeds[0],
         campaigns=min(options.campaigns, len(seeds), 2 if quick else len(seeds)),
         bootstraps=100,
-        bounds=2 if quick else 100,
         family=2 if quick else 200,
     )
     return replace(found, structures=VARIED, scales=(0.5, 2.0), poses=(8, 20)) if quick else found
@@ -163,8 +161,6 @@ def _intervals(
     yield from coverage.fitted(light, k, k < asked.bootstraps)
     for case in heavy:
         yield from coverage.posterior(case, k)
-        if k < asked.bounds:
-            yield coverage.bounded(case, k)
     if k < asked.family:
         yield from coverage.of_family(cell, asked.first + k)
 
