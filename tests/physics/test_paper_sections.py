@@ -84,8 +84,9 @@ def test_a_draw_is_the_same_alone_and_among_others():
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]
 
-    [alone] = trial.trials(STUDY, [8])
-    assert without_clock(alone) == without_clock(trial.trials(STUDY, [7, 8])[1])
+    rows = trial.STUDY.work(STUDY)
+    [alone] = rows([8])
+    assert without_clock(alone) == without_clock(rows([7, 8])[1])
 
 
 SEEDS = 100

@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.conic import solve_gco
@@ -45,7 +44,6 @@ from testbench.workflows.cell import (
     FullPose,
     Scenario,
     Truth,
-    build_cell,
     draw_poses,
     simulate,
     simulate_at,
@@ -53,7 +51,7 @@ from testbench.workflows.cell import (
     true_cell,
 )
 from testbench.workflows.models import JOINTS, Model, named_models, prior_of, with_priors, wrong_prior
-from testbench.workflows.own_estimator import EstimatorSource, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import UM
 
 QUICK_WORKSPACE = 40
@@ -92,27 +90,22 @@ def settings(options: CampaignOptions, quick: bool, seeds: range) -> Calibration
     return CalibrationSettings(options.arm, scenario, options.true_arm, seeds[0])
 
 
-def trials(
-    asked: CalibrationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[CampaignRow]]:
-    """Make the rows of some seeds, one per model; the user's estimators are the last.
+def trial(cell: Cell, asked: CalibrationSettings, seed: int, own: Models) -> list[CampaignRow]:
+    """Make the rows of a seed, one per model; the user's estimators are the last.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
-        seeds: Seeds of the trials.
+        seed: Seed of the trial.
         own: Estimators of the user.
 
     Returns:
-        Rows of every seed.
+        The rows.
     """
-    cell, found = build_cell(find_arm(asked.arm)), []
-    models = estimator_models(own)
-    for seed in seeds:
-        true, campaign = calibrate(cell, asked, seed)
-        every = results(true, campaign, models(true, wrong_prior(true, seed)))
-        arm, placed = true_arm_of_seed(asked.true_arm, seed), seed == asked.first
-        found.append(campaign_rows(true, campaign, every, arm, placed=placed))
-    return found
+    true, campaign = calibrate(cell, asked, seed)
+    every = results(true, campaign, own(true, wrong_prior(true, seed)))
+    arm = true_arm_of_seed(asked.true_arm, seed)
+    return campaign_rows(true, campaign, every, arm, placed=seed == asked.first)
 
 
 def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, Campaign]:

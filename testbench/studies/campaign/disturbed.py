@@ -15,7 +15,6 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
@@ -27,14 +26,13 @@ from testbench.studies.campaign.trial import (
     Cover,
     TrialCase,
     cover,
-    each_seed,
     fitted,
     reread,
     score_cases,
     with_wrong_priors,
 )
 from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
-from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, simulate, true_cell
+from testbench.workflows.cell import Campaign, Cell, Scenario, simulate, true_cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import DEFAULT, JOINTS, Model
 from testbench.workflows.own_estimator import Models, UserEstimator
@@ -179,11 +177,11 @@ class DisturbedRow(CampaignFitRow):
     cover: Cover | None  #: Of models whose intervals are judged, with noise.
 
 
-@each_seed
-def trials(asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
+def trial(cell: Cell, asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
     """Make the rows of a seed, one per fit.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
         seed: Seed of the trial.
         estimators: Estimators of the user.
@@ -191,7 +189,6 @@ def trials(asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterato
     Yields:
         The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
     every = with_wrong_priors(cell, MODELS, MODELS, seed, estimators)
     models = [model for model in every if model.name != ONLY_WITH_PRIOR]
     own = true_arm_of_seed(asked.true_arm, seed)

@@ -30,7 +30,6 @@ from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Fits,
     TrialCase,
-    each_seed,
     fitted,
     reread,
     score_cases,
@@ -222,11 +221,16 @@ def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
     return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
-@each_seed
-def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
+def cells(asked: GridSettings) -> dict[Kind, Cell]:
+    """Build the arm of every grid."""
+    return {kind: build_cell(find_arm(grid.arm)) for kind, grid in asked.grids.items()}
+
+
+def trial(cells: Mapping[Kind, Cell], asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
     """Make the rows of a seed, one per method, structure, truth and cell of the grids.
 
     Args:
+        cells: The arm of every grid.
         asked: Settings of the study.
         seed: Seed of the trial.
         own: Estimators of the user.
@@ -234,8 +238,7 @@ def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRo
     Yields:
         The rows.
     """
-    for kind, grid in asked.grids.items():
-        cell = build_cell(find_arm(grid.arm))
+    for kind, cell in cells.items():
         yield from _rows(cell, kind, asked, seed, own(cell, None))
 
 

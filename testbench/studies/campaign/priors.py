@@ -22,7 +22,7 @@ from testbench.model.vjm import Vjm
 from testbench.runs.spread import Number
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import Covered
-from testbench.studies.campaign.trial import CampaignFitRow, TrialCase, each_seed, fitted, score_cases
+from testbench.studies.campaign.trial import CampaignFitRow, TrialCase, fitted, score_cases
 from testbench.studies.intervals import (
     choose_strength,
     every_fold,
@@ -133,11 +133,11 @@ def settings(options: PriorOptions, quick: bool, seeds: range) -> PriorSettings:
     return replace(found, structures=VARIED, scales=(0.5, 2.0), poses=(8, 20)) if quick else found
 
 
-@each_seed
-def trials(asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
+def trial(cell: Cell, asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
     """Make the fits of the campaign of a seed, then intervals.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
         seed: Seed of the trial.
         own: Estimators of the user.
@@ -145,7 +145,6 @@ def trials(asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
     Yields:
         The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
     heavy = coverage.gravity_cases(cell)
     if seed - asked.first < asked.campaigns:
         for row in _fits(cell, asked, seed, own):

@@ -36,7 +36,7 @@ from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, FullPose, Truth, build_cell, simulate_full_pose
 from testbench.workflows.model_names import EQUAL_FIT
 from testbench.workflows.models import JOINTS, Model, named_models
-from testbench.workflows.own_estimator import EstimatorSource, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, UM
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
@@ -95,17 +95,8 @@ class SixDofRow(CampaignRow):
     f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
 
 
-def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
+def _settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettings:
+    """Make the settings of the flags."""
     share = math.sqrt(2) if options.per == "deflection" else 1.0
     scenario = FullPose(
         arm=find_arm(options.arm).resolve().name,
@@ -123,34 +114,18 @@ def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSetting
     )
 
 
-def trials(
-    asked: SixDofSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[SixDofRow]]:
-    """Make the rows of some seeds: all models under two truths, and in the first seeds every order m.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        own: Estimators of the user.
-
-    Returns:
-        Rows of every seed.
-    """
-    cell = build_cell(find_arm(asked.arm))
-    every = [*models(cell), *estimator_models(own)(cell, None)]
-    return [list(_trial(cell, every, asked, seed)) for seed in seeds]
-
-
 def models(cell: Cell) -> list[Model]:
     """List the models of Table I, what restrains least squares, and the incumbent; GCO is the paper's."""
     every = plain_models(cell, (*MODELS, JOINTS))
     return [replace(model, estimator=paper_gco) if model.estimator == gco else model for model in every]
 
 
-def _trial(cell: Cell, models: Sequence[Model], asked: SixDofSettings, seed: int) -> Iterator[SixDofRow]:
+def _trial(cell: Cell, asked: SixDofSettings, seed: int, own: Models) -> Iterator[SixDofRow]:
+    """Make the rows of a seed: all models under two truths, and in the first seeds every order m."""
+    every = [*models(cell), *own(cell, None)]
     for truth in TRUTHS:
         campaign = simulate_full_pose(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
-        results, linear = identify(cell, campaign, models, time.perf_counter), truth == "linear"
+        results, linear = identify(cell, campaign, every, time.perf_counter), truth == "linear"
         for row in campaign_rows(cell, campaign, results, TUBES, placed=linear and seed == asked.first):
             yield SixDofRow(**vars(row), truth=truth)
         if linear and seed < asked.first + asked.ordered:
@@ -169,17 +144,8 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
         yield SixDofRow(**vars(row), m=m, f_m_over_optimum=estimate.f_m / best)
 
 
-def report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every model and order under both truths, and the paper's statements.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every model and order under both truths, and the paper's statements."""
     straight = trials.where(m=0, truth=TRUTHS[0])
     f = Row(
         seed=campaigns.seeds_of(seeds),
@@ -296,7 +262,7 @@ def _tie(trials: Trials) -> Row:
     )
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the errors of every model under both truths."""
     reading = "Errors of 95 % of the check runs. Dotted: Joints-only; diamonds: the paper's."
     table = found.led(Table(columns(TABLE_II), Row(found.numbers).models))
@@ -304,7 +270,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"six_dof_arm.png": forest(table, PANES, title, reading, JOINTS)}
 
 
-def write(run: Run[SixDofSettings]) -> PageContent:
+def _write(run: Run[SixDofSettings]) -> PageContent:
     """Write dataset.csv of the first seed, linear truth; return what the page draws."""
     asked = run.settings
     cell = build_cell(find_arm(asked.arm))
@@ -316,13 +282,13 @@ STUDY = Study(
     name="six_dof_arm",
     about="Identify the models of Table I and two baselines from 108 runs, and check them on 120 others.",
     options=SixDofOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(100, 5),
     row=SixDofRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    report=_report,
     printed=("short",),
-    figures=figures,
-    write=write,
+    figures=_figures,
+    write=_write,
     models="name",
 )

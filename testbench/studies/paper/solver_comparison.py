@@ -53,6 +53,7 @@ from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.cell import Campaign, Cell, FullPose, build_cell, simulate_full_pose
 from testbench.workflows.models import Model, named_models
+from testbench.workflows.own_estimator import Models
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
@@ -224,20 +225,8 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-
-    Raises:
-        BenchError: When the model is none that GCO identifies, or SCS is not installed.
-    """
+def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
+    """Make the settings of the flags."""
     gco_model(build_cell(find_arm(ARM)), options.model)
     if options.scs:
         cvxpy("SCS")
@@ -246,22 +235,15 @@ def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSetting
     return SolverSettings(**vars(options) | {"generations": generations, "starts": starts}, first=seeds[0])
 
 
-def trials(asked: SolverSettings, seeds: Sequence[int]) -> list[list[SolverRow]]:
-    """Make the rows of some seeds, one per solver.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-
-    Returns:
-        Rows of every seed.
-    """
+def _cell_and_model(asked: SolverSettings) -> tuple[Cell, Model]:
+    """Build the arm, and the model that every solver identifies."""
     cell = build_cell(find_arm(ARM))
-    model = gco_model(cell, asked.model)
-    return [_trial(cell, model, asked, seed) for seed in seeds]
+    return cell, gco_model(cell, asked.model)
 
 
-def _trial(cell: Cell, model: Model, asked: SolverSettings, seed: int) -> list[SolverRow]:
+def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Models) -> list[SolverRow]:
+    """Make the rows of a seed, one per solver."""
+    cell, model = shared
     campaign = simulate_full_pose(cell, SCENARIO, seed)
     conic = _repeated("d", paper_gco, cell, model, campaign)
     solver_results = [*_factor_solvers(cell, model, asked, campaign), conic]
@@ -353,17 +335,8 @@ def _row(row: CampaignRow, own: SolverResult, conic: SolverResult, excess: float
     )
 
 
-def report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every solver, and what the proof says of the paper's search.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every solver, and what the proof says of the paper's search."""
     solvers, own = list(_solvers(asked, trials)), trials.where(key="d")
     rows = {row.key: row for row in solvers}
     over = {key: float((own["f_m"] / trials.where(key=key)["f_m"] - 1).max()) for key in rows}
@@ -448,7 +421,7 @@ def _statements(f: Row, seeds: int) -> Iterator[Row]:
     yield statement_row("the search can stop at the F_M of noise alone", stops == 1, stops)
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the time to the least F_M, and how far above what is proven every solver ends."""
     f = Row(found.numbers)
     table = found.led(Table(columns(SHORT), f.solvers, looks=LOOKS))
@@ -460,12 +433,13 @@ STUDY = Study(
     name="solver_comparison",
     about="Minimise F_M by several solvers on the data of section 5.2, and certify what each of them found.",
     options=SolverOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(20, 2),
     arms=lambda _: [find_arm(ARM)],
     row=SolverRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    shared=_cell_and_model,
+    report=_report,
     printed=("short",),
-    figures=figures,
+    figures=_figures,
 )

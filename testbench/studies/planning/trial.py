@@ -27,7 +27,7 @@ from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_with_weight, true_cell
+from testbench.workflows.cell import Campaign, Cell, Setup, poses_with_weight, true_cell
 from testbench.workflows.cell import measure_markers as read
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import (
@@ -44,7 +44,7 @@ from testbench.workflows.models import (
     with_priors,
     wrong_prior,
 )
-from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.predicted_error import (
     Expected,
     forecast_summary,
@@ -256,29 +256,21 @@ class PlanErrorRow:
     data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
 
-def trials(
-    asked: PlanningSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[PlanErrorRow]]:
-    """Make the rows of some seeds; `asked` holds the plans.
+def trial(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
+    """Make the rows of a seed; `asked` holds the plans.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
-        seeds: Seeds of the trials.
+        seed: Seed of the trial.
         own: Estimators of the user.
 
-    Returns:
-        Rows of every seed.
+    Yields:
+        The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
-    bench, places = build_bench(cell, asked), (asked, elsewhere(asked))
-    models = estimator_models(own)
-    return [
-        [
-            *of_plans(bench, seed, models),
-            *(row for there in places for row in of_ground(cell, there, seed, models)),
-        ]
-        for seed in seeds
-    ]
+    yield from of_plans(build_bench(cell, asked), seed, own)
+    for there in (asked, elsewhere(asked)):
+        yield from of_ground(cell, there, seed, own)
 
 
 def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
