@@ -6,7 +6,6 @@ triangular factor. Dataset k is the same whatever the root of the other parts is
 One campaign a seed: poses, loads, readings, and every model identified from them and judged.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,7 +33,8 @@ from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
-from testbench.studies.campaigns import CampaignRow, Result, campaign_rows, identify
+from testbench.studies.campaign.trial import Fits, TrialCase, fitted
+from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.intervals import bootstrap, resampler
 from testbench.studies.study import as_in_paper, plain_models, without_cone
 from testbench.workflows.campaign_flags import CampaignOptions
@@ -103,9 +103,9 @@ def trial(cell: Cell, asked: CalibrationSettings, seed: int, own: Models) -> lis
         The rows.
     """
     true, campaign = calibrate(cell, asked, seed)
-    every = results(true, campaign, own(true, wrong_prior(true, seed)))
+    fits = results(true, campaign, own(true, wrong_prior(true, seed)))
     arm = true_arm_of_seed(asked.true_arm, seed)
-    return campaign_rows(true, campaign, every, arm, placed=seed == asked.first)
+    return campaign_rows(true, campaign, fits, arm, placed=seed == asked.first)
 
 
 def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, Campaign]:
@@ -123,7 +123,7 @@ def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, 
     return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
 
 
-def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[Result]:
+def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> Fits:
     """Identify baselines, the paper's models, structures with a prior, and more models.
 
     Args:
@@ -132,12 +132,13 @@ def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[
         more: Other models.
 
     Returns:
-        A result per model.
+        Their fits.
     """
     structures = [*named_models(cell, WITH_PRIOR), without_cone(cell)]
     filled = with_priors(cell.arm, structures, wrong_prior(cell, campaign.seed))
     plain = plain_models(cell, WITHOUT_PRIOR)
-    return identify(cell, campaign, [*plain, *as_in_paper(plain), *filled, *more], time.perf_counter)
+    case = TrialCase(campaign.identification, campaign.truth, {})
+    return fitted(cell, [*plain, *as_in_paper(plain), *filled, *more], [case])
 
 
 CONFIDENCE = 0.95
@@ -214,7 +215,7 @@ def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Arra
     return observation(*args, targets).reshape(-1, structure.n)
 
 
-def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
+def refitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     """Compute posterior and bootstrap intervals of least squares and GCO without a prior, from dataset k.
 
     Args:

@@ -157,7 +157,7 @@ def _intervals(
 ) -> Iterator[Covered]:
     """Intervals of every kind from dataset k."""
     light = coverage.full_pose_case(build_cell(find_arm(SIX_DOF)))
-    yield from coverage.fitted(light, k, k < asked.bootstraps)
+    yield from coverage.refitted(light, k, k < asked.bootstraps)
     for case in heavy:
         yield from coverage.posterior(case, k)
     if k < asked.family:

@@ -1,7 +1,6 @@
 """Section 5.2: the illustrative 6R arm, full poses; the paper's models under two truths, and the order m."""
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
@@ -20,7 +19,8 @@ from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
-from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows, identify, score_estimate
+from testbench.studies.campaign.trial import Fits, TrialCase, fitted
+from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.verdicts import (
     SECTION_5_2,
@@ -125,8 +125,9 @@ def _trial(cell: Cell, asked: SixDofSettings, seed: int, own: Models) -> Iterato
     every = [*models(cell), *own(cell, None)]
     for truth in TRUTHS:
         campaign = simulate_full_pose(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
-        results, linear = identify(cell, campaign, every, time.perf_counter), truth == "linear"
-        for row in campaign_rows(cell, campaign, results, TUBES, placed=linear and seed == asked.first):
+        case, linear = TrialCase(campaign.identification, campaign.truth, {}), truth == "linear"
+        fits = fitted(cell, every, [case])
+        for row in campaign_rows(cell, campaign, fits, TUBES, placed=linear and seed == asked.first):
             yield SixDofRow(**vars(row), truth=truth)
         if linear and seed < asked.first + asked.ordered:
             for name in ORDER_MODELS:
@@ -138,10 +139,13 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
     [model] = named_models(cell, [name])
     best = paper_gco(cell.vjm, model.structure, campaign.identification).f_m
     estimates = every_order(cell, model.structure, campaign.identification, starts, campaign.seed)
-    results = [score_estimate(cell, campaign, model, estimate, 0.0) for estimate in estimates]
-    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
-    for m, (row, estimate) in enumerate(zip(rows, estimates, strict=True), start=1):
-        yield SixDofRow(**vars(row), m=m, f_m_over_optimum=estimate.f_m / best)
+    orders = {str(m): [estimate] for m, estimate in enumerate(estimates, start=1)}
+    fits = Fits(orders, dict.fromkeys(orders, 0.0))
+    for row, estimate in zip(
+        campaign_rows(cell, campaign, fits, TUBES, placed=False), estimates, strict=True
+    ):
+        found = {**vars(row), "name": name, "m": int(row.name)}
+        yield SixDofRow(**found, f_m_over_optimum=estimate.f_m / best)
 
 
 def _report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:

@@ -30,7 +30,8 @@ from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
 from testbench.studies import campaigns
-from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
+from testbench.studies.campaign.trial import Fits
+from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
@@ -255,17 +256,18 @@ def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Mode
         proof if solver_result is conic else certify(solver_result.estimate, dual=proof.dual)
         for solver_result in solver_results
     ]
-    results = [
-        score_estimate(
-            cell, campaign, model, replace(solver_result.estimate, certificate=proven), solver_result.seconds
-        )
-        for solver_result, proven in zip(solver_results, proofs, strict=True)
-    ]
+    fits = Fits(
+        {
+            solver_result.key: [replace(solver_result.estimate, certificate=proven)]
+            for solver_result, proven in zip(solver_results, proofs, strict=True)
+        },
+        {solver_result.key: solver_result.seconds for solver_result in solver_results},
+    )
     data = csv_text(campaign.identification, cell.arm) if seed == asked.first else None
-    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
+    rows = campaign_rows(cell, campaign, fits, TUBES, placed=False)
     return [
         replace(
-            _row(row, solver_result, conic, proven.f_m_excess_bound),
+            _row(replace(row, name=model.name), solver_result, conic, proven.f_m_excess_bound),
             data_file=data if solver_result is conic else None,
         )
         for row, solver_result, proven in zip(rows, solver_results, proofs, strict=True)

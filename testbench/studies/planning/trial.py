@@ -25,7 +25,8 @@ from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, chain
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
-from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
+from testbench.studies.campaign.trial import Fits
+from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Setup, poses_with_weight, true_cell
 from testbench.workflows.cell import measure_markers as read
@@ -351,18 +352,18 @@ def featured(
     Returns:
         The row.
     """
-    model = replace(model, name=f"{row.plan}, {row.fit}")
+    name = f"{row.plan}, {row.fit}"
     setup, tasks = setup_of(bench.asked), bench.tasks
     campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
-    result = score_estimate(bench.cell, campaign, model, estimate, estimate.solver_seconds)
-    [own] = campaign_rows(bench.cell, campaign, [result], "tubes", placed=False)
+    fits = Fits({name: [estimate]}, {name: estimate.solver_seconds}, [name] if model.filled else [])
+    [own] = campaign_rows(bench.cell, campaign, fits, "tubes", placed=False)
     row = replace(row, model=own)
     if row.plan != "test":
         return row
     return replace(
         row,
         each_task_mm=tuple(rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
-        each_place_mm=tuple((MM * result.places).tolist()),
+        each_place_mm=tuple(rms_mm(bench.off([estimate], bench.workspace)[0], 1).tolist()),
     )
 
 
