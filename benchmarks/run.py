@@ -14,7 +14,6 @@ from typing import Annotated
 import typer
 from absolute import calibrating_by_absolute_poses
 from agreement import agreement_with_the_referee
-from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
 from corrections import correcting_ten_thousand_points
 from equilibrium import newton_against_forward_passes, newton_against_stepping
@@ -39,7 +38,6 @@ BENCHMARKS = {
     "c": gco_against_its_solver_and_cvxpy,
     "d": reducing_large_datasets,
     "e": logging_two_hundred_poses,
-    "f": bounds_of_deflections,
     "g": parallel_efficiency,
     "h": agreement_with_the_referee,
     "i": families_of_fits,

@@ -25,6 +25,7 @@ from shot import write_film
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.demo import Demo
 from testbench.errors import Array
+from testbench.identify.estimate import Estimate, all_deflections
 from testbench.model.laws import model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import body_origins, elastic_frames
@@ -35,7 +36,6 @@ from testbench.report.scene import STEEL, on_tool
 from testbench.runs import command
 from testbench.runs.whole import whole_file
 from testbench.studies.campaign import coverage as trial
-from testbench.studies.campaigns import Result
 from testbench.workflows.campaign import Campaign, settle_both
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import DEFAULT, JOINTS
@@ -92,7 +92,8 @@ def draw(out: Path, *, still: bool = False) -> None:
     cell = build_cell(Demo().arm)
     asked = trial.settings(Demo(), quick=False, seeds=range(1, 2))
     true, campaign = trial.calibrate(cell, asked, 1)
-    found = [r for name in SHOWN for r in trial.results(true, campaign) if r.model.name == name]
+    fits = trial.results(true, campaign)
+    found = [fits[name][0] for name in SHOWN]
     mass = asked.scenario.mass * np.linspace(0, 1, LOADS)
     pictures = list(_pictures(mass, *_sags(true, campaign, found, mass)))
     with whole_file(out) as part:
@@ -113,16 +114,20 @@ def _stands(load: int) -> int:
     return {LOADS - 1: HELD, 0: EMPTY}.get(load, EACH)
 
 
-def usual(found: Sequence[Result], campaign: Campaign) -> int:
+def usual(cell: Cell, found: Sequence[Estimate], campaign: Campaign) -> int:
     """Of the half of places furthest out, that where errors are most like those over all places."""
     reach = np.linalg.norm(campaign.truth.before[:, 0, :2], axis=-1)
-    off = np.max([np.abs(np.log(r.places / r.truth.rms)) for r in found], axis=0)
+    errors = campaign.truth.deflection - all_deflections(cell.vjm, found, campaign.truth)
+    square = np.square(errors).sum(axis=-1).mean(axis=-1)  # (models, places)
+    off = np.max(np.abs(np.log(square / square.mean(axis=1, keepdims=True))), axis=0)
     return int(np.where(reach >= np.median(reach), off, np.inf).argmin())
 
 
-def _sags(cell: Cell, campaign: Campaign, found: Sequence[Result], mass: Array) -> tuple[Sag, Sequence[Miss]]:
+def _sags(
+    cell: Cell, campaign: Campaign, found: Sequence[Estimate], mass: Array
+) -> tuple[Sag, Sequence[Miss]]:
     """The truth and every model, seen from the side."""
-    at, n = usual(found, campaign), len(mass)
+    at, n = usual(cell, found, campaign), len(mass)
     q, point = (np.repeat(own[at : at + 1], n, axis=0) for own in (campaign.truth.q, campaign.truth.point))
     wrench = np.zeros((n, 6))
     wrench[:, 2] = -GRAVITY * mass
@@ -152,10 +157,10 @@ def _rms_mm(moved: Array) -> Array:
     return rms
 
 
-def _bent(cell: Cell, model: Result, q: Array, load: tuple[Array, Array]) -> Array:
+def _bent(cell: Cell, model: Estimate, q: Array, load: tuple[Array, Array]) -> Array:
     """Links and joints as a model bends them, its laws of the joints included, (loads, n_theta) [m, rad]."""
-    vjm = model_for(cell.vjm, model.estimate.structure)
-    return joint_law_rotations(vjm, (model.estimate.C_theta @ generalised_load(chain(vjm, q), *load)).T)
+    vjm = model_for(cell.vjm, model.structure)
+    return joint_law_rotations(vjm, (model.C_theta @ generalised_load(chain(vjm, q), *load)).T)
 
 
 def _points(cell: Cell, names: Sequence[str], q: Array, theta: Array) -> Array:

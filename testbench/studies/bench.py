@@ -70,6 +70,7 @@ from testbench.workflows.own_estimator import (
     EstimatorSource,
     LimitOptions,
     Limits,
+    Models,
     call_estimator,
     check_reach,
     check_unchanged,
@@ -318,17 +319,8 @@ class EntryRow:
     data_file: str | None = None
 
 
-def settings(options: BenchOptions, quick: bool, seeds: range) -> BenchSettings:
-    """Make the settings of the flags; raises BenchError for a task or an entry that there is not.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
+def _settings(options: BenchOptions, quick: bool, seeds: range) -> BenchSettings:
+    """Make the settings of the flags; raises BenchError for a task or an entry that there is not."""
     names = tuple(dict.fromkeys(options.task or TASKS))
     for name in names:
         if name not in TASKS:
@@ -338,26 +330,17 @@ def settings(options: BenchOptions, quick: bool, seeds: range) -> BenchSettings:
     return BenchSettings(names, tuple(TASKS[name].version for name in names), estimator_sources, seeds[0])
 
 
-def trials(asked: BenchSettings, seeds: Sequence[int]) -> list[list[EntryRow]]:
-    """Make the rows of some seeds, one per answer.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-
-    Returns:
-        Rows of every seed.
-    """
-    cells = {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
-    found: list[list[EntryRow]] = []
+def _cells(asked: BenchSettings) -> dict[str, Cell]:
+    """Build the arms of all tasks, by name; BenchError where an entry's file has changed."""
     check_unchanged(asked.own)
-    for seed in seeds:
-        made = [problem(TASKS[name], cells[TASKS[name].arm], seed) for name in asked.tasks]
-        each = zip(asked.tasks, made, strict=True)
-        rows = [row for name, own in each for row in _task(name, own, asked.own)]
-        first = _with_data(rows[0], made[0]) if seed == asked.first else rows[0]
-        found.append([first, *rows[1:]])
-    return found
+    return {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
+
+
+def _trial(arms: Mapping[str, Cell], asked: BenchSettings, seed: int, _: Models) -> list[EntryRow]:
+    """Make the rows of a seed, one per answer."""
+    made = [problem(TASKS[name], arms[TASKS[name].arm], seed) for name in asked.tasks]
+    rows = [row for name, own in zip(asked.tasks, made, strict=True) for row in _task(name, own, asked.own)]
+    return [_with_data(rows[0], made[0]), *rows[1:]] if seed == asked.first else rows
 
 
 def _with_data(row: EntryRow, own: BenchProblem) -> EntryRow:
@@ -560,17 +543,8 @@ SCORES = (
 SHORT = "name with_prior without_prior"
 
 
-def report(asked: BenchSettings, seeds: range, trials: Trials) -> Report:
-    """Rank the entries over all tasks, and in each.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: BenchSettings, seeds: range, trials: Trials) -> Report:
+    """Rank the entries over all tasks, and in each."""
     simulated = [name for name in asked.tasks if TASKS[name].arm != REAL] or asked.tasks
     boards = {words: _standings(trials, simulated, prior) for prior, words in CLASSES.items()}
     board = boards[CLASSES[True]]
@@ -665,7 +639,7 @@ def _tables(f: Row) -> dict[str, Table]:
     }
 
 
-def figures(found: Report) -> Mapping[str, Figure]:
+def _figures(found: Report) -> Mapping[str, Figure]:
     """Draw the ratios arm by arm."""
     f = Row(found.numbers)
     board = f.board[CLASSES[True]]
@@ -682,13 +656,14 @@ STUDY = Study(
     name="bench",
     about="Rank your estimators beside others, and the default of identify, in frozen tasks.",
     options=BenchOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(MIN_PERCENTILE_TRIALS, 2),
     row=EntryRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    shared=_cells,
+    report=_report,
     printed=("short",),
-    figures=figures,
+    figures=_figures,
     arms=lambda settings: [
         find_arm(arm) for arm in dict.fromkeys(TASKS[name].arm for name in settings.tasks)
     ],

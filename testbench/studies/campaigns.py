@@ -1,18 +1,20 @@
 """Models of a simulated campaign: identified and judged, a row each, and what reports say of them."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify.estimate import DeflectionErrors, Estimate, all_deflections, score
+from testbench.identify.estimate import Estimate, all_deflections, score
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.rows import finite
 from testbench.runs.spread import span
+from testbench.studies.campaign.trial import Fits
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.campaign import Campaign
 from testbench.workflows.cell import Cell
@@ -33,9 +35,8 @@ from testbench.workflows.fit_numbers import (
     sag_by_part,
 )
 from testbench.workflows.model_names import IN_PAPER, in_words
-from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
+from testbench.workflows.models import DEFAULT, has_failed
 from testbench.workflows.rows import (
-    FAILED,
     NO_ERRORS,
     DatasetRow,
     ErrorRow,
@@ -230,88 +231,6 @@ def worst_places(errors: ErrorPlaces) -> Table:
 
 
 @dataclass(frozen=True)
-class Result:
-    """Hold one model, identified and judged."""
-
-    model: Model  #: What was asked for.
-    estimate: Estimate  #: What was found.
-    seconds: float  #: Wall time of the estimator.
-    identification: DeflectionErrors  #: Errors on the runs it was identified from, against their readings.
-    check: DeflectionErrors  #: Errors on the check runs, against their readings.
-    check_true: DeflectionErrors  #: The same against their true deflections.
-    truth: DeflectionErrors  #: Errors against the true deflections.
-    error_vectors: Array  #: The same marker by marker: true minus predicted, (runs, m, 3) [m].
-    residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
-
-    @property
-    def places(self) -> Array:
-        """Compute errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
-        return rms(self.error_vectors)
-
-
-def identify(
-    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
-) -> list[Result]:
-    """Identify every model from the campaign and judge it on all sets.
-
-    Args:
-        cell: The arm with its model and its truth.
-        campaign: The simulated campaign.
-        models: The models.
-        clock: Returns the time [s].
-
-    Returns:
-        A result per model.
-    """
-    found = []
-    for model in models:
-        start = clock()
-        found.append((model, fit_or_rigid(cell, model, campaign.identification), clock() - start))
-    return _judged(cell, campaign, found)
-
-
-def score_estimate(
-    cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float
-) -> Result:
-    """Score an estimate on the runs that it was identified from, on the check runs and by the truth.
-
-    Args:
-        cell: The arm with its model and its truth.
-        campaign: The simulated campaign.
-        model: The model.
-        estimate: The estimate.
-        seconds: Time of the fit [s].
-
-    Returns:
-        The result.
-    """
-    return _judged(cell, campaign, [(model, estimate, seconds)])[0]
-
-
-def _judged(cell: Cell, campaign: Campaign, found: Sequence[tuple[Model, Estimate, float]]) -> list[Result]:
-    """Several estimates of one campaign judged: where the arm is, is worked out once."""
-    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
-    estimates = [estimate for _, estimate, _ in found]
-    predicted = [
-        all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)
-    ]
-    return [
-        Result(
-            model=model,
-            estimate=estimate,
-            seconds=seconds,
-            identification=score(own[0], fitted.deflection),
-            check=score(own[1], check.deflection),
-            check_true=score(own[1], campaign.check_true.deflection),
-            truth=score(own[2], truth.deflection),
-            error_vectors=truth.deflection - own[2],
-            residuals=campaign.measured.deflection - own[3],
-        )
-        for (model, estimate, seconds), *own in zip(found, *predicted, strict=True)
-    ]
-
-
-@dataclass(frozen=True)
 class DrawnErrors:
     """Hold what the pictures of the first seed are made of: nobody simulates it again."""
 
@@ -355,52 +274,70 @@ class CampaignRow(FitRow):
 
 
 def campaign_rows(
-    cell: Cell, campaign: Campaign, results: Sequence[Result], true_arm: str, *, placed: bool
+    cell: Cell, campaign: Campaign, fits: Fits, true_arm: str, *, placed: bool
 ) -> list[CampaignRow]:
-    """Make one row per model.
+    """Score every model on the runs it was identified from, on the check runs and by the truth; a row each.
 
     Args:
         cell: The arm with its model and its truth.
         campaign: The simulated campaign.
-        results: The models, judged.
+        fits: One estimate of every model, from its identification runs.
         true_arm: Kind of the true arm.
         placed: Whether rows have errors pose by pose, and what pictures need.
 
     Returns:
         The rows.
     """
+    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
+    estimates = [own for [own] in fits.values()]
+    moved = [all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
     data, rows = measured_row(campaign), []
-    for k, result in enumerate(results):
-        lost = has_failed(result.estimate)
-        shown = placed and not lost
+    for k, (name, estimate, at_fitted, at_check, over, every) in enumerate(
+        zip(fits, estimates, *moved, strict=True)
+    ):
+        shown = placed and not has_failed(estimate)
+        error = truth.deflection - over
         row = CampaignRow(
-            **vars(_fit(result)),
-            identification=NO_ERRORS if lost else error_row(result.identification),
-            check=NO_ERRORS if lost else error_row(result.check),
-            check_true=NO_ERRORS if lost else error_row(result.check_true),
-            workspace=NO_ERRORS if lost else error_row(result.truth),
+            **vars(_fit(name, estimate, fits)),
+            identification=_errors(estimate, at_fitted, fitted),
+            check=_errors(estimate, at_check, check),
+            check_true=_errors(estimate, at_check, campaign.check_true),
+            workspace=_errors(estimate, over, truth),
             measured=data,
             true_arm=true_arm,
-            places=places_of(cell, campaign.truth) if shown else None,
-            place_mm=kept_mm(result.places) if shown else None,
-            drawn=_drawn(cell, campaign, result, whole=k == 0) if shown else None,
+            places=places_of(cell, truth) if shown else None,
+            place_mm=kept_mm(rms(error)) if shown else None,
         )
+        if shown:
+            left = campaign.measured.deflection - every
+            row = replace(row, drawn=_drawn(cell, campaign, estimate, error, left, whole=k == 0))
         rows.append(row)
     return rows
 
 
-def _fit(result: Result) -> FitRow:
-    model, estimate = result.model, result.estimate
+def _errors(estimate: Estimate, moved: Array, data: Dataset) -> ErrorRow:
+    """Errors of predicted deflections; none of a failed estimator."""
+    return NO_ERRORS if has_failed(estimate) else error_row(score(moved, data.deflection))
+
+
+def _fit(name: str, estimate: Estimate, fits: Fits) -> FitRow:
+    prior, structure = name in fits.filled, estimate.structure
     if has_failed(estimate):
-        return failed_row(EstimatorFailed(model, estimate.status.removeprefix(FAILED)))
-    prior = model.filled or estimate.weighted_prior is not None
-    return fit_row(model.name, estimate, result.seconds, prior=prior)
+        return FitRow(
+            name=name, structure=structure.name, prior=prior, status=estimate.status, parameters=structure.n
+        )
+    return fit_row(name, estimate, fits.seconds.get(name), prior=prior or estimate.weighted_prior is not None)
 
 
-def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
-    """What pictures need of a model; `whole` with the runs, once a campaign."""
+def _drawn(
+    cell: Cell, campaign: Campaign, estimate: Estimate, error: Array, left: Array, *, whole: bool
+) -> DrawnErrors:
+    """What pictures need of a model: true minus predicted, readings minus predicted deflections.
+
+    It is `whole`, with the runs, once a campaign.
+    """
     measured, over, moved, names = None, None, None, None
-    estimate, true = result.estimate, cell.plant.arm.C_theta
+    true = cell.plant.arm.C_theta
     parts = eigenvalues(cell.arm, estimate.structure, estimate.C_theta)
     links = link_compliances(
         cell.vjm, estimate, true, sag_by_part(cell.vjm, estimate, campaign.identification)
@@ -414,8 +351,8 @@ def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Dr
         over=over,
         moved_m=moved,
         parts=names,
-        residuals_m=tuple(result.residuals.ravel().tolist()),
-        wrong_m=tuple(result.error_vectors.ravel().tolist()),
+        residuals_m=tuple(left.ravel().tolist()),
+        wrong_m=tuple(error.ravel().tolist()),
         eigenvalues_urad_per_Nm=tuple(x for part in parts for x in part.urad_per_Nm),
         compliances=tuple(x for link in links for key in COMPLIANCES for row in link[key] for x in row),
         shares_percent=tuple(link.share_percent for link in links),

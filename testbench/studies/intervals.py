@@ -1,21 +1,4 @@
-"""Intervals beside ours: bounds over all conservative models that fit the data, and the bootstrap.
-
-Bounds are the least and the greatest deflection over a set of models, by conic programs. Let pi_LS be the
-unconstrained least-squares fit and A the rows of Eq. (13) divided by the standard deviation of their
-readings. With linear truth A (pi_true - pi_LS) is the noise projected on the r directions that the data see,
-and its squared length is chi squared with exactly r degrees of freedom. So
-    S = {pi conservative: |A (pi - pi_LS)|^2 <= q_r},  q_r the quantile at the confidence,
-holds the truth with exactly that probability, whatever the unseen directions are, and the bounds of ALL
-functionals hold at once. chi^2(pi) <= q_e over all e equations covers as well, and is wider nearly always: it
-leaves q_e - chi^2_LS, e - r less than q_e on average, and the spread of e terms instead of r (135 equations
-of rank 49 at 95 %: 77 on average against 66).
-
-Compliance that no reading shows could grow without end. A ceiling ends it: C <= k P in every block, P the
-prior's. Then every bound is finite.
-
-The parametric bootstrap refits new readings from the fitted model.
-
-Estimators beside ours: other fillings of what data do not see, ridge regression, clipped eigenvalues.
+"""Estimators and intervals beside ours: fillings of what data do not see, ridge, clipping, and the bootstrap.
 
 What data do not see is filled in the metric of a prior by least trace or a log determinant. That prior is
 Stein's divergence from what was expected: D(X, s) = tr(X) / s - log det(X / s) - n is zero at X = s and grows
@@ -24,14 +7,15 @@ without bound as X becomes singular: every compliance stays positive definite. N
 determinant is the barrier of interior points, which minimise chi^2 / 2 + D / u^2.
 
 Ridge regression and clipping hold least squares down without a cone.
+
+The parametric bootstrap refits new readings from the fitted model.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, check_array
@@ -239,162 +223,7 @@ def clipped(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     )
 
 
-# --- Intervals beside ours: bounds over all conservative models that fit the data, and the bootstrap --------
-
-TOLERANCE = 1e-8  #: Feasibility and gap asked of the solver, of functionals of length one in the metric.
-CEILING = 10.0  #: Most that a block may exceed the prior.
-ACCEPTED = ("Solved", "AlmostSolved")
-
-
-@dataclass(frozen=True)
-class FitSet:
-    """Hold all conservative models that fit the data at a confidence."""
-
-    metric: PriorScaling  #: Units of every block; the ceiling is counted in its prior.
-    confidence: float  #: Least probability that the truth is inside [1].
-    ceiling: float  #: Every block is at most this often the prior's, C <= k P.
-    rows: Array  #: Of the r directions that the data see, in standard deviations, (r, n).
-    centre: Array  #: Those of the unconstrained least-squares fit, (r,).
-    radius: float  #: Largest distance from it [standard deviations].
-    #: Distance of the conservative model nearest to it; the set is empty where it is above radius.
-    nearest: float
-
-    @property
-    def empty(self) -> bool:
-        """Tell whether no conservative model fits: the truth is one with a probability of 1 - confidence."""
-        return self.nearest > self.radius
-
-    @property
-    def name(self) -> str:
-        """Say what the bounds are over, for reports."""
-        ceiling = f"of at most {self.ceiling:g} times {self.metric.prior}"
-        return f"conservative models {ceiling} that fit at {100 * self.confidence:g} %"
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Hold least and greatest value of every functional over a set of models."""
-
-    lower: Array  #: (k,); NaN where the set is empty or the solver failed.
-    upper: Array  #: (k,).
-    models: Array  #: Parameters of the models that reach them, (k, 2, n).
-    status: tuple[tuple[str, str], ...]  #: Of lower and upper: "solved", "empty" or "not solved: ...".
-
-
-def fit_set(
-    regression: Regression, metric: PriorScaling, confidence: float, *, ceiling: float = CEILING
-) -> FitSet:
-    """Collect the conservative models, no block above `ceiling` times the prior, that fit a dataset.
-
-    The truth is among them with at least the probability `confidence`, such as 0.95.
-
-    Args:
-        regression: The reduced dataset.
-        metric: Metric of the prior.
-        confidence: Probability of the interval [1].
-        ceiling: Largest block over the prior's [1].
-
-    Returns:
-        The set.
-
-    Raises:
-        BenchError: When the confidence is outside (0, 1), the ceiling is not above 0, or the metric is of
-            another structure.
-    """
-    check_confidence(confidence)
-    structure, asked = metric.structure, regression.structure
-    if not (np.array_equal(structure.a, asked.a) and np.array_equal(structure.b, asked.b)):
-        raise BenchError(f"metric: expected one of {asked.name}, got one of {structure.name}")
-    if not 0 < ceiling < math.inf:
-        raise BenchError(f"ceiling: expected a finite number above 0, got {ceiling}")
-    A, y = weighted_rows(regression, metric)
-    U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
-    rows, centre = s[:r, None] * Vt[:r], U[:, :r].T @ y
-    return FitSet(
-        metric=metric,
-        confidence=confidence,
-        ceiling=ceiling,
-        rows=rows,
-        centre=centre,
-        radius=math.sqrt(2 * gammaincinv(r / 2, confidence)) if r else 0.0,
-        nearest=_nearest(rows, centre, metric.sizes, ceiling) if r else 0.0,
-    )
-
-
-def bounds(models: FitSet, functionals: Array) -> Bounds:
-    """Compute the least and greatest value of functionals a . pi, such as deflections.
-
-    Args:
-        models: The set of models.
-        functionals: Rows, (k, n) [m per unit of pi].
-
-    Returns:
-        The bounds.
-
-    Raises:
-        BenchError: When a functional has another length or is not finite.
-    """
-    n, L = models.metric.structure.n, models.metric.L
-    functionals = check_array(functionals, (None, n), "functionals [m per unit of pi]") @ L
-    k = len(functionals)
-    value, reached = np.full((k, 2), np.nan), np.full((k, 2, n), np.nan)
-    status = [["empty"] * 2 for _ in range(k)]
-    if not models.empty:
-        greatest = prepare(_program(models))
-        for i, a in enumerate(functionals):
-            size = float(np.linalg.norm(a))
-            for side, sign in enumerate((-1, 1)):
-                solution = greatest(-sign * a / (size or 1.0))
-                good = solution.solver_status in ACCEPTED
-                status[i][side] = "solved" if good else solution.failure
-                if good:  # the bound is the dual's, so it holds
-                    value[i, side], reached[i, side] = -sign * size * solution.bound, L @ solution.x
-    return Bounds(value[:, 0], value[:, 1], reached, tuple((lower, upper) for lower, upper in status))
-
-
-def prepare(problem: cone.ConeProgram) -> Callable[[Array], cone.Solution]:
-    """Set a program up once, as a function of its cost c, (n,); the program's own is not used."""
-    settings = cone.settings(TOLERANCE)
-    settings.presolve_enable = False  # or the cost could not be changed
-    solver = cone.build_solver(problem, settings)
-
-    def solve_for(cost: Array) -> cone.Solution:
-        solver.update(q=cost)
-        return cone.solved(solver, problem)
-
-    return solve_for
-
-
-def _program(models: FitSet) -> cone.ConeProgram:
-    """The set as the constraints of a program whose cost is still open."""
-    n, sizes = models.metric.structure.n, models.metric.sizes
-    rows = tuple(_ceiling(sizes, 0, n, models.ceiling))
-    if len(models.rows):
-        Q, R = np.linalg.qr(models.rows / models.radius)  # the same ball of fewer entries: a seventh faster
-        head = np.zeros((1, n))
-        ball = cone.Rows(
-            "second order", np.vstack([head, R]), np.r_[1.0, Q.T @ models.centre / models.radius]
-        )
-        rows = (ball, *rows)
-    return cone.ConeProgram(np.zeros(n), cone.psd_blocks(0, sizes), rows)
-
-
-def _nearest(rows: Array, centre: Array, sizes: tuple[int, ...], ceiling: float) -> float:
-    """Least distance of a conservative model from the centre; the unknowns are the distance, then x."""
-    n, unit = rows.shape[1], max(1.0, float(np.linalg.norm(centre)))
-    ball = cone.norm_below(0, np.c_[np.zeros(len(rows)), rows / unit], centre / unit)
-    blocks = (cone.free_block(0, 1), *cone.psd_blocks(1, sizes))
-    problem = cone.ConeProgram(np.r_[1.0, np.zeros(n)], blocks, (ball, *_ceiling(sizes, 1, n + 1, ceiling)))
-    return float(unit * cone.solve(problem, tolerance=TOLERANCE).x[0])
-
-
-def _ceiling(sizes: tuple[int, ...], first: int, n: int, ceiling: float) -> list[cone.Rows]:
-    """Ceiling - X positive semi-definite in every block."""
-    blocks = cone.psd_blocks(first, sizes)
-    return [
-        cone.Rows("psd", np.eye(n)[block.at], ceiling * cone.svec(np.eye(block.size))) for block in blocks
-    ]
+# --- Intervals beside ours: the bootstrap ------------------------------------------------------------------
 
 
 def bootstrap(

@@ -144,7 +144,7 @@ def run(
     ):
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
-        work = partial(study.trials, settings, **({"own": estimator_sources} if estimator_sources else {}))
+        work = study.work(settings, estimator_sources)
         show_progress(run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials")
         report = _reported(study, settings, seeds, Trials.read(write_parquet(store, folder)))
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))

@@ -3,8 +3,9 @@
 Rivals of the default in every study: the default without its cone, and restrained least squares.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -38,12 +39,13 @@ from testbench.report.scene import (
     on_tool,
 )
 from testbench.report.table import Row, Trials
+from testbench.runs.engine import Work
 from testbench.studies.intervals import clipped, ridge
 from testbench.workflows.campaign import Setup, settle_both
-from testbench.workflows.cell import Cell
+from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE
 from testbench.workflows.models import Model, equal_fit, named_models
-from testbench.workflows.own_estimator import EstimatorSource
+from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
 from testbench.workflows.rows import MM
 
 # --- A study: trials return rows, a report is made of their table, views show the report --------------------
@@ -76,6 +78,11 @@ def own_arm(settings: Any) -> list[Path]:
     return [find_arm(settings.arm)]
 
 
+def own_cell(settings: Any) -> Cell:
+    """Build the cell of the arm that the settings name."""
+    return build_cell(find_arm(settings.arm))
+
+
 @dataclass(frozen=True)
 class Study(Generic[O, S, W]):
     """Describe a study: what is asked, tried, found and shown."""
@@ -87,8 +94,9 @@ class Study(Generic[O, S, W]):
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
     row: type[W]  #: Type of a trial's rows.
-    #: Rows of some seeds, one sequence a seed; a function of a module (see `runs.engine.Work`).
-    trials: Callable[..., Sequence[Sequence[W]]]
+    #: Rows of one trial, from what trials share, the settings, the seed, and what makes models of a user's
+    #: estimators; a function of a module (see `runs.engine.Work`).
+    trial: Callable[[Any, S, int, Models], Iterable[W]]
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
@@ -99,12 +107,37 @@ class Study(Generic[O, S, W]):
     #: nothing is simulated again for it.
     data: str = "dataset.csv"
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
+    shared: Callable[[S], Any] = own_cell  #: What trials share, made once a chunk; a function of a module.
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
     arms: Callable[[S], Sequence[Path]] = own_arm  #: Folders of the arms that it needs.
     own: Callable[[S], Sequence[EstimatorSource]] = lambda _: ()  #: Estimators that its settings name.
-    #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
+    #: Column that names the models where `trial` takes estimators of one's own; beside it is `status`.
     models: str = ""
+
+    def work(self, settings: S, own: Sequence[EstimatorSource] = ()) -> Work:
+        """Make what does the trials of some seeds.
+
+        Args:
+            settings: What is tried.
+            own: Estimators of the user.
+
+        Returns:
+            A function of the seeds, which returns the rows of each.
+        """
+        return partial(_rows, self.trial, self.shared, settings, own)
+
+
+def _rows(
+    trial: Callable[[Any, S, int, Models], Iterable[W]],
+    shared: Callable[[S], Any],
+    settings: S,
+    own: Sequence[EstimatorSource],
+    seeds: Sequence[int],
+) -> list[list[W]]:
+    """Rows of some seeds; a module's function, as workers get it by its name."""
+    common, models = shared(settings), estimator_models(own)
+    return [list(trial(common, settings, seed, models)) for seed in seeds]
 
 
 AnyStudy = Study[Any, Any, Any]

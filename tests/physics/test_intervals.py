@@ -1,11 +1,10 @@
-"""Intervals are as wide as they say, for all commands that state some; bounds are true, tight and proven.
+"""Intervals are as wide as they say, for all commands that state some.
 
 Truths are drawn, then their readings; where a truth lies in the law that is stated of it must be uniform.
 """
 
 import tracemalloc
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import select_rows
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.metric import Prior, Strength, WeightedPrior, aggregate, cad_prior, scale_by_prior
+from testbench.identify.metric import Prior, Strength, WeightedPrior, cad_prior, scale_by_prior
 from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
@@ -28,7 +27,7 @@ from testbench.plant.disturbance import GearErrors
 from testbench.runs.rows import trial_rng
 from testbench.studies.absolute.simulated import check, true_state
 from testbench.studies.campaign.coverage import draw_conservative
-from testbench.studies.intervals import bootstrap, bounds, fit_set, resampler
+from testbench.studies.intervals import bootstrap, resampler
 from testbench.workflows import calibration_numbers
 from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.campaign import FullPose, Scenario, simulate, simulate_full_pose
@@ -188,72 +187,18 @@ def campaign(kr500):
     return simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=4), 1)
 
 
-def prepare(cell, structure, data):
-    return reduce(cell.vjm, structure, data), scale_by_prior(cad_prior(cell.arm), cell.vjm, structure)
-
-
-@pytest.mark.parametrize("structure", [mgco68, all153])
-def test_bounds_hold_the_truth_and_are_proven_by_their_dual(kr500, campaign, structure):
-    s = structure(kr500.arm)
-    models = fit_set(*prepare(kr500, s, campaign.identification), 0.95)
-    rows = rows_of(kr500, s, campaign.truth)
-    found = bounds(models, rows)
-    assert {name for pair in found.status for name in pair} == {"solved"}
-    y = rows @ s.entries(aggregate(kr500.arm.C_theta, kr500.vjm, s))
-    assert ((found.lower < y) & (y < found.upper)).all()
-    # bounds are the dual's, their models are feasible: between them lies the optimum, to 10 nm
-    for k, pair in enumerate(found.models):
-        for side, pi in enumerate(pair):
-            x = np.linalg.solve(models.metric.L, pi)
-            assert np.linalg.norm(models.rows @ x - models.centre) <= models.radius * (1 + 1e-6)
-            eigenvalues = np.concatenate([np.linalg.eigvalsh(X) for X in models.metric.matrices(x)])
-            assert eigenvalues.min() > -1e-6
-            assert eigenvalues.max() < 10 * (1 + 1e-6)
-            assert rows[k] @ pi == pytest.approx((found.lower, found.upper)[side][k], abs=1e-8)
-
-
-def test_bounds_of_a_small_set_are_those_of_its_ellipse_of_an_empty_one_none(kr500, campaign):
-    """Two joints far inside the cone: the support function of an ellipse, in closed form."""
-    s = Structure.of(kr500.arm, joints=["joint_2", "joint_3"])
-    models = fit_set(*prepare(kr500, s, campaign.identification), 0.9, ceiling=1000.0)
-    rows = rows_of(kr500, s, campaign.truth)
-    found = bounds(models, rows)
-    a = rows @ models.metric.L
-    x = np.linalg.solve(models.rows, models.centre)
-    half = models.radius * np.linalg.norm(np.linalg.solve(models.rows.T, a.T), axis=0)
-    np.testing.assert_allclose(found.upper, a @ x + half, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(found.lower, a @ x - half, rtol=1e-6, atol=1e-9)
-    assert models.radius**2 == pytest.approx(4.605, abs=1e-3)  # chi squared, 2 degrees, 90 %
-    s = template56(kr500.arm)
-    data = campaign.identification
-    lifted = replace(data, after=2 * data.before - data.after)  # deflections against the load
-    models = fit_set(*prepare(kr500, s, lifted), 0.95)
-    assert models.empty
-    found = bounds(models, rows_of(kr500, s, campaign.truth)[:2])
-    assert found.status == (("empty", "empty"),) * 2
-    assert np.isnan([found.lower, found.upper]).all()
-
-
 def test_bad_input_is_named(kr500, campaign):
     s, other = template56(kr500.arm), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
-    regression, m = prepare(kr500, s, campaign.identification)
     estimate = least_squares(kr500.vjm, s, campaign.identification)
     linear, rng = linearise(estimate), np.random.default_rng(0)
     for confidence in (0.0, 1.0, -0.5, 95.0, np.nan):
-        for of in (partial(fit_set, regression, m), partial(linear.intervals, np.eye(s.n))):
-            with pytest.raises(BenchError, match="confidence: expected a number between 0 and 1"):
-                of(confidence)
-    for ceiling in (0.0, -1.0, np.inf, np.nan):
-        with pytest.raises(BenchError, match="ceiling: expected a finite number above 0"):
-            fit_set(regression, m, 0.95, ceiling=ceiling)
-    with pytest.raises(BenchError, match="metric: expected one of MGCO56"):
-        fit_set(regression, other, 0.95)
+        with pytest.raises(BenchError, match="confidence: expected a number between 0 and 1"):
+            linear.intervals(np.eye(s.n), confidence)
     with pytest.raises(BenchError, match="expected shape"):
         scale_by_prior(Prior("small", np.eye(6)), kr500.vjm, s)
     for rows in (np.ones((1, 5)), np.ones(s.n), np.full((1, s.n), np.nan)):
-        for of in (linear.deviations, partial(bounds, fit_set(regression, m, 0.95))):
-            with pytest.raises(BenchError, match="functionals"):
-                of(rows)
+        with pytest.raises(BenchError, match="functionals"):
+            linear.deviations(rows)
     with pytest.raises(BenchError, match="draws: expected at least 39 for 95 %, got 38"):
         bootstrap(estimate, np.eye(s.n), 0.95, draws=38, rng=rng)
     with pytest.raises(BenchError, match="expected a conservative model among"):

@@ -34,7 +34,7 @@ from testbench.identify.solve import (
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.noise import spoil
-from testbench.studies.campaigns import identify
+from testbench.studies.campaign.trial import TrialCase, fitted
 from testbench.workflows.advice import advice
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import (
@@ -75,7 +75,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
         return rigid(vjm, structure, data)
 
     data, own = campaign.identification, Model("mine", template56(kr500.arm), mine)
-    identify(kr500, campaign, [own], lambda: 0.0)
+    fitted(kr500, [own], [TrialCase(data, campaign.truth, {})])
     fit_model(kr500, own, data)
     found = recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], data)
     assert found.name == "MGCO47"

@@ -12,7 +12,8 @@ from testbench import Scenario, deflections
 from testbench.errors import PoseError
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import spread
-from testbench.studies.campaigns import identify
+from testbench.studies.campaign.trial import TrialCase, fitted
+from testbench.studies.campaigns import campaign_rows
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.paper import single_link as trial
 from testbench.workflows.campaign import FullPose, random_wrenches, simulate_full_pose
@@ -84,8 +85,9 @@ def test_a_draw_is_the_same_alone_and_among_others():
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]
 
-    [alone] = trial.trials(STUDY, [8])
-    assert without_clock(alone) == without_clock(trial.trials(STUDY, [7, 8])[1])
+    rows = trial.STUDY.work(STUDY)
+    [alone] = rows([8])
+    assert without_clock(alone) == without_clock(rows([7, 8])[1])
 
 
 SEEDS = 100
@@ -156,10 +158,13 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
         np.testing.assert_array_equal(noisy.check_true.deflection, calm.check.deflection)
         np.testing.assert_array_equal(noisy.check_true.q, noisy.check.q)
         assert np.abs(noisy.check.deflection - noisy.check_true.deflection).max() > scenario.sigma
-        [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), lambda: 0.0)
-        error = deflections(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
-        rms = np.sqrt((error**2).sum(axis=-1).mean())
-        assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
+        fits = fitted(
+            cell, named_models(cell, ["MGCO56"]), [TrialCase(noisy.identification, noisy.truth, {})]
+        )
+        [row] = campaign_rows(cell, noisy, fits, "tubes", placed=False)
+        error = deflections(cell.vjm, fits["MGCO56"][0], noisy.check) - noisy.check_true.deflection
+        rms_mm = 1e3 * np.sqrt((error**2).sum(axis=-1).mean())
+        assert row.check_true.rms_mm == pytest.approx(rms_mm, rel=1e-9) != pytest.approx(row.check.rms_mm)
 
 
 @pytest.mark.study

@@ -99,15 +99,13 @@ GRIDS = grids.GridSettings(
 def of_grids(seed):
     rng = np.random.default_rng(seed)
     for kind, grid in GRIDS.grids.items():
-        cases = product(GRIDS.truths, ("MGCO56", "ALL153"), ("none", "30 %"), grid.cells)
-        for arm, structure, uncertainty, (poses, sigma) in cases:
+        cases = product(GRIDS.truths, ("MGCO56", "ALL153"), grid.cells)
+        for arm, structure, (poses, sigma) in cases:
             cell = {"part": kind, "true_arm": arm, "structure": structure, "poses": poses}
-            cell |= {"uncertainty": uncertainty, "sigma_um": 1e6 * sigma, "status": "solved"}
+            cell |= {"sigma_um": 1e6 * sigma, "status": "solved", "prior": False}
             cell |= {"expected": float(rng.choice([*EXPECTED.values()])), "binds": bool(rng.integers(2))}
             for name, constraint in METHODS.items():
-                if uncertainty == "none" or name not in (grids.EQUAL, grids.LENT):
-                    known = {**cell, "name": name, "constraint": constraint}
-                    yield of_one_trial(grids.GridMethodRow, rng, prior=uncertainty != "none", **known)
+                yield of_one_trial(grids.GridMethodRow, rng, **cell, name=name, constraint=constraint)
 
 
 FILLED = {
@@ -117,7 +115,7 @@ FILLED = {
     "MGCO56, LS + prior": ("MGCO56", "none", "prior"),
     "MGCO56, GCO + prior": ("MGCO56", "psd", "prior"),
 }
-COVERED = {"a": "linearised", "b": "posterior", "c": "set", "d": "learnt", "e": "believed"}
+COVERED = {"a": "linearised", "b": "posterior", "d": "learnt", "e": "believed"}
 
 
 def of_priors(seed):
@@ -151,7 +149,7 @@ TRIALS = {
     "model_error": (disturbed.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
     "which_model": (family.FamilySettings(ARM, 1), of_family),
     "regimes": (GRIDS, of_grids),
-    "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
+    "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9), of_priors),
     "gravity_calibration": (coverage.CalibrationSettings(ARM, Scenario(arm=ARM)), of_calibration),
 }
 """Settings and what makes the rows of a seed, by the name of the preset."""

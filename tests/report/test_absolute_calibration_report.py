@@ -9,7 +9,7 @@ from reports import check, check_forest, place_of, table_of
 from testbench.report.colours import GCO, LEAST_SQUARES
 from testbench.report.table import find
 from testbench.studies.absolute import simulated as s
-from testbench.studies.absolute.simulated import BY, LOOKS, OPTIMUM, Held, figures, report
+from testbench.studies.absolute.simulated import BY, LOOKS, OPTIMUM, STUDY, Held
 from testbench.workflows.model_names import row_words
 
 SEEDS, NUMBERS = range(300, 306), (50, 200)
@@ -41,7 +41,7 @@ def made(kept=(), numbers=NUMBERS):
     """Three seeds an arm."""
     rng, own = np.random.default_rng(1), [key for key in OWN if key[2] != 50 or 50 in numbers]
     trials = table_of(SEEDS, lambda seed: [row(rng, seed, key, kept) for key in own])
-    return report(s.AbsoluteSettings(s.ARMS, numbers, 0, 200, SEEDS[0]), SEEDS, trials), trials
+    return STUDY.report(s.AbsoluteSettings(s.ARMS, numbers, 0, 200, SEEDS[0]), SEEDS, trials), trials
 
 
 def test_every_row_is_of_its_own_trials_and_shares_are_over_all_numbers():
@@ -76,7 +76,7 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(numbers):
     """Errors by the number of poses; of one number a row a model."""
     found, _ = made(numbers=numbers)
     models = found.numbers["models"]
-    for axes, arm in zip(figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
+    for axes, arm in zip(STUDY.figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
         if len(numbers) == 1:
             errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]
             first = place_of(found, s.BY_POSES)

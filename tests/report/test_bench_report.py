@@ -11,14 +11,13 @@ from testbench.studies.bench import (
     DONE,
     JOINTS,
     SKIPPED,
+    STUDY,
     BenchSettings,
     EntryRow,
     covariance,
     errors,
-    figures,
     half_widths,
     overall,
-    report,
     standings,
 )
 from testbench.workflows.model_names import row_words
@@ -72,7 +71,7 @@ def trials():
 
 
 def made(trials):
-    return report(BenchSettings(TASKS, (1, 1), (), 1), SEEDS, trials)
+    return STUDY.report(BenchSettings(TASKS, (1, 1), (), 1), SEEDS, trials)
 
 
 def test_tables_and_picture_hold_what_the_trials_hold(trials):
@@ -94,9 +93,9 @@ def test_tables_and_picture_hold_what_the_trials_hold(trials):
     assert "prior" not in {row.name for row in found.numbers["board"]["without prior"]}
     text = found.whole()
     assert "| shaky | with prior | failed: raised ValueError: odd | 24 |" in text
-    drawn = figures(found)["bench.png"].axes[0]
+    drawn = STUDY.figures(found)["bench.png"].axes[0]
     assert next(label.get_text().split()[0] for label in drawn.get_yticklabels()) == "good"
-    time = figures(found)["time.png"]
+    time = STUDY.figures(found)["time.png"]
     time.draw_without_rendering()
     check_legible(time)
     [axes] = time.axes

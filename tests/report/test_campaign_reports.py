@@ -282,7 +282,7 @@ def test_losses_are_errors_more_than_five_per_cent_above_joint_stiffness_only():
 def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds():
     whole = of("regimes")
     for part, words in KINDS.items():
-        every = whole.trials.where(part=part, uncertainty="none")
+        every = whole.trials.where(part=part)
         levels = [r for r in whole.numbers["cells"]["levels"] if (r.part, r.theirs) == (part, grids.SQUARES)]
         assert [row.level for row in levels] == [f"{words}: {name}" for name in (*EXPECTED, FREE)]
         for row in levels:
@@ -306,7 +306,7 @@ def test_the_cone_pays_where_it_wins_in_nearly_all_fits_and_by_enough():
         count = 0
         for structure in ("MGCO56", "ALL153"):
             for poses, sigma in cells:
-                at = whole.trials.where(part=part, uncertainty="none", structure=structure, poses=poses)
+                at = whole.trials.where(part=part, structure=structure, poses=poses)
                 at = at.pick(np.isclose(at["sigma_um"], 1e6 * sigma))
                 ratio = at.where(name=grids.GCO)["rms_um"] / at.where(name=grids.LENT)["rms_um"]
                 high = ratio.max() if len(SEEDS) < 20 else np.quantile(ratio, 0.95)

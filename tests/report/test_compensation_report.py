@@ -11,7 +11,7 @@ from reports import check, table_of
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
-from testbench.studies.compensation.study import LOOKS, figures, report
+from testbench.studies.compensation.study import LOOKS, STUDY
 from testbench.studies.compensation.trial import (
     ADVISED,
     ARMS,
@@ -63,7 +63,7 @@ def made(spoil=lambda row: row):
                     yield spoil(own) if named else own
 
     trials = table_of(SEEDS, lambda seed: list(rows(seed)))
-    return report(SETTINGS, SEEDS, trials), trials
+    return STUDY.report(SETTINGS, SEEDS, trials), trials
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,7 @@ def test_intervals_that_miss_lower_the_share_and_components_without_a_bound_coun
 
 
 def test_the_figure_draws_what_is_left_in_the_colour_of_each_model(found):
-    f, panes = Row(found[0].numbers), figures(found[0])["compensation.png"].axes
+    f, panes = Row(found[0].numbers), STUDY.figures(found[0])["compensation.png"].axes
     assert (LOOKS[DEFAULT], LOOKS["Joints"].colour) == (CHOICE, JOINTS)
     for pane, arm in zip(panes, (REAL, IDEAL), strict=True):
         for name in IDENTIFIED:

@@ -55,7 +55,7 @@ def link(seeds=SEEDS, least=5, changes=lambda name, seed: {}):
         return [row(name, seed, **changes(name, seed)) for name in LINK] + orders
 
     trials = table_of(seeds, rows)
-    return single_link.report(single_link.SingleLinkSettings(), seeds, trials), trials
+    return single_link.STUDY.report(single_link.SingleLinkSettings(), seeds, trials), trials
 
 
 def test_methods_of_the_single_link_are_compared_draw_by_draw():
@@ -81,7 +81,7 @@ def test_the_picture_of_the_single_link_has_the_errors_and_the_printed_matrices(
     found, _ = link()
     models = found.numbers["models"]
     for axes, key, unit in zip(
-        single_link.figures(read_back(found))["single_link.png"].axes,
+        single_link.STUDY.figures(read_back(found))["single_link.png"].axes,
         (single_link.POSITION, single_link.ROTATION),
         ("um", "urad"),
         strict=False,
@@ -131,8 +131,8 @@ def six_dof(count=20, changes=lambda name, seed: {}):
                 yield fit(name, "linear", 1, 1.0, m=m)
 
     seeds = SEEDS[:count]
-    asked = six_dof_arm.settings(six_dof_arm.SixDofOptions(), True, seeds)
-    return six_dof_arm.report(asked, seeds, table_of(seeds, lambda seed: list(rows(seed))))
+    asked = six_dof_arm.STUDY.settings(six_dof_arm.SixDofOptions(), True, seeds)
+    return six_dof_arm.STUDY.report(asked, seeds, table_of(seeds, lambda seed: list(rows(seed))))
 
 
 def test_models_of_the_6r_arm_are_judged_by_their_true_errors():
@@ -179,7 +179,7 @@ def test_a_tie_break_counts_equal_fits_and_conservative_ones_apart():
 
 def test_the_picture_of_the_6r_arm_has_both_truths_and_the_papers_numbers():
     found = six_dof()
-    panes, models = six_dof_arm.figures(found)["six_dof_arm.png"].axes, found.numbers["models"]
+    panes, models = six_dof_arm.STUDY.figures(found)["six_dof_arm.png"].axes, found.numbers["models"]
     looks = [look(m.structure, m.constraint) for m in models]
     first = place_of(found, [m.name for m in models])
     for axes, path in zip(panes, six_dof_arm.PANES, strict=True):
@@ -204,8 +204,8 @@ def solvers(**f_m):
 
     seeds = range(3, 6)
     trials = table_of(seeds, lambda seed: list(rows(seed)))
-    asked = solver_comparison.settings(solver_comparison.SolverOptions(), False, seeds)
-    return solver_comparison.report(asked, seeds, trials), trials
+    asked = solver_comparison.STUDY.settings(solver_comparison.SolverOptions(), False, seeds)
+    return solver_comparison.STUDY.report(asked, seeds, trials), trials
 
 
 def test_numbers_of_every_solver_are_those_of_its_seeds():
@@ -235,7 +235,7 @@ def test_the_picture_of_solvers_has_time_and_bound_of_each_in_its_colour():
     found, _ = solvers()
     rows = found.numbers["solvers"]
     looks = [solver_comparison.LOOKS[row.key] for row in rows]
-    times, bounds = solver_comparison.figures(found)["solver_comparison.png"].axes
+    times, bounds = solver_comparison.STUDY.figures(found)["solver_comparison.png"].axes
     first = place_of(found, [row.key for row in rows])
     check_forest(times, [row.seconds_to_1_percent for row in rows], looks, "s", first)
     check_forest(bounds, [row.relative_excess_bound for row in rows], looks, None, first)
@@ -263,7 +263,7 @@ def loaded(**scales):
     seeds = range(3, 6)
     trials = table_of(seeds, lambda seed: list(rows(seed)))
     asked = loaded_stiffness.LoadedStiffnessSettings(arm="kr500_l480", poses=POSES)
-    return loaded_stiffness.report(asked, seeds, trials), trials
+    return loaded_stiffness.STUDY.report(asked, seeds, trials), trials
 
 
 def test_errors_of_every_load_truth_and_method_are_those_of_its_poses():
@@ -295,7 +295,7 @@ def test_the_headline_names_the_method_of_least_error_whichever_it_is(winner):
 
 def test_the_picture_of_loads_has_the_numbers_of_every_prediction():
     found, _ = loaded()
-    [axes] = loaded_stiffness.figures(found)["loaded_stiffness.png"].axes
+    [axes] = loaded_stiffness.STUDY.figures(found)["loaded_stiffness.png"].axes
     assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("N", "um")
     drawn = {line.get_label(): line for line in axes.get_lines()}
     looks = loaded_stiffness.LOOKS

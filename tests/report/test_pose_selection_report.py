@@ -12,7 +12,7 @@ from testbench.report.markdown import grid
 from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.spread import ends, spread
 from testbench.studies.campaigns import CampaignRow
-from testbench.studies.planning.study import LOOKS, figures, report
+from testbench.studies.planning.study import LOOKS, STUDY
 from testbench.studies.planning.trial import (
     AWAY,
     BARE,
@@ -76,7 +76,7 @@ def rows(seed, factors):
 
 def made(factors=None, scope=SCOPE):
     trials = table_of(SEEDS, lambda seed: list(rows(seed, factors or {})))
-    return report(replace(ASKED, scope=scope), SEEDS, trials), trials
+    return STUDY.report(replace(ASKED, scope=scope), SEEDS, trials), trials
 
 
 @pytest.fixture(scope="module")
@@ -163,12 +163,12 @@ def test_the_number_of_poses_is_the_least_that_is_enough_in_all_trials(both, pla
     ):
         meant, own = (trials["plan"] == name) & (trials["poses"] == n), trials["tasks_mm"]
         trials = trials.add(tasks_mm=np.where(meant, factor * own, own))
-    found = report(ASKED, SEEDS, trials).numbers["recommendation"].fewest
+    found = STUDY.report(ASKED, SEEDS, trials).numbers["recommendation"].fewest
     assert (found["test"], found["random"]) == fewest
 
 
 def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both):
-    drawn, f = figures(both[0]), both[0].numbers
+    drawn, f = STUDY.figures(both[0]), both[0].numbers
     fits, keys = (PLANNED, PLANNED, BARE, INCUMBENT), ("tasks_mm", "workspace_mm", "tasks_mm", "tasks_mm")
     looks_differ(key_of(drawn["pose_selection.png"]))
     for axes, fit, key in zip(drawn["pose_selection.png"].axes, fits, keys, strict=True):
@@ -180,7 +180,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
             assert [row[1:] for row in shade] == [ends(level[key]) for level in levels[name]]
     quick, _ = made(scope=replace(SCOPE, poses=(12,), fewer=(12,)))
     rows = quick.numbers["criteria"]
-    assert figures(read_back(quick)).keys() == {"pose_selection.png"}
-    for axes, key in zip(figures(quick)["pose_selection.png"].axes, keys[:2], strict=True):
+    assert STUDY.figures(read_back(quick)).keys() == {"pose_selection.png"}
+    for axes, key in zip(STUDY.figures(quick)["pose_selection.png"].axes, keys[:2], strict=True):
         first = place_of(quick, [row.plan for row in rows])
         check_forest(axes, [row[key] for row in rows], [LOOKS[row.plan] for row in rows], first=first)

@@ -26,14 +26,13 @@ from testbench.studies.absolute.real import (
     LOOKS,
     PANES,
     SHARED,
+    STUDY,
     TWO,
     WAVES,
     RealFitRow,
     RealSettings,
     approach,
     drift,
-    figures,
-    report,
 )
 from testbench.studies.study import amid_errors
 from testbench.workflows.absolute import PositionErrors
@@ -75,7 +74,7 @@ def rows(seed):
 def made():
     asked = RealSettings(100, ORDERS, tuple(LADDER), SEEDS[0], dict.fromkeys(POSES, 3))
     trials = table_of(SEEDS, lambda seed: [*rows(seed)])
-    return report(asked, SEEDS, trials), trials
+    return STUDY.report(asked, SEEDS, trials), trials
 
 
 def test_means_of_a_model_are_by_the_numbers_of_positions_that_judge(made):
@@ -106,7 +105,7 @@ def test_the_table_of_errors_has_the_ladder_and_the_medians_of_all_draws(made):
 
 def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
     found, _ = made
-    for axes, key in zip(figures(read_back(found))["real_ur10.png"].axes, PANES, strict=True):
+    for axes, key in zip(STUDY.figures(read_back(found))["real_ur10.png"].axes, PANES, strict=True):
         means = [at(find(found.numbers["models"], name=name), key) for name in LADDER]
         check_forest(axes, means, [LOOKS[name] for name in LADDER], first=place_of(found, LADDER))
     assert [LOOKS[name].colour for name in TWO] == [colours.JOINTS, colours.JOINTS_PRIOR]

@@ -6,7 +6,7 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.files.read_series import read_series
-from testbench.studies.absolute.simulated import CHOSEN, DRAWN, AbsoluteOptions, settings
+from testbench.studies.absolute.simulated import CHOSEN, DRAWN, STUDY, AbsoluteOptions
 
 APP = app_of_study("absolute_calibration")
 quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)
@@ -35,6 +35,6 @@ def test_what_is_drawn_are_the_errors_of_the_first_trial(rows):
 
 
 def test_arms_take_turns_and_many_poses_are_rare():
-    asked = settings(AbsoluteOptions(), quick=False, seeds=range(1))
+    asked = STUDY.settings(AbsoluteOptions(), False, range(1))
     assert [asked.arm_of(seed) for seed in range(4)] == ["ur10", "kr500_l480"] * 2
     assert [seed for seed in range(16) if 1000 in asked.numbers_of(seed)] == [0, 1, 8, 9]

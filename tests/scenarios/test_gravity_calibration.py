@@ -127,7 +127,7 @@ def test_the_dataset_is_that_of_section_6_and_of_the_seed_alone_byte_for_byte(qu
 def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
     asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1))
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
-    filled = [r.estimate.weighted_prior for r in results(true, campaign) if r.model.name.endswith("prior")]
+    filled = [own.weighted_prior for name, [own] in results(true, campaign).items() if name.endswith("prior")]
     assert len(filled) == len(WITH_PRIOR) + 1  # what the default is without its cone
     assert all(belief.scales for belief in filled)
     model = true.arm.links[2].compliance

@@ -37,8 +37,7 @@ def test_every_row_is_stored_and_the_report_counts_them(rows, report):
     for found in report["cells"]["coverage"]:
         name = found["interval"]
         own = [row["intervals.inside"] for row in rows if row["intervals.name"] == name]
-        # of set-based bounds and of the family there are two datasets
-        few = found["kind"] in ("set", "learnt", "believed")
+        few = found["kind"] in ("learnt", "believed")  # of the family there are two datasets
         assert found["datasets"] == len(own) == (2 if few else SEEDS)
         widths = {tuple(row["intervals.width_um"]) for row in rows if row["intervals.name"] == name}
         assert len(widths) == len(own)  # every dataset has a seed of its own

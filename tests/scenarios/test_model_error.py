@@ -4,7 +4,8 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.plant.disturbance import Disturbances
-from testbench.studies.campaign.disturbed import DisturbanceSettings, disturbances, trials
+from testbench.studies.campaign.disturbed import DisturbanceSettings, disturbances
+from testbench.studies.campaign.presets.model_error import STUDY
 
 APP = app_of_study("model_error")
 SOME = ("own weight", "payload mass", "payload centre")  #: Of the disturbances.
@@ -37,12 +38,14 @@ def test_payload_errors_spoil_the_model_and_not_the_arm(report, rows):
 def test_kinds_beside_the_family_are_disturbed_in_every_way_and_sizes_are_of_the_same_arm():
     """Twice the disturbances by --scale, and beside the family by --sizes, are the same arm and readings."""
     asked = {"workspace": 5, "only": ("backlash", "soft foundation"), "arms": ("coupled",), "sizes": (2.0,)}
-    [rows] = trials(DisturbanceSettings("kr500_l480", 2, **asked), [2])
+    [rows] = STUDY.work(DisturbanceSettings("kr500_l480", 2, **asked))([2])
     beside = {(r.true_arm, r.size, r.name): r for r in rows if r.part == "beside"}
     names = ("Joints", "MLS56 + prior", "ALL153 + prior")
     own = next(r.true_arm for r in rows if r.part == "family")
     assert beside.keys() == {(*arm, name) for arm in [(own, 2.0), ("coupled", 1.0)] for name in names}
-    [twice] = trials(DisturbanceSettings("kr500_l480", 2, scale=2.0, workspace=5, only=asked["only"]), [2])
+    [twice] = STUDY.work(DisturbanceSettings("kr500_l480", 2, scale=2.0, workspace=5, only=asked["only"]))(
+        [2]
+    )
     for row in twice:
         if row.case == "all together" and row.sigma_um and row.name in names:
             assert row.rms_um == pytest.approx(beside[own, 2.0, row.name].rms_um, rel=1e-6)

@@ -63,8 +63,8 @@ def test_order_falls_to_the_optimum_and_its_rank_is_capped(report):
 
 
 def test_random_loads_are_worse_conditioned():
-    from testbench.studies.paper.single_link import SingleLinkSettings, trials
+    from testbench.studies.paper.single_link import STUDY, SingleLinkSettings
 
-    [[*_, gco]] = trials(SingleLinkSettings("random"), [5])
+    [[*_, gco]] = STUDY.work(SingleLinkSettings("random"))([5])
     assert gco.condition > 1.5
     assert gco.conservative

@@ -3,7 +3,6 @@
 import re
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -104,7 +103,7 @@ def test_the_film_bends_the_arm_as_a_model_predicts_its_laws_of_the_joints_inclu
     C = block_diag(kr500.arm.C_theta, 0.5 * np.eye(structure.laws))
     regression = reduce(kr500.vjm, structure, data)
     found = make_estimate(regression, structure.entries(C), method="known", constraint="psd")
-    theta = opener._bent(kr500, SimpleNamespace(estimate=found), data.q, (data.wrench, data.point))
+    theta = opener._bent(kr500, found, data.q, (data.wrench, data.point))
     moved = displacement(chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
     np.testing.assert_allclose(moved, deflections(kr500.vjm, found, data), rtol=0, atol=1e-12)
 

@@ -51,6 +51,7 @@ from testbench.workflows.absolute import (
     read_all,
 )
 from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.plan import FURTHER, best_of, union_after
 from testbench.workflows.plan_settings import PlanSettings
 from testbench.workflows.rows import MM, UM
@@ -267,17 +268,8 @@ class RealSettings:
     draws: Mapping[int, int]  #: Random poses that train, and in how many seeds, from the first, at most.
 
 
-def settings(_: Flags, quick: bool, seeds: range) -> RealSettings:
-    """Make the settings of the flags: many random poses are dear, hence tried in few seeds.
-
-    Args:
-        _: Not used.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
+def _settings(_: Flags, quick: bool, seeds: range) -> RealSettings:
+    """Make the settings of the flags: many random poses are dear, hence tried in few seeds."""
     if quick:
         return RealSettings(6, 30, (GEOMETRY, *RUNGS), seeds[0], {60: 1})
     return RealSettings(1, MAX_ORDER, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
@@ -348,22 +340,18 @@ class RealFitRow:
     effects: tuple[float, ...]
 
 
-def trials(asked: RealSettings, seeds: Sequence[int]) -> list[list[RealFitRow]]:
-    """Make the rows of some seeds; the seed draws the poses, and nothing else.
+def _arm_and_readings(asked: RealSettings) -> tuple[Cell, tuple[Series, ...]]:
+    """Read the arm and both series, as thin as they are asked for."""
+    return read(asked.thin)
 
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
 
-    Returns:
-        Rows of every seed.
-    """
-    cell, series = read(asked.thin)
-    found = []
-    for seed in seeds:
-        ladder = _ladder(asked, cell, series) if seed == asked.first else ()
-        found.append([*ladder, *_draws(asked, cell, series, seed)])
-    return found
+def _trial(
+    shared: tuple[Cell, tuple[Series, ...]], asked: RealSettings, seed: int, _: Models
+) -> Iterator[RealFitRow]:
+    """Make the rows of a seed, which draws the poses, and nothing else."""
+    if seed == asked.first:
+        yield from _ladder(asked, *shared)
+    yield from _draws(asked, *shared, seed)
 
 
 def models_of(asked: RealSettings, name: str) -> list[str]:
@@ -466,17 +454,8 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
     )
 
 
-def report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
-    """Report the ladder as it is, and errors by number of random poses over the seeds.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
+    """Report the ladder as it is, and errors by number of random poses over the seeds."""
     cell, series = read(asked.thin)
     ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
     errors = trials.where(judged=tuple(FILES)).keep(*told, "error.")
@@ -581,19 +560,15 @@ def _model(name: str, own: Trials, judged: Sequence[Row]) -> Row:
     return found
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the ladder."""
     reading = "Mean error of public readings, series A and C of 2020. Dotted line: joint springs alone."
     title = "Positions of a real UR10 that were never fitted"
     return {"real_ur10.png": forest(found.tables["models"], PANES, title, reading, JOINTS)}
 
 
-def write(run: Run[RealSettings]) -> PageContent:
-    """Write errors.csv, a line a position: row of its file, joints, reading minus both models in base axes.
-
-    Returns:
-        The arm amid its errors, from where each model has the target to the reading.
-    """
+def _write(run: Run[RealSettings]) -> PageContent:
+    """Write errors.csv, a line a position; draw the arm amid the errors of both models."""
     cell, series = read(run.settings.thin)
     judged = [one for name, one, _ in split(BLOCKS, series)[1] if name == BLOCKS]
     rows = run.first.where(split=BLOCKS, judged=tuple(FILES))
@@ -617,14 +592,15 @@ STUDY = Study(
     name="real_ur10",
     about="Public readings of a UR10: geometry, springs, links and joint errors, series against series.",
     options=Flags,
-    settings=settings,
+    settings=_settings,
     seeds=(20, 1),
     arms=lambda _: [find_arm(ARM)],
     row=RealFitRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    shared=_arm_and_readings,
+    report=_report,
     printed=("models",),
-    figures=figures,
-    write=write,
+    figures=_figures,
+    write=_write,
     data="errors.csv",
 )

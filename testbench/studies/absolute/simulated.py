@@ -62,6 +62,7 @@ from testbench.workflows.calibration_numbers import Part, functionals
 from testbench.workflows.campaign import true_cell
 from testbench.workflows.cell import Cell, build_cell, clear_poses
 from testbench.workflows.models import wrong_prior
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, UM, rms
 
 # --- A calibration beside the truth behind its readings: its numbers, positions, and the least error --------
@@ -359,20 +360,8 @@ class AbsoluteSettings:
         return (*self.numbers, self.many) if often else self.numbers
 
 
-def settings(options: AbsoluteOptions, quick: bool, seeds: range) -> AbsoluteSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-
-    Raises:
-        BenchError: When there is no such arm, or one is there twice.
-    """
+def _settings(options: AbsoluteOptions, quick: bool, seeds: range) -> AbsoluteSettings:
+    """Make the settings of the flags."""
     arms = tuple(options.arm or ARMS)
     for name in arms:
         if name not in PAYLOAD or arms.count(name) > 1:
@@ -424,25 +413,17 @@ class AbsoluteTrial:
     shown: bool = False  #: Whether rows keep the readings, and what is drawn.
 
 
-def trials(asked: AbsoluteSettings, seeds: Sequence[int]) -> list[list[AbsoluteFitRow]]:
-    """Make the rows of some seeds.
+def _cells(asked: AbsoluteSettings) -> dict[str, Cell]:
+    """Build the arms that are measured, by name."""
+    return {name: build_cell(find_arm(name)) for name in asked.arms}
 
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
 
-    Returns:
-        Rows of every seed.
-    """
-    cells = {name: build_cell(find_arm(name)) for name in asked.arms}
-    return [
-        [
-            row
-            for absolute_trial in _campaigns(asked, seed)
-            for row in _rows(cells[asked.arm_of(seed)], absolute_trial, seed)
-        ]
-        for seed in seeds
-    ]
+def _trial(
+    arms: Mapping[str, Cell], asked: AbsoluteSettings, seed: int, _: Models
+) -> Iterator[AbsoluteFitRow]:
+    """Make the rows of a seed."""
+    for measured in _campaigns(asked, seed):
+        yield from _rows(arms[asked.arm_of(seed)], measured, seed)
 
 
 def _campaigns(asked: AbsoluteSettings, seed: int) -> Iterator[AbsoluteTrial]:
@@ -553,17 +534,8 @@ def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
     return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0
 
 
-def report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
-    """Report by arm, true arm, campaign, number of poses and model.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
+    """Report by arm, true arm, campaign, number of poses and model."""
     arms = [arm for arm in asked.arms if arm in trials.values("arm")]
     places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*MODELS]}
     rows = [_merged(Row(zip(BY, key, strict=True)), own) for key, own in trials.groups(*BY)]
@@ -647,7 +619,7 @@ def _by_poses(f: Row) -> list[Row]:
     return [row for row in f.models if (row.true_arm, row.campaign) == alike and row.name in BY_POSES]
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the error by number of poses of every arm; of one number the errors alone."""
     f, short = Row(found.numbers), found.tables["short"]
     title = f"Error where nothing was measured, {f.featured} poses"
@@ -674,7 +646,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {f"{NAME}.png": sweeps(panes, title, f"{reading}; bands: {span(f.trials)}.")}
 
 
-def seen(run: Run[AbsoluteSettings]) -> PageContent:
+def _seen(run: Run[AbsoluteSettings]) -> PageContent:
     """Draw the first trial's arm amid the errors of joint springs and of what cross-validation chose."""
     cell, rows = build_cell(find_arm(run.settings.arm_of(run.seeds[0]))), run.first
     rows = rows.pick(np.array([own is not None for own in rows["q_rad"]]))
@@ -690,13 +662,14 @@ STUDY = Study(
     name=NAME,
     about="Calibrate simulated arms by absolute readings: what hides, how many poses, what loaded pairs add.",
     options=AbsoluteOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(100, QUICK),
     arms=lambda asked: [find_arm(name) for name in asked.arms],
     row=AbsoluteFitRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    shared=_cells,
+    report=_report,
     printed=("short",),
-    figures=figures,
-    write=seen,
+    figures=_figures,
+    write=_seen,
 )

@@ -6,7 +6,6 @@ triangular factor. Dataset k is the same whatever the root of the other parts is
 One campaign a seed: poses, loads, readings, and every model identified from them and judged.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.conic import solve_gco
@@ -35,8 +33,9 @@ from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaigns import CampaignRow, Result, campaign_rows, identify
-from testbench.studies.intervals import Bounds, bootstrap, bounds, fit_set, resampler
+from testbench.studies.campaign.trial import Fits, TrialCase, fitted
+from testbench.studies.campaigns import CampaignRow, campaign_rows
+from testbench.studies.intervals import bootstrap, resampler
 from testbench.studies.study import as_in_paper, plain_models, without_cone
 from testbench.workflows.campaign import (
     Campaign,
@@ -50,9 +49,9 @@ from testbench.workflows.campaign import (
     true_cell,
 )
 from testbench.workflows.campaign_flags import CampaignOptions
-from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import Cell
 from testbench.workflows.models import JOINTS, Model, named_models, prior_of, with_priors, wrong_prior
-from testbench.workflows.own_estimator import EstimatorSource, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import UM
 
 QUICK_WORKSPACE = 40
@@ -91,27 +90,22 @@ def settings(options: CampaignOptions, quick: bool, seeds: range) -> Calibration
     return CalibrationSettings(options.arm, scenario, options.true_arm, seeds[0])
 
 
-def trials(
-    asked: CalibrationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[CampaignRow]]:
-    """Make the rows of some seeds, one per model; the user's estimators are the last.
+def trial(cell: Cell, asked: CalibrationSettings, seed: int, own: Models) -> list[CampaignRow]:
+    """Make the rows of a seed, one per model; the user's estimators are the last.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
-        seeds: Seeds of the trials.
+        seed: Seed of the trial.
         own: Estimators of the user.
 
     Returns:
-        Rows of every seed.
+        The rows.
     """
-    cell, found = build_cell(find_arm(asked.arm)), []
-    models = estimator_models(own)
-    for seed in seeds:
-        true, campaign = calibrate(cell, asked, seed)
-        every = results(true, campaign, models(true, wrong_prior(true, seed)))
-        arm, placed = true_arm_of_seed(asked.true_arm, seed), seed == asked.first
-        found.append(campaign_rows(true, campaign, every, arm, placed=placed))
-    return found
+    true, campaign = calibrate(cell, asked, seed)
+    fits = results(true, campaign, own(true, wrong_prior(true, seed)))
+    arm = true_arm_of_seed(asked.true_arm, seed)
+    return campaign_rows(true, campaign, fits, arm, placed=seed == asked.first)
 
 
 def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, Campaign]:
@@ -129,7 +123,7 @@ def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, 
     return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
 
 
-def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[Result]:
+def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> Fits:
     """Identify baselines, the paper's models, structures with a prior, and more models.
 
     Args:
@@ -138,12 +132,13 @@ def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[
         more: Other models.
 
     Returns:
-        A result per model.
+        Their fits.
     """
     structures = [*named_models(cell, WITH_PRIOR), without_cone(cell)]
     filled = with_priors(cell.arm, structures, wrong_prior(cell, campaign.seed))
     plain = plain_models(cell, WITHOUT_PRIOR)
-    return identify(cell, campaign, [*plain, *as_in_paper(plain), *filled, *more], time.perf_counter)
+    case = TrialCase(campaign.identification, campaign.truth, {})
+    return fitted(cell, [*plain, *as_in_paper(plain), *filled, *more], [case])
 
 
 CONFIDENCE = 0.95
@@ -161,7 +156,7 @@ TRIED: dict[tuple[Truth, str], str] = {
 }
 """Truth and prior, one of wrong_prior.PRIORS, of arms of the family; in words."""
 
-Kind = Literal["linearised", "bootstrap", "posterior", "set", "learnt", "believed"]
+Kind = Literal["linearised", "bootstrap", "posterior", "learnt", "believed"]
 """What intervals are; of the last two the arm is of the family, its prior learnt or believed."""
 
 
@@ -182,7 +177,7 @@ class Covered:
 
     name: str  #: Case and method.
     kind: Kind  #: What the intervals are.
-    inside: tuple[bool, ...]  #: Whether each holds the true deflection, to a picometre; a NaN holds nothing.
+    inside: tuple[bool, ...]  #: Whether each holds the true deflection, to a picometre.
     width_um: tuple[float, ...]  #: Of each, infinite where nothing bounds it.
     #: Share of the intervals that hold the truth at each of `LEVELS`; empty of kinds with one level.
     at_levels: tuple[float, ...] = ()
@@ -220,7 +215,7 @@ def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Arra
     return observation(*args, targets).reshape(-1, structure.n)
 
 
-def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
+def refitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     """Compute posterior and bootstrap intervals of least squares and GCO without a prior, from dataset k.
 
     Args:
@@ -295,23 +290,6 @@ def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.G
     )
 
 
-def bounded(case: CoverageCase, k: int) -> Covered:
-    """Compute set-based bounds from dataset k: they hold all true deflections at once as often as stated.
-
-    Args:
-        case: What datasets are drawn for.
-        k: Number of the dataset.
-
-    Returns:
-        The bounds.
-    """
-    regression = resampler(case.regression)(case.truth, trial_rng(k))
-    models = fit_set(regression, case.metric, CONFIDENCE)
-    seen = bounds(models, case.functionals)
-    truth = case.functionals @ case.truth
-    return _covered(f"{case.name}, {models.name}", "set", truth, seen)
-
-
 def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     """Compute intervals of `identify` on another arm of the family, with another wrong prior.
 
@@ -351,6 +329,6 @@ def _covered_at(name: str, kind: Kind, truth: Array, at: Callable[[float], Inter
     )
 
 
-def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:
+def _covered(name: str, kind: Kind, truth: Array, seen: Intervals) -> Covered:
     inside = (seen.lower - 1e-12 <= truth) & (truth <= seen.upper + 1e-12)
     return Covered(name, kind, tuple(inside.tolist()), tuple((UM * (seen.upper - seen.lower)).tolist()))

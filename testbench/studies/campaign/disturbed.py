@@ -15,7 +15,6 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
@@ -27,7 +26,6 @@ from testbench.studies.campaign.trial import (
     Cover,
     TrialCase,
     cover,
-    each_seed,
     fitted,
     reread,
     score_cases,
@@ -35,7 +33,7 @@ from testbench.studies.campaign.trial import (
 )
 from testbench.workflows.campaign import Campaign, Scenario, simulate, true_cell
 from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
-from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import DEFAULT, JOINTS, Model
 from testbench.workflows.own_estimator import Models, UserEstimator
@@ -180,11 +178,11 @@ class DisturbedRow(CampaignFitRow):
     cover: Cover | None  #: Of models whose intervals are judged, with noise.
 
 
-@each_seed
-def trials(asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
+def trial(cell: Cell, asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
     """Make the rows of a seed, one per fit.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
         seed: Seed of the trial.
         estimators: Estimators of the user.
@@ -192,7 +190,6 @@ def trials(asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterato
     Yields:
         The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
     every = with_wrong_priors(cell, MODELS, MODELS, seed, estimators)
     models = [model for model in every if model.name != ONLY_WITH_PRIOR]
     own = true_arm_of_seed(asked.true_arm, seed)

@@ -27,7 +27,6 @@ from testbench.studies.campaign.trial import (
     Fits,
     TrialCase,
     cover,
-    each_seed,
     fitted,
     reread,
     score_cases,
@@ -35,7 +34,7 @@ from testbench.studies.campaign.trial import (
 from testbench.studies.study import plain_models, without_cone
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, simulate_at, true_cell
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
     JOINTS,
     MODELS,
@@ -118,11 +117,11 @@ def settings(options: FamilyOptions, quick: bool, seeds: range) -> FamilySetting
     return FamilySettings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
 
 
-@each_seed
-def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMethodRow]:
+def trial(cell: Cell, asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMethodRow]:
     """Make the rows of a seed, one per truth, method and number of poses.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
         seed: Seed of the trial.
         own: Estimators of the user.
@@ -130,7 +129,6 @@ def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMeth
     Yields:
         The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
     plain, bare = plain_models(cell, MODELS_WITHOUT_PRIOR), to_fill(cell)
     poses = draw_poses(cell, scenario(asked), seed)
     for truth, name in pairs(seed):

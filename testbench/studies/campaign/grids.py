@@ -1,4 +1,4 @@
-"""All cells of one arm: noise by poses, for every structure, truth, kind of reading and prior.
+"""All cells of one arm: noise by poses, for every structure, truth and kind of reading, without a prior.
 
 A trial is a seed: poses, noise, and true arms of two kinds of the family, which take turns. Its cells share
 poses, which are nested, and random numbers, so that differences between cells and methods are theirs alone.
@@ -20,14 +20,6 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import Estimate, all_deflections
-from testbench.identify.metric import (
-    Prior,
-    Strength,
-    WeightedPrior,
-    cad_prior,
-    rescale_to_data,
-    scale_by_prior,
-)
 from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_of
 from testbench.identify.solve import complete_conservatively, free_directions, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
@@ -38,7 +30,6 @@ from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Fits,
     TrialCase,
-    each_seed,
     fitted,
     reread,
     score_cases,
@@ -80,9 +71,6 @@ FAMILY = ("tubes", "off_20", "off_40", "cast")
 GRAVITY = CellGrid("kr500_l480", (4, 8, 12, 20, 40), (5e-6, 15e-6, 50e-6, 150e-6, 500e-6))
 FULL_POSE = CellGrid("arm_6r", (2, 4, 8, 18), (25e-6, 100e-6, 400e-6))
 FEATURED = (8, 50e-6)  #: Poses and noise of section 6: the cell whose models the report lists.
-NONE = "none"
-PRIORS = {"30 %": Strength(0.3), "300 %": Strength(3.0)}
-"""How firmly the CAD prior is believed, by name; it is right where the truth is tubes."""
 GCO, SQUARES, JOINTS = "GCO", "least squares", "joints alone"
 EQUAL, LENT = "PSD of equal fit", "same free directions"
 """Least squares that is conservative if it can be at equal fit, and with GCO's free directions."""
@@ -97,51 +85,26 @@ there is a model of equal fit.
 LEAST_NORM = 1e-2  #: Share of the largest norm of a term that weighs as one less: a term may fit exactly.
 
 
-@dataclass(frozen=True)
-class Compared:
-    """Hold least squares and GCO of one structure, with the same prior or both without."""
+def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> dict[str, Sequence[Estimate]]:
+    """Fit GCO, least squares, and least squares with other free directions.
 
-    ls: Sequence[Estimate]
-    gco: Sequence[Estimate]
-    equal: Sequence[Estimate] | None = None  #: Least squares, conservative if it can be; None with a prior.
-    lent: Sequence[Estimate] | None = None  #: Least squares with GCO's free directions; None with a prior.
+    Args:
+        regressions: Reduced datasets of one structure.
+        joints: Fits of joints alone to the same datasets, which are one of the methods.
 
-    @property
-    def binds(self) -> list[bool]:
-        """Tell whether the cone changes the fit: no conservative model fits as well as least squares."""
-        return [not estimate.conservative for estimate in self.equal or self.ls]
-
-
-def without_prior(regressions: Sequence[Regression]) -> Compared:
-    """Fit least squares, GCO, and least squares with other free directions."""
+    Returns:
+        An estimate per dataset, by method.
+    """
     gco = [solve(regression, "psd") for regression in regressions]
     ls = [solve(weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
-    return Compared(
-        ls, gco, [_equal(*estimates) for estimates in pairs], [_lent(*estimates) for estimates in pairs]
-    )
-
-
-def with_prior(vjm: Vjm, regressions: Sequence[Regression], prior: Prior, strength: Strength) -> Compared:
-    """Fit least squares and GCO with the same prior, which leaves no direction free.
-
-    Args:
-        vjm: Kinematics of the arm.
-        regressions: Reduced datasets.
-        prior: The prior.
-        strength: Strength of the prior.
-
-    Returns:
-        Both fits of every dataset.
-    """
-    scaling = scale_by_prior(prior, vjm, regressions[0].structure)
-    pairs = [(r, WeightedPrior(rescale_to_data(scaling, r), strength)) for r in regressions]
-    return Compared(
-        *(
-            [solve(r, constraint, weighted_prior) for r, weighted_prior in pairs]
-            for constraint in ("none", "psd")
-        )
-    )
+    return {
+        GCO: gco,
+        SQUARES: ls,
+        JOINTS: joints,
+        EQUAL: [_equal(*pair) for pair in pairs],
+        LENT: [_lent(*pair) for pair in pairs],
+    }
 
 
 def weighed_as(gco: Estimate) -> Regression:
@@ -227,10 +190,8 @@ class GridSettings:
 class GridMethodRow(CampaignFitRow):
     """Hold one method in one cell: `name` is the method, `structure` that of the compared models."""
 
-    uncertainty: str  #: Of the CAD prior, the same for both, or none.
     binds: bool  #: Whether the cone changes the fit: nothing conservative fits as well as least squares.
     expected: float  #: Error that noise is expected to leave least squares, over the deflection GCO predicts.
-    free: int  #: Directions that the data do not see.
 
 
 def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
@@ -259,11 +220,16 @@ def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
     return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
-@each_seed
-def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
-    """Make the rows of a seed, one per method, structure, truth, prior and cell of the grids.
+def cells(asked: GridSettings) -> dict[Kind, Cell]:
+    """Build the arm of every grid."""
+    return {kind: build_cell(find_arm(grid.arm)) for kind, grid in asked.grids.items()}
+
+
+def trial(cells: Mapping[Kind, Cell], asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
+    """Make the rows of a seed, one per method, structure, truth and cell of the grids.
 
     Args:
+        cells: The arm of every grid.
         asked: Settings of the study.
         seed: Seed of the trial.
         own: Estimators of the user.
@@ -271,8 +237,7 @@ def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRo
     Yields:
         The rows.
     """
-    for kind, grid in asked.grids.items():
-        cell = build_cell(find_arm(grid.arm))
+    for kind, cell in cells.items():
         yield from _rows(cell, kind, asked, seed, own(cell, None))
 
 
@@ -328,8 +293,8 @@ MEASURE: Mapping[Kind, Callable[[Cell, CellGrid, int, Sequence[str], int], list[
 def _rows(
     cell: Cell, kind: Kind, asked: GridSettings, seed: int, estimators: Sequence[Model]
 ) -> Iterator[GridMethodRow]:
-    """Rows of one kind of reading; estimators of one's own fit every structure without a prior."""
-    grid, prior, truths = asked.grids[kind], cad_prior(cell.arm), asked.arms(seed)
+    """Rows of one kind of reading; estimators of one's own fit every structure."""
+    grid, truths = asked.grids[kind], asked.arms(seed)
     structures = [make(cell.arm) for make in STRUCTURES]
     for truth, clean in zip(truths, MEASURE[kind](cell, grid, asked.judged, truths, seed), strict=True):
         data = clean.read(grid)
@@ -337,40 +302,30 @@ def _rows(
         alone = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
         joints = [solve(regression, "none") for regression in alone]
         for structure in structures:
+            same = {"part": kind, "true_arm": truth, "structure": structure.name}
+            cases = [
+                TrialCase(
+                    runs,
+                    clean.judge,
+                    {**same, "poses": at[0], "sigma_um": UM * at[1]},
+                    runs if at == left else None,
+                )
+                for runs, at in zip(data, grid.cells, strict=True)
+            ]
             regressions = [reduce(cell.vjm, structure, runs) for runs in data]
-            found = {NONE: without_prior(regressions)}
-            found |= {
-                name: with_prior(cell.vjm, regressions, prior, believed) for name, believed in PRIORS.items()
-            }
-            noise = expected(cell.vjm, clean, grid, regressions)
-            for name, compared in found.items():
-                tried = estimators if name == NONE else ()
-                same = {"part": kind, "true_arm": truth, "structure": structure.name, "uncertainty": name}
-                cases = [
-                    TrialCase(
-                        runs,
-                        clean.judge,
-                        {**same, "poses": at[0], "sigma_um": UM * at[1]},
-                        runs if at == left else None,
-                    )
-                    for runs, at in zip(data, grid.cells, strict=True)
-                ]
-                fits = Fits({GCO: compared.gco, SQUARES: compared.ls, JOINTS: joints})
-                fits |= fitted(cell, [replace(m, structure=structure) for m in tried], cases)
-                yield from _compared(cell, cases, compared, fits, noise)
+            own = [replace(estimator, structure=structure) for estimator in estimators]
+            fits = Fits({**methods(regressions, joints), **fitted(cell, own, cases)})
+            yield from _compared(cell, cases, fits, expected(cell.vjm, clean, grid, regressions))
 
 
-def _compared(
-    cell: Cell, cases: Sequence[TrialCase], own: Compared, fits: Fits, noise: Array
-) -> Iterator[GridMethodRow]:
-    """Rows of one structure with one prior; noise is what it is expected to leave least squares [um]."""
-    fits |= {EQUAL: own.equal, LENT: own.lent} if own.equal and own.lent else {}
-    moved, binds = all_deflections(cell.vjm, own.gco, cases[0].test), own.binds
+def _compared(cell: Cell, cases: Sequence[TrialCase], fits: Fits, noise: Array) -> Iterator[GridMethodRow]:
+    """Rows of one structure; noise is what it is expected to leave least squares [um]."""
+    moved = all_deflections(cell.vjm, fits[GCO], cases[0].test)
     share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
 
     def more(name: str, k: int) -> dict[str, object]:
-        known = {"expected": float(share[k]), "free": own.ls[k].structure.n - own.ls[k].regression.rank}
-        return known | {"binds": binds[k]} | ({"constraint": "free"} if name == EQUAL else {})
+        known = {"expected": float(share[k]), "binds": not fits[EQUAL][k].conservative}
+        return known | ({"constraint": "free"} if name == EQUAL else {})
 
     yield from score_cases(cell, cases, fits, GridMethodRow, more)
 

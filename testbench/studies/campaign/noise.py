@@ -25,7 +25,6 @@ from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     TrialCase,
-    each_seed,
     fitted,
     reread,
     score_cases,
@@ -222,11 +221,16 @@ def settings(options: NoiseOptions, quick: bool, seeds: range) -> NoiseSettings:
     return replace(found, sigmas=tuple(value / 1e6 for value in sorted({0.0, *levels})))
 
 
-@each_seed
-def trials(asked: NoiseSettings, seed: int, own: Models) -> Iterator[CampaignFitRow]:
+def arms(_: NoiseSettings) -> tuple[Cell, Cell]:
+    """Build the arm of section 5.2 and that of section 6."""
+    return build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
+
+
+def trial(arms: tuple[Cell, Cell], asked: NoiseSettings, seed: int, own: Models) -> Iterator[CampaignFitRow]:
     """Make the rows of a seed, one per fit.
 
     Args:
+        arms: That of section 5.2 and that of section 6.
         asked: Settings of the study.
         seed: Seed of the trial.
         own: Estimators of the user.
@@ -235,7 +239,7 @@ def trials(asked: NoiseSettings, seed: int, own: Models) -> Iterator[CampaignFit
         The rows.
     """
     arm = true_arm_of_seed(asked.true_arm, seed)
-    light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
+    light, heavy = arms
     cell, models = true_cell(light, arm, seed), with_wrong_priors(light, SIX_DOF, SIX_DOF_PRIOR, seed, own)
     scenario = FullPose(arm=LIGHT, least=9e-3, most=41e-3, noise=False)
     levels = _levels(asked, "six_dof", arm, simulate_full_pose(cell, scenario, seed))

@@ -22,7 +22,7 @@ from testbench.model.vjm import Vjm
 from testbench.runs.spread import Number
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import Covered
-from testbench.studies.campaign.trial import CampaignFitRow, TrialCase, each_seed, fitted, score_cases
+from testbench.studies.campaign.trial import CampaignFitRow, TrialCase, fitted, score_cases
 from testbench.studies.intervals import (
     choose_strength,
     every_fold,
@@ -79,7 +79,6 @@ class PriorSettings:
     first: int  #: The first seed.
     campaigns: int  #: Trials with a campaign.
     bootstraps: int  #: Those with bootstrap intervals.
-    bounds: int  #: Those with set-based bounds.
     family: int  #: Those with an arm of the family.
     structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
     scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
@@ -121,17 +120,16 @@ def settings(options: PriorOptions, quick: bool, seeds: range) -> PriorSettings:
         first=seeds[0],
         campaigns=min(options.campaigns, len(seeds), 2 if quick else len(seeds)),
         bootstraps=100,
-        bounds=2 if quick else 100,
         family=2 if quick else 200,
     )
     return replace(found, structures=VARIED, scales=(0.5, 2.0), poses=(8, 20)) if quick else found
 
 
-@each_seed
-def trials(asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
+def trial(cell: Cell, asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
     """Make the fits of the campaign of a seed, then intervals.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
         seed: Seed of the trial.
         own: Estimators of the user.
@@ -139,7 +137,6 @@ def trials(asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
     Yields:
         The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
     heavy = coverage.gravity_cases(cell)
     if seed - asked.first < asked.campaigns:
         for row in _fits(cell, asked, seed, own):
@@ -152,11 +149,9 @@ def _intervals(
 ) -> Iterator[Covered]:
     """Intervals of every kind from dataset k."""
     light = coverage.full_pose_case(build_cell(find_arm(SIX_DOF)))
-    yield from coverage.fitted(light, k, k < asked.bootstraps)
+    yield from coverage.refitted(light, k, k < asked.bootstraps)
     for case in heavy:
         yield from coverage.posterior(case, k)
-        if k < asked.bounds:
-            yield coverage.bounded(case, k)
     if k < asked.family:
         yield from coverage.of_family(cell, asked.first + k)
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.folder import find_arm
 from testbench.design.criteria import criterion_of
 from testbench.design.gauges import Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import candidate_set
@@ -22,13 +21,12 @@ from testbench.studies.campaign.trial import (
     Cover,
     TrialCase,
     cover,
-    each_seed,
     fitted,
     score_cases,
 )
 from testbench.workflows.campaign import Scenario, draw_poses, measure_markers, poses_with_weight, true_cell
 from testbench.workflows.campaign_flags import CAMERA, PROBE, Mounted, TrueArmFlag, read_instruments
-from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import Cell
 from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
 
@@ -155,11 +153,11 @@ def _cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iter
                 yield TrialCase(runs, truth, {"true_arm": arm, "instrument": name, "poses": n}, shown)
 
 
-@each_seed
-def trials(asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
+def trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
     """Yield the rows of a seed, one per model, instrument and number of poses.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: The settings.
         seed: The seed.
         own: Makes models of a user's estimators.
@@ -167,7 +165,7 @@ def trials(asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
     Yields:
         The rows.
     """
-    cell, arm = build_cell(find_arm(asked.arm)), true_arm_of_seed(asked.true_arm, seed)
+    arm = true_arm_of_seed(asked.true_arm, seed)
     true, prior = true_cell(cell, arm, seed), wrong_prior(cell, seed)
     joints, plain = named_models(cell, (JOINTS, ALL_UNKNOWNS))
     models = [joints, *own(cell, prior), *with_priors(cell.arm, [plain], prior)]

@@ -6,7 +6,7 @@ A preset says as data what is tabulated; what a table means is static text in do
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,9 @@ from testbench.report.report import Report, say
 from testbench.report.schema import KNOWN, Table, best_of, columns, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm, own_cell
 from testbench.workflows.models import DEFAULT, JOINTS
+from testbench.workflows.own_estimator import Models
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
@@ -93,11 +94,11 @@ class Preset(Generic[O, S, W]):
     name: str  #: Of the scenario.
     question: str
     how: str  #: What is simulated, a sentence.
-    options: type[O]  #: Of these four see `Study`.
+    options: type[O]  #: Of these five see `Study`.
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]
     row: type[W]
-    trials: Callable[..., Sequence[Sequence[W]]]  #: Rows of some seeds: see `trial.each_seed`.
+    trial: Callable[[Any, S, int, Models], Iterable[W]]
     #: Tables by name.
     tables: Callable[[S], Mapping[str, TrialTable]]
     #: Cells whose models report.json lists, by words behind their names; the first one is the headline's.
@@ -115,7 +116,8 @@ class Preset(Generic[O, S, W]):
     also: str = ""  #: Other columns of report.json's models, blanks between.
     page: str = ""  #: Where it is written what its tables and columns mean.
     value: str = ERROR  #: Column of the error by which models are judged.
-    size: int = 1  #: Of these three see `Study`.
+    size: int = 1  #: Of these four see `Study`.
+    shared: Callable[[S], Any] = own_cell
     models: str = "name"
     arms: Callable[[S], Sequence[Path]] = own_arm
 
@@ -128,7 +130,8 @@ class Preset(Generic[O, S, W]):
             settings=self.settings,
             seeds=self.seeds,
             row=self.row,
-            trials=self.trials,
+            trial=self.trial,
+            shared=self.shared,
             report=self.report,
             printed=(self.printed,),
             figures=self.figures,

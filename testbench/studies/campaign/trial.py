@@ -5,9 +5,8 @@ model. A study lists its cases and its models; rows are the same in all of them.
 their random numbers, so that differences between cases and models are theirs alone.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
 from math import ceil
 from time import perf_counter
 from typing import TypeVar
@@ -34,10 +33,9 @@ from testbench.workflows.models import (
     with_wrong_prior,
     wrong_prior,
 )
-from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 
-S = TypeVar("S")
 R = TypeVar("R")
 
 ANGLE_PER_LENGTH = 10.0
@@ -135,19 +133,6 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[TrialCase]) -> F
         found[model.name] = [fit_or_rigid(cell, model, data) for data in runs]
         seconds[model.name] = (perf_counter() - start) / len(runs)
     return Fits(found, seconds, [m.name for m in models if m.filled])
-
-
-def each_seed(
-    trial: Callable[[S, int, Models], Iterable[R]],
-) -> Callable[[S, Sequence[int], Sequence[EstimatorSource]], list[list[R]]]:
-    """Make the trials of a study from a function of settings, a seed and a maker of user estimators."""
-
-    @wraps(trial)
-    def trials(asked: S, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()) -> list[list[R]]:
-        models = estimator_models(own)
-        return [list(trial(asked, seed, models)) for seed in seeds]
-
-    return trials
 
 
 def score_cases(

@@ -42,7 +42,7 @@ from testbench.studies.compensation.trial import (
     prepare,
     settings,
     tasks_of,
-    trials,
+    trial,
 )
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study, with_errors
@@ -75,17 +75,8 @@ FOUND = (
 BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_mm covered_percent"
 
 
-def report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
-    """Report over all truths, and truth by truth for the campaign that is advised.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
+    """Report over all truths, and truth by truth for the campaign that is advised."""
     advised = trials.where(**vars(ADVISED))
     met = [name for name in TRUTHS if name in advised.values("true_arm")]
     chosen = trials.where(name=DEFAULT)["chosen"].tolist()
@@ -200,7 +191,7 @@ def _tables(f: Row) -> dict[str, Table]:
     }
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw what is left by campaign of as many poses as are featured, the arm disturbed and undisturbed."""
     f = Row(found.numbers)
     groups = [g for g in f.groups if g.poses == f.featured]
@@ -220,7 +211,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def seen(run: Run[CompensationSettings]) -> PageContent:
+def _seen(run: Run[CompensationSettings]) -> PageContent:
     """Draw the jobs of the first trial: the tool without correction and with, the arm undisturbed."""
     seed, rows = run.seeds[0], run.first.where(arm=IDEAL, **vars(ADVISED))
     true, work = (
@@ -263,11 +254,11 @@ STUDY = Study(
     seeds=(100, 6),
     arms=lambda settings: [find_arm(settings.arm)],
     row=JobsRow,
-    trials=trials,
-    report=report,
+    trial=trial,
+    report=_report,
     printed=("short",),
-    figures=figures,
-    write=seen,
+    figures=_figures,
+    write=_seen,
     prepare=prepare,
     models="name",
 )

@@ -62,7 +62,7 @@ from testbench.workflows.models import (
     with_priors,
     wrong_prior,
 )
-from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.plan_input import Checks, PoseConditions, build_checks, feasible, find
 from testbench.workflows.rows import FAILED, MM
 
@@ -440,25 +440,18 @@ class CorrectionModel:
     status: str = "solved"
 
 
-def trials(
-    asked: CompensationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[JobsRow]]:
-    """Make the rows of some seeds; `asked` holds the scene.
+def trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
+    """Make the rows of a seed; `asked` holds the scene.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
-        seeds: Seeds of the trials.
+        seed: Seed of the trial.
         own: Estimators of the user.
 
     Returns:
-        Rows of every seed.
+        The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
-    models = estimator_models(own)
-    return [_trial(cell, asked, seed, models) for seed in seeds]
-
-
-def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
     truth, work, rows = true_arm_of_seed(FAMILY, seed), tasks_of(asked, seed), []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
     for arm in ARMS:

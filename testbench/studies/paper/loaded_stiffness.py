@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -37,8 +37,9 @@ from testbench.studies.paper.verdicts import comparison, verdict_table
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Cell, build_cell, clear_poses
+from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.models import JOINTS
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, UM
 
 FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
@@ -102,38 +103,18 @@ class PoseRow:
     error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
 
 
-def settings(options: LoadedStiffnessOptions, quick: bool, _: range) -> LoadedStiffnessSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        _: Not used.
-
-    Returns:
-        The settings.
-    """
+def _settings(options: LoadedStiffnessOptions, quick: bool, _: range) -> LoadedStiffnessSettings:
+    """Make the settings of the flags."""
     loads, poses = QUICK if quick else FULL
     return LoadedStiffnessSettings(**vars(options), loads=loads, poses=poses)
 
 
-def trials(asked: LoadedStiffnessSettings, seeds: Sequence[int]) -> list[list[PoseRow]]:
-    """Make the rows of some seeds, each with poses of its own.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-
-    Returns:
-        Rows of every seed.
-    """
-    cell = build_cell(find_arm(asked.arm))
+def _trial(cell: Cell, asked: LoadedStiffnessSettings, seed: int, _: Models) -> Iterator[PoseRow]:
+    """Make the rows of a seed, which has poses of its own."""
+    q = clear_poses(cell, WORKSPACE, asked.poses, trial_rng(seed))
     plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
-    found = []
-    for seed in seeds:
-        q = clear_poses(cell, WORKSPACE, asked.poses, trial_rng(seed))
-        found.append([row for load in asked.weights for row in hang(cell, plants, q, load)])
-    return found
+    for load in asked.weights:
+        yield from hang(cell, plants, q, load)
 
 
 def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> list[PoseRow]:
@@ -215,17 +196,8 @@ def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array
     return np.asarray(A @ pi)
 
 
-def report(asked: LoadedStiffnessSettings, seeds: range, trials: Trials) -> Report:
-    """Report the errors over the poses of all seeds, by load, truth and method.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: LoadedStiffnessSettings, seeds: range, trials: Trials) -> Report:
+    """Report the errors over the poses of all seeds, by load, truth and method."""
     rows = [
         Row(load_N=load, truth=truth, method=method, prediction=f"{NAMES[method]}, {truth}", **_errors(own))
         for (load, truth, method), own in trials.groups("load_N", "truth", "method")
@@ -308,7 +280,7 @@ def _errors(own: Trials) -> Row:
     )
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the RMS error of Eq. (6) and (7) against the load: with the arm's own weight dashed."""
     f = Row(found.numbers)
     rows = [Row(row, rms_um=max(row.rms_um, ROUNDING_UM)) for row in f.rows]
@@ -322,7 +294,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[LoadedStiffnessSettings]) -> None:
+def _write(run: Run[LoadedStiffnessSettings]) -> None:
     """Write errors.csv of the first seed: a line for each pose, load, truth and method.
 
     Vectors are in world axes; the error is predicted minus true.
@@ -346,13 +318,13 @@ STUDY = Study(
     name="loaded_stiffness",
     about="Hang weights on the arm over its whole workspace; compare Eq. (6) and (7) with the truth.",
     options=LoadedStiffnessOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(1, 10_000),
     row=PoseRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    report=_report,
     printed=("by_load",),
-    figures=figures,
-    write=write,
+    figures=_figures,
+    write=_write,
     data="errors.csv",
 )

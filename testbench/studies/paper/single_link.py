@@ -5,7 +5,7 @@ The truth is Eq. (21). Eq. (22) and (23) are one draw of what is counted here ov
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal
@@ -38,6 +38,7 @@ from testbench.workflows.campaign import FullPose, at_tool, random_wrenches
 from testbench.workflows.campaign import measure_markers as read
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import Model, fit_model
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 
 NAME = "single_link"
@@ -143,17 +144,8 @@ class Draw:
     truth: Dataset
 
 
-def settings(options: SingleLinkOptions, quick: bool, seeds: range) -> SingleLinkSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
+def _settings(options: SingleLinkOptions, quick: bool, seeds: range) -> SingleLinkSettings:
+    """Make the settings of the flags."""
     return SingleLinkSettings(options.loads, first=seeds[0], ordered=QUICK_ORDERED if quick else ORDERED)
 
 
@@ -165,6 +157,11 @@ def models(cell: Cell) -> list[Model]:
         Model(SYMMETRIC, full(name=SYMMETRIC), least_squares),
         Model(GCO, full(name=GCO), paper_gco),
     ]
+
+
+def _link(_: SingleLinkSettings) -> Cell:
+    """Build the link."""
+    return build_cell(find_arm(NAME))
 
 
 def measure(cell: Cell, asked: SingleLinkSettings, seed: int) -> Draw:
@@ -211,21 +208,8 @@ def wrenches_within(count: int, force: float, moment: float, rng: np.random.Gene
     return size * random_wrenches(count, force, moment, rng)
 
 
-def trials(asked: SingleLinkSettings, seeds: Sequence[int]) -> list[list[LinkRow]]:
-    """Fit every model, and in the first draws every order m, to some draws.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-
-    Returns:
-        Rows of every seed.
-    """
-    cell = build_cell(find_arm(NAME))
-    return [list(_trial(cell, asked, seed)) for seed in seeds]
-
-
-def _trial(cell: Cell, asked: SingleLinkSettings, seed: int) -> Iterator[LinkRow]:
+def _trial(cell: Cell, asked: SingleLinkSettings, seed: int, _: Models) -> Iterator[LinkRow]:
+    """Fit every model, and in the first draws every order m, to a draw."""
     draw = measure(cell, asked, seed)
     for model in models(cell):
         start = time.perf_counter()
@@ -342,17 +326,8 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def report(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every method and order, the paper's statements, and who is nearer.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every method and order, the paper's statements, and who is nearer."""
     f = _numbers(asked, seeds, trials)
     errors = Table(columns(ERRORS), f.models, "How far off", headline=POSITION)
     badge = of_rivals(trials.where(m=0), GCO, [LEAST_SQUARES, SYMMETRIC], POSITION)
@@ -387,7 +362,7 @@ def _numbers(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Row:
     plain, searched, campaign = trials.where(m=0), trials.pick(trials["m"] > 0), asked.campaign
     um, urad = UM * campaign.sigma, UM * campaign.sigma_rotation
     data, [loads] = campaigns.dataset(plain), merged(plain.where(name=GCO).keep("condition"))
-    low, high = order_range(models(build_cell(find_arm(NAME)))[-1].structure, data.runs)
+    low, high = order_range(models(_link(asked))[-1].structure, data.runs)
     rows = [_merged(own, **_entries(own)) for _, own in plain.groups("name")]
     order = [_merged(own) for _, own in searched.groups("m")]
     return Row(
@@ -455,7 +430,7 @@ def _entries(own: Trials) -> dict[str, object]:
     return {"entry_rms": rms_.tolist(), "entry_bias": bias.tolist(), "paper": known}
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the errors of every method in position, rotation and the entries of C."""
     panes = {POSITION: "position", ROTATION: "rotation", ENTRY: "entries of C, force to position"}
     reading = (
@@ -469,13 +444,14 @@ STUDY = Study(
     name=NAME,
     about="Identify the single link of section 5.1 by least squares and by GCO, over many draws of noise.",
     options=SingleLinkOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(1000, 100),
     arms=lambda _: [find_arm(NAME)],
     row=LinkRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    shared=_link,
+    report=_report,
     printed=("errors", "shape"),
-    figures=figures,
+    figures=_figures,
     size=10,
 )

@@ -1,7 +1,6 @@
 """Section 5.2: the illustrative 6R arm, full poses; the paper's models under two truths, and the order m."""
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
@@ -20,7 +19,8 @@ from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
-from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows, identify, score_estimate
+from testbench.studies.campaign.trial import Fits, TrialCase, fitted
+from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.verdicts import (
     SECTION_5_2,
@@ -37,7 +37,7 @@ from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import EQUAL_FIT
 from testbench.workflows.models import JOINTS, Model, named_models
-from testbench.workflows.own_estimator import EstimatorSource, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, UM
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
@@ -96,17 +96,8 @@ class SixDofRow(CampaignRow):
     f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
 
 
-def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
+def _settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettings:
+    """Make the settings of the flags."""
     share = math.sqrt(2) if options.per == "deflection" else 1.0
     scenario = FullPose(
         arm=find_arm(options.arm).resolve().name,
@@ -124,35 +115,20 @@ def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSetting
     )
 
 
-def trials(
-    asked: SixDofSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[SixDofRow]]:
-    """Make the rows of some seeds: all models under two truths, and in the first seeds every order m.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        own: Estimators of the user.
-
-    Returns:
-        Rows of every seed.
-    """
-    cell = build_cell(find_arm(asked.arm))
-    every = [*models(cell), *estimator_models(own)(cell, None)]
-    return [list(_trial(cell, every, asked, seed)) for seed in seeds]
-
-
 def models(cell: Cell) -> list[Model]:
     """List the models of Table I, what restrains least squares, and the incumbent; GCO is the paper's."""
     every = plain_models(cell, (*MODELS, JOINTS))
     return [replace(model, estimator=paper_gco) if model.estimator == gco else model for model in every]
 
 
-def _trial(cell: Cell, models: Sequence[Model], asked: SixDofSettings, seed: int) -> Iterator[SixDofRow]:
+def _trial(cell: Cell, asked: SixDofSettings, seed: int, own: Models) -> Iterator[SixDofRow]:
+    """Make the rows of a seed: all models under two truths, and in the first seeds every order m."""
+    every = [*models(cell), *own(cell, None)]
     for truth in TRUTHS:
         campaign = simulate_full_pose(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
-        results, linear = identify(cell, campaign, models, time.perf_counter), truth == "linear"
-        for row in campaign_rows(cell, campaign, results, TUBES, placed=linear and seed == asked.first):
+        case, linear = TrialCase(campaign.identification, campaign.truth, {}), truth == "linear"
+        fits = fitted(cell, every, [case])
+        for row in campaign_rows(cell, campaign, fits, TUBES, placed=linear and seed == asked.first):
             yield SixDofRow(**vars(row), truth=truth)
         if linear and seed < asked.first + asked.ordered:
             for name in ORDER_MODELS:
@@ -164,23 +140,17 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
     [model] = named_models(cell, [name])
     best = paper_gco(cell.vjm, model.structure, campaign.identification).f_m
     estimates = every_order(cell, model.structure, campaign.identification, starts, campaign.seed)
-    results = [score_estimate(cell, campaign, model, estimate, 0.0) for estimate in estimates]
-    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
-    for m, (row, estimate) in enumerate(zip(rows, estimates, strict=True), start=1):
-        yield SixDofRow(**vars(row), m=m, f_m_over_optimum=estimate.f_m / best)
+    orders = {str(m): [estimate] for m, estimate in enumerate(estimates, start=1)}
+    fits = Fits(orders, dict.fromkeys(orders, 0.0))
+    for row, estimate in zip(
+        campaign_rows(cell, campaign, fits, TUBES, placed=False), estimates, strict=True
+    ):
+        found = {**vars(row), "name": name, "m": int(row.name)}
+        yield SixDofRow(**found, f_m_over_optimum=estimate.f_m / best)
 
 
-def report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every model and order under both truths, and the paper's statements.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every model and order under both truths, and the paper's statements."""
     straight = trials.where(m=0, truth=TRUTHS[0])
     f = Row(
         seed=campaigns.seeds_of(seeds),
@@ -297,7 +267,7 @@ def _tie(trials: Trials) -> Row:
     )
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the errors of every model under both truths."""
     reading = "Errors of 95 % of the check runs. Dotted: Joints-only; diamonds: the paper's."
     table = found.led(Table(columns(TABLE_II), Row(found.numbers).models))
@@ -305,7 +275,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"six_dof_arm.png": forest(table, PANES, title, reading, JOINTS)}
 
 
-def write(run: Run[SixDofSettings]) -> PageContent:
+def _write(run: Run[SixDofSettings]) -> PageContent:
     """Write dataset.csv of the first seed, linear truth; return what the page draws."""
     asked = run.settings
     cell = build_cell(find_arm(asked.arm))
@@ -317,13 +287,13 @@ STUDY = Study(
     name="six_dof_arm",
     about="Identify the models of Table I and two baselines from 108 runs, and check them on 120 others.",
     options=SixDofOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(100, 5),
     row=SixDofRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    report=_report,
     printed=("short",),
-    figures=figures,
-    write=write,
+    figures=_figures,
+    write=_write,
     models="name",
 )

@@ -30,7 +30,8 @@ from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import most
 from testbench.studies import campaigns
-from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
+from testbench.studies.campaign.trial import Fits
+from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
@@ -54,6 +55,7 @@ from testbench.studies.study import Study
 from testbench.workflows.campaign import Campaign, FullPose, simulate_full_pose
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import Model, named_models
+from testbench.workflows.own_estimator import Models
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
@@ -225,20 +227,8 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-
-    Raises:
-        BenchError: When the model is none that GCO identifies, or SCS is not installed.
-    """
+def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
+    """Make the settings of the flags."""
     gco_model(build_cell(find_arm(ARM)), options.model)
     if options.scs:
         cvxpy("SCS")
@@ -247,22 +237,15 @@ def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSetting
     return SolverSettings(**vars(options) | {"generations": generations, "starts": starts}, first=seeds[0])
 
 
-def trials(asked: SolverSettings, seeds: Sequence[int]) -> list[list[SolverRow]]:
-    """Make the rows of some seeds, one per solver.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-
-    Returns:
-        Rows of every seed.
-    """
+def _cell_and_model(asked: SolverSettings) -> tuple[Cell, Model]:
+    """Build the arm, and the model that every solver identifies."""
     cell = build_cell(find_arm(ARM))
-    model = gco_model(cell, asked.model)
-    return [_trial(cell, model, asked, seed) for seed in seeds]
+    return cell, gco_model(cell, asked.model)
 
 
-def _trial(cell: Cell, model: Model, asked: SolverSettings, seed: int) -> list[SolverRow]:
+def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Models) -> list[SolverRow]:
+    """Make the rows of a seed, one per solver."""
+    cell, model = shared
     campaign = simulate_full_pose(cell, SCENARIO, seed)
     conic = _repeated("d", paper_gco, cell, model, campaign)
     solver_results = [*_factor_solvers(cell, model, asked, campaign), conic]
@@ -274,17 +257,18 @@ def _trial(cell: Cell, model: Model, asked: SolverSettings, seed: int) -> list[S
         proof if solver_result is conic else certify(solver_result.estimate, dual=proof.dual)
         for solver_result in solver_results
     ]
-    results = [
-        score_estimate(
-            cell, campaign, model, replace(solver_result.estimate, certificate=proven), solver_result.seconds
-        )
-        for solver_result, proven in zip(solver_results, proofs, strict=True)
-    ]
+    fits = Fits(
+        {
+            solver_result.key: [replace(solver_result.estimate, certificate=proven)]
+            for solver_result, proven in zip(solver_results, proofs, strict=True)
+        },
+        {solver_result.key: solver_result.seconds for solver_result in solver_results},
+    )
     data = csv_text(campaign.identification, cell.arm) if seed == asked.first else None
-    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
+    rows = campaign_rows(cell, campaign, fits, TUBES, placed=False)
     return [
         replace(
-            _row(row, solver_result, conic, proven.f_m_excess_bound),
+            _row(replace(row, name=model.name), solver_result, conic, proven.f_m_excess_bound),
             data_file=data if solver_result is conic else None,
         )
         for row, solver_result, proven in zip(rows, solver_results, proofs, strict=True)
@@ -354,17 +338,8 @@ def _row(row: CampaignRow, own: SolverResult, conic: SolverResult, excess: float
     )
 
 
-def report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every solver, and what the proof says of the paper's search.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every solver, and what the proof says of the paper's search."""
     solvers, own = list(_solvers(asked, trials)), trials.where(key="d")
     rows = {row.key: row for row in solvers}
     over = {key: float((own["f_m"] / trials.where(key=key)["f_m"] - 1).max()) for key in rows}
@@ -449,7 +424,7 @@ def _statements(f: Row, seeds: int) -> Iterator[Row]:
     yield statement_row("the search can stop at the F_M of noise alone", stops == 1, stops)
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw the time to the least F_M, and how far above what is proven every solver ends."""
     f = Row(found.numbers)
     table = found.led(Table(columns(SHORT), f.solvers, looks=LOOKS))
@@ -461,12 +436,13 @@ STUDY = Study(
     name="solver_comparison",
     about="Minimise F_M by several solvers on the data of section 5.2, and certify what each of them found.",
     options=SolverOptions,
-    settings=settings,
+    settings=_settings,
     seeds=(20, 2),
     arms=lambda _: [find_arm(ARM)],
     row=SolverRow,
-    trials=trials,
-    report=report,
+    trial=_trial,
+    shared=_cell_and_model,
+    report=_report,
     printed=("short",),
-    figures=figures,
+    figures=_figures,
 )

@@ -157,17 +157,8 @@ LOOKS = {
 """Colour and mark of every criterion, random poses dashed."""
 
 
-def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
-    """Report errors by criterion and number of poses, where planning pays, and whether promises hold.
-
-    Args:
-        asked: Settings of the study.
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The report.
-    """
+def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
+    """Report errors by criterion and number of poses, where planning pays, and whether promises hold."""
     f = _numbers(asked, seeds, trials)
     n, rivals = asked.scope.featured, [row.plan for row in f.criteria if row.plan != "test"]
     own = trials.where(part="measured", poses=n, fit=PLANNED)
@@ -306,7 +297,7 @@ def _grounds(rows: Trials) -> Iterator[Row]:
                 )
 
 
-def figures(found: Report) -> dict[str, Figure]:
+def _figures(found: Report) -> dict[str, Figure]:
     """Draw errors by number of poses, with and without the prior; of one number by criterion."""
     f = Row(found.numbers)
     answer = f"Errors after {f.dataset.poses} poses, planned and random"
@@ -340,7 +331,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[PlanningSettings]) -> PageContent:
+def _write(run: Run[PlanningSettings]) -> PageContent:
     """Draw the featured plan, and where errors remain."""
     settings, cell = run.settings, build_cell(find_arm(run.settings.arm))
     n, scene = settings.scope.featured, settings.scene
@@ -366,11 +357,11 @@ STUDY = Study(
     settings=settings,
     seeds=(100, 2),
     row=trial.PlanErrorRow,
-    trials=trial.trials,
-    report=report,
+    trial=trial.trial,
+    report=_report,
     printed=("criteria",),
-    figures=figures,
-    write=write,
+    figures=_figures,
+    write=_write,
     prepare=prepare,
     models="fit",
 )

@@ -25,11 +25,12 @@ from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, chain
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
+from testbench.studies.campaign.trial import Fits
+from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.workflows.campaign import Campaign, Setup, poses_with_weight, true_cell
 from testbench.workflows.campaign import measure_markers as read
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import (
     DEFAULT,
@@ -45,7 +46,7 @@ from testbench.workflows.models import (
     with_priors,
     wrong_prior,
 )
-from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.own_estimator import Models
 from testbench.workflows.predicted_error import (
     Expected,
     forecast_summary,
@@ -257,29 +258,21 @@ class PlanErrorRow:
     data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
 
-def trials(
-    asked: PlanningSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
-) -> list[list[PlanErrorRow]]:
-    """Make the rows of some seeds; `asked` holds the plans.
+def trial(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
+    """Make the rows of a seed; `asked` holds the plans.
 
     Args:
+        cell: The arm with its model and its truth.
         asked: Settings of the study.
-        seeds: Seeds of the trials.
+        seed: Seed of the trial.
         own: Estimators of the user.
 
-    Returns:
-        Rows of every seed.
+    Yields:
+        The rows.
     """
-    cell = build_cell(find_arm(asked.arm))
-    bench, places = build_bench(cell, asked), (asked, elsewhere(asked))
-    models = estimator_models(own)
-    return [
-        [
-            *of_plans(bench, seed, models),
-            *(row for there in places for row in of_ground(cell, there, seed, models)),
-        ]
-        for seed in seeds
-    ]
+    yield from of_plans(build_bench(cell, asked), seed, own)
+    for there in (asked, elsewhere(asked)):
+        yield from of_ground(cell, there, seed, own)
 
 
 def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
@@ -360,18 +353,18 @@ def featured(
     Returns:
         The row.
     """
-    model = replace(model, name=f"{row.plan}, {row.fit}")
+    name = f"{row.plan}, {row.fit}"
     setup, tasks = setup_of(bench.asked), bench.tasks
     campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
-    result = score_estimate(bench.cell, campaign, model, estimate, estimate.solver_seconds)
-    [own] = campaign_rows(bench.cell, campaign, [result], "tubes", placed=False)
+    fits = Fits({name: [estimate]}, {name: estimate.solver_seconds}, [name] if model.filled else [])
+    [own] = campaign_rows(bench.cell, campaign, fits, "tubes", placed=False)
     row = replace(row, model=own)
     if row.plan != "test":
         return row
     return replace(
         row,
         each_task_mm=tuple(rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
-        each_place_mm=tuple((MM * result.places).tolist()),
+        each_place_mm=tuple(rms_mm(bench.off([estimate], bench.workspace)[0], 1).tolist()),
     )
 
 

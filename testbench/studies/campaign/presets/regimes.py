@@ -53,9 +53,8 @@ def tables(_: GridSettings) -> Mapping[str, TrialTable]:
     return maps | {"levels": levels, "pays": count}
 
 
-def _derived(_: GridSettings, trials: Trials) -> Trials:
-    """Pick fits without a prior; add GCO's error over theirs in the same fit, and the error to expect."""
-    own = trials.where(uncertainty=grids.NONE)
+def _derived(_: GridSettings, own: Trials) -> Trials:
+    """Add GCO's error over theirs in the same fit, and the error to expect."""
     kind = np.array([list(KINDS).index(part) for part in own["part"]])
     level = np.where(own["binds"], np.digitize(own["expected"], LEVELS), len(NAMES))
     code, gco = 10 * kind + level, own["name"] == GCO
@@ -130,7 +129,8 @@ PRESET = Preset(
     settings=grids.settings,
     seeds=(100, 2),
     row=grids.GridMethodRow,
-    trials=grids.trials,
+    trial=grids.trial,
+    shared=grids.cells,
     tables=tables,
     printed="gravity",
     cells=_cells,
