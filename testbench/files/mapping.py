@@ -55,8 +55,16 @@ class FileLayout(Strict):
     #: Whether lines of words name the rows below them, as "Loaded"; they become the column `section`.
     sections: bool = False
     average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
+    #: Columns of the name, the value and (optional) the unit of a quantity, if each row holds one quantity.
+    tidy: list[Text] = Field(default=[], max_length=3)
     #: Sheets of one workbook below each other; their names become the column `sheet`.
     sheets: list[Text] = Field(default=[], max_length=100)
+
+    @model_validator(mode="after")
+    def _named_and_valued(self) -> "FileLayout":
+        if len(self.tidy) == 1:
+            raise ValueError('expected tidy = ["name", "value"] or ["name", "value", "unit"]')
+        return self
 
 
 class AbsoluteLayout(Strict):

@@ -25,17 +25,19 @@ class Unit:
 
 INCH, POUND, STANDARD = 0.0254, 0.45359237, 9.80665
 """Of the inch [m], the pound [kg] and the acceleration that makes its force [m/s^2], exact by definition."""
-GON, GRAD = Unit("gon", "rad", math.pi / 200), Unit("grad", "rad", math.pi / 180)
+DEGREE = math.pi / 180  #: Of a radian.
+GON, GRAD = Unit("gon", "rad", math.pi / 200), Unit("grad", "rad", DEGREE)
 """GRAD is degrees in German, Spanish and Russian, and gon in English: `find_columns` settles it."""
 UNITS = (
     *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
     *(Unit(n, "m", s) for n, s in (("mil", 1e-3 * INCH), ("ft", 12 * INCH))),
-    *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", math.pi / 180))),
+    *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("mdeg", 1e-3 * DEGREE))),
+    *(Unit(n, "rad", s) for n, s in (("arcmin", DEGREE / 60), ("arcsec", DEGREE / 3600), ("rev", 2 * math.pi))),
     GON,
     *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
     Unit("kgf", "N", STANDARD),
     *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
-    *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND))),
+    *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND), ("g", 1e-3), ("t", 1e3))),
     *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
 )
 #: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
@@ -53,8 +55,16 @@ OTHERS = {
     "rad": "radian radians 弧度",
     "deg": "° degree degrees degré degrés grado grados gradi grau graus 度 도 градус градусы град",
     "gon": "gons gradian gradians",
-    "kg": "千克 公斤 кг",
+    "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours vuelta vueltas giri",
+    "mdeg": "millidegree millidegrees",
+    "arcmin": "arcminute arcminutes",
+    "arcsec": "arcsecond arcseconds",
+    "kg": "kilogram kilograms kilogramm kilogramme 千克 公斤 кг",
+    "g": "gram grams gramm",
+    "t": "tonne tonnes tonnen tonnellate toneladas 吨 тонн",
     "lb": "lbs",
+    "kgf": "kp",
+    "n": "newton newtons",
     "nm": "n*m n·m",
 }
 OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
@@ -62,6 +72,8 @@ OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.
 UNITS_BY_NAME = {unit.name.lower(): unit for unit in (*UNITS, GRAD)}
 PART = re.compile(r"(?P<under>1/)?(?P<number>\d+([.,]\d+)?)(?P<unit>[^\W\d]+)")
 """A part of a unit that an instrument counts by, such as 0.01 mm or 1/100 mm."""
+LETTERS = ("g", "t")
+"""Units of a letter that is more often a name: without brackets they count behind a mass only, as load_t."""
 MAX_NAME_LENGTH = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
@@ -101,7 +113,9 @@ def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
     for pattern in (BRACKETS,) if brackets else (BRACKETS, TAIL):
         if found := pattern.match(name):
             unit = find_unit(found[2])
-            if unit is not None and found[1]:
+            if unit is None or not found[1]:
+                continue
+            if pattern is BRACKETS or unit.name not in LETTERS or column_meaning(found[1]) == "mass":
                 return found[1], unit
     return None
 

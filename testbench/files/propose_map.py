@@ -919,7 +919,7 @@ def _joined(
     Returns:
         The table with the columns of the log; the entries of its points; those of the log; how it was read.
     """
-    rows, layout = _read(log, arm)
+    rows, layout, written = _read(log, arm)
     how, alone = _join(table, rows, fits, layout)
     table, points = _of_the_arm(table, alone)
     keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
@@ -928,7 +928,7 @@ def _joined(
         "parts": "names of the log are parts of the names here",
     }
     entries = [Entry("log", key, value, why.get(key, "")) for key, value in keys.items()]
-    entries += _layout_entries("log.table", layout)
+    entries += _file_entries("log.table", written)
     return join_log(table, rows, how), points, entries, (layout, rows)
 
 
@@ -958,10 +958,10 @@ def propose(
             joined to the log.
     """
     sheets = sheets_of(path, arm, layout) if loaded is None else []
-    table, fits = _read(path, arm, layout, sheets)
-    entries, every = [*_layout_entries("file", fits), *_file_entries(table, sheets)], [(fits, table)]
+    table, fits, file = _read(path, arm, layout, sheets)
+    entries, every = _file_entries("file", file), [(fits, table)]
     if loaded is not None:
-        table = with_loaded(table, _read(loaded, arm, layout)[0])
+        table = with_loaded(table, _read(loaded, arm, layout).table)
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
     above = fits.above if fits else _lines_above(table)
     patterns, loads = _loads_in_names(table, arm)
@@ -1057,37 +1057,67 @@ def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
     return fits_of(arm, series.q[some], series.position[some, 0], tried)[0]
 
 
-def _read(
-    path: Path, arm: Arm, layout: str | None = None, sheets: Sequence[str] = ()
-) -> tuple[TableCells, Fitting | None]:
+class _Read(NamedTuple):
+    """Hold a table and how it was read."""
+
+    table: TableCells
+    fits: Fitting | None  #: The layout that fits.
+    file: FileLayout  #: How the table is written.
+
+
+def _read(path: Path, arm: Arm, layout: str | None = None, sheets: Sequence[str] = ()) -> _Read:
     """Read a table by the layout that fits, else by the names of columns that are known."""
     place, joint = places(arm), joints_of(arm)
 
     def known(name: str) -> bool:
         return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
+    def read(**how: object) -> _Read:
+        other = file.model_copy(update=how)
+        return _Read(read_log(path, bool if fits else known, other), fits, other)
+
+    fits, file = None, FileLayout(sheets=[*sheets])
     if _lies(path, arm):
-        return read_log(path, known, FileLayout(transposed=True, sheets=[*sheets])), None
-    fits = fitting(path, arm, layout)
-    file = (fits.file if fits else FileLayout()).model_copy(update={"sheets": [*sheets]})
-    own = bool if fits else known
+        return read(transposed=True)
+    if fits := fitting(path, arm, layout):
+        file = fits.file.model_copy(update={"sheets": [*sheets]})
     try:
-        table = read_log(path, own, file)
+        found = read()
     except InputError:
         with contextlib.suppress(InputError):
-            table = read_log(path, own, file.model_copy(update={"sections": True}))
-            titles = list(dict.fromkeys(table.texts(len(table.names) - 1)))
+            titled = read(sections=True)
+            titles = list(dict.fromkeys(titled.table.texts(len(titled.table.names) - 1)))
             if all(map(state_of, titles)) or masses_in(titles) or _marked(titles, arm):
-                return table, fits
+                return titled
         raise
-    axes, lines = [*filter(place, table.names)], 1
-    while not fits and len({*filter(place, table.names)}) < len(axes) and lines < MAX_HEADER:
+    if fits:
+        return found
+    if tidy := _tidy(found.table, arm):
+        return read(tidy=tidy)
+    axes, lines = [*filter(place, found.table.names)], 1
+    while len({*axes}) < max(len(axes), len(XYZ)) and lines < MAX_HEADER:
         lines += 1  # merged cells in lines above may say which is which
         with contextlib.suppress(InputError):
-            wide = read_log(path, own, file.model_copy(update={"header": lines}))
-            if len({name for name in wide.names if place(MASS.sub(" ", name))}) == len(axes):
-                return wide, fits
-    return table, fits
+            wide = read(header=lines)
+            several = [name for name in wide.table.names if place(MASS.sub(" ", name))]
+            whole = len({*several}) == len(several) >= max(len(axes), len(XYZ))
+            if whole and (axes or joint_family(wide.table.names, arm)):
+                return wide
+    return found
+
+
+def _tidy(table: TableCells, arm: Arm) -> list[str]:
+    """Columns of the names, values and units of quantities, if each row holds one of them; else none."""
+    place, kinds = places(arm), [column_meaning(name) for name in table.names]
+    if "position" not in kinds or "axis" in kinds or any(map(place, table.names)):
+        return []
+    value = table.names[kinds.index("position")]
+    for k, name in enumerate(table.names):
+        found = {*map(place, {*table.texts(k)})}
+        if name != value and any(at and {at._replace(axis=axis) for axis in XYZ} <= found for at in found):
+            units = [own for own in table.names if UNIT_LABEL.fullmatch(own)][:1]
+            return [name, value, *units]
+    return []
 
 
 def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
@@ -1149,7 +1179,7 @@ def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
         InputError: If the workbook cannot be read.
     """
     names = sheets_with_tables(path)
-    first = _read(path, arm, layout)[0] if len(names) > 1 else None
+    first = _read(path, arm, layout).table if len(names) > 1 else None
     alike = [name for name in names if first is not None and _alike(first, _sheet(path, name), arm, layout)]
     states = [state_of(name) for name in alike]
     targets = {*map(squeeze, alike)} <= {*map(squeeze, arm.markers)}
@@ -1164,7 +1194,7 @@ def _sheet(path: Path, name: str) -> Path:
 def _alike(first: TableCells, path: Path, arm: Arm, layout: str | None) -> bool:
     """Whether a sheet has the columns of another one."""
     with contextlib.suppress(InputError):
-        _read(path, arm, layout)[0].cells_like(first)
+        _read(path, arm, layout).table.cells_like(first)
         return True
     return False
 
@@ -1184,22 +1214,21 @@ def _unit_in_cells(table: TableCells) -> str:
     return ""
 
 
-def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
-    """Where the table of a layout is, and how it is written."""
-    said = fits.file.model_dump(exclude_defaults=True, exclude_none=True) if fits else {}
-    return [Entry(table, key, value) for key, value in said.items() if (key, value) != ("skip", 0)]
+GUESSED_LAYOUT = {
+    "transposed": "the first column names the joints",
+    "tidy": "each row holds one quantity: its name and its value",
+}
+"""Why the layout of a file is as it was found."""
 
 
-def _file_entries(table: TableCells, sheets: Sequence[str]) -> Iterator[Entry]:
-    """How a table was read where no layout says it."""
-    if sheets:
-        yield Entry("file", "sheets", [*sheets])
-    if table.names[-1:] == (SECTION,):
-        yield Entry("file", "sections", True)
-    if table.transposed:
-        yield Entry("file", "transposed", True, "the first column names the joints")
-    if table.head > 1:
-        yield Entry("file", "header", table.head)
+def _file_entries(table: str, file: FileLayout) -> list[Entry]:
+    """Where a table is, and how it is written, as far as a map has to say it."""
+    said = file.model_dump(exclude_defaults=True, exclude_none=True)
+    return [
+        Entry(table, key, value, GUESSED_LAYOUT.get(key, ""))
+        for key, value in said.items()
+        if (key, value) != ("skip", 0)
+    ]
 
 
 @dataclass
