@@ -407,7 +407,7 @@ class Place(NamedTuple):
     """Describe a column of positions: target, state and axis."""
 
     target: str  #: As the name has it, plain; "" where it names none.
-    when: str  #: "before", "after", or "" where it says no state.
+    when: str  #: "before", "after" or DEFLECTION; "" where it says no state.
     axis: str
 
     def ours(self, targets: Mapping[str, str]) -> str:
@@ -482,19 +482,44 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
     markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
     states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
     target = "|".join([*map(re.escape, markers), KNOWN_EXPORTS["places"]["target"]])
-    words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN_EXPORTS['places']['said']}")
+    moved, said = (KNOWN_EXPORTS["places"][kind] for kind in ("moved", "said"))
+    words = re.compile(rf"(?P<target>{target})|(?P<when>{states}|{moved})|{said}")
 
     def place(name: str) -> Place | None:
         text = plain(name)
         for k in (k for k, axis in enumerate(text) if axis in XYZ):
-            found = [match for part in (text[:k], text[k + 1 :]) for match in words.finditer(part)]
+            found = [*words.finditer(f"{text[:k]} {text[k + 1 :]}")]
             targets, whens = ([m[kind] for m in found if m[kind]] for kind in ("target", "when"))
             whole = sum(len(m[0]) for m in found) == len(text) - 1
             if whole and len(targets) < 2 and len(whens) < 2:
-                return Place("".join(targets), STATE_OF_WORD["".join(whens)] if whens else "", text[k])
+                when = STATE_OF_WORD.get(whens[0], DEFLECTION) if whens else ""
+                return Place("".join(targets), when, text[k])
         return None
 
     return place
+
+
+def numbered_places(names: Sequence[str], place: Callable[[str], Place | None]) -> dict[str, Place]:
+    """Find positions whose axes are numbered, such as pos_1, pos_2, pos_3.
+
+    Args:
+        names: Names of all columns.
+        place: Function that finds target and state in a name, from `places`.
+
+    Returns:
+        Target, state and axis of each such name; a family of other numbers than three in turn has none.
+    """
+    numbered = re.compile(rf"(?P<rest>.*?)(?:{KNOWN_EXPORTS['places']['numbered']})(?P<n>\d+)")
+    families = dict[str, dict[int, str]]()
+    for name in names:
+        if own := numbered.fullmatch(plain(name)):
+            families.setdefault(own["rest"], {})[int(own["n"])] = name
+    found = dict[str, Place]()
+    for rest, own in families.items():
+        at = place(f"{rest}x") if rest else Place("", "", "x")
+        if at and sorted(own) in ([0, 1, 2], [1, 2, 3]):
+            found |= {own[n]: at._replace(axis=axis) for n, axis in zip(sorted(own), XYZ, strict=True)}
+    return found
 
 
 def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:

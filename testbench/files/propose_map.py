@@ -8,7 +8,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -51,6 +51,7 @@ from testbench.files.names import (
     joint_family,
     joints_of,
     looks_like,
+    numbered_places,
     places,
     plain,
     series_names,
@@ -89,6 +90,7 @@ from testbench.files.text import (
 # --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
 
 WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
+POSITION = re.compile("positions?", re.IGNORECASE)
 GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
@@ -118,6 +120,8 @@ UNREADABLE = (
     ),
 )
 """Names of columns that hold no positions, and what to do."""
+DEVIATION = re.compile("d(elta)?[xyz]|δ[xyz]")  #: Of a deflection, or of a deviation from a drawn place.
+MOVED = "every row is loaded: X is taken as unloaded, and dX as loaded minus unloaded"
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
 SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
@@ -418,11 +422,28 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
     """The columns of joints by their names."""
     if joints := joint_family(table.names, arm):
         unit, why = angle_unit(table, joints)
+        if names := _names_beside(table, joints):
+            how = Ordered(names=names, values=_pattern(table.names[joints[0]]), unit=unit[1:])  # type: ignore[arg-type]
+            yield from _ordered(how, table, arm)
+            return
         for joint, k in zip(arm.file_joints, joints, strict=True):
             own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
             yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
     elif arm.file_joints:
         yield _joint_cells(table, arm)
+
+
+def _names_beside(table: TableCells, joints: Sequence[int]) -> str:
+    """Numbered columns that name the joints beside those of their positions, as ROS does; "" without them."""
+    values = _pattern(table.names[joints[0]])
+    names = POSITION.sub("name", values)
+    return names if names != values and {*numbered(names, len(joints))} <= {*table.names} else ""
+
+
+def _pattern(name: str) -> str:
+    """The name of the first of numbered columns for all of them, such as "position_{n0}"."""
+    *_, last = NUMBER.finditer(name)
+    return f"{name[: last.start()]}{{{'n' if int(last[0]) else 'n0'}}}{name[last.end() :]}"
 
 
 def _unlike(table: TableCells, what: str) -> InputError:
@@ -443,34 +464,32 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
 
     Names that say a state come before those that do not, names of several targets before those of none.
     """
-    place, found, why = places(arm), dict[Place, list[int]](), ""
+    place = places(arm)
+    by_number, found, why = numbered_places(table.names, place), dict[Place, list[int]](), ""
     for k, name in enumerate(table.names):
-        if at := place(name):
+        if at := place(name) or by_number.get(name):
             found.setdefault(at, []).append(k)
-    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
+    if by_number:
+        why = "numbers count the axes x, y, z"
+    said = list[Entry]()
     if (hung := _one_load(table, arm)) and not mass_columns(table):
-        loaded = {
-            at: [k]
-            for k, name in enumerate(table.names)
-            if (at := place(MASS.sub(" ", name))) and MASS.search(name)
-        }
-        both = {at: found[at] for at in loaded if at in found}
-        found = {at._replace(when="before"): own for at, own in both.items()}
-        found |= {at._replace(when="after"): loaded[at] for at in both}
-        why, said = (
-            f"{hung[0]} {hung[1]} in the names of some columns alone",
-            [Entry("values", f"mass_{hung[1]}", hung[0])],
-        )
+        found, why = _by_one_load(table, place, found), f"{hung[0]} {hung[1]} in the names of some columns alone"
+        said = [Entry("values", f"mass_{hung[1]}", hung[0])]
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
         found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
+    if moved := _unloaded_and_moved(table, found):
+        found, why = moved, MOVED
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
-    whole = [p for p in whole if p.when] or whole
+    whole = [p for p in whole if p.when in STATES or (p.when and p._replace(when="before") in whole)] or [
+        p for p in whole if not p.when
+    ]
     targets = list(dict.fromkeys(p.target for p in whole if p.target))
     bare = any(not p.target for p in whole)
     if bare and len(targets) < 2:
         targets = [""]
     elif bare:
         whole = [p for p in whole if p.target]
+    names = {plain(marker): marker for marker in arm.markers} | {"": ""}
     if not {*targets} <= {*names}:
         own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
         markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
@@ -481,6 +500,20 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         said.append(Entry("series", "markers", markers, because))
     kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
     return {p.ours(names): found[p] for p in kept}, said, why
+
+
+def _unloaded_and_moved(table: TableCells, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
+    """Columns X and dX as unloaded positions and deflections, if every row is loaded; else none.
+
+    Without a load, dX may be a deviation from a drawn place, unless its name says a deflection.
+    """
+    moved = {at: own for at, own in found.items() if at.when == DEFLECTION}
+    bare = {at._replace(when="before"): own for at, own in found.items() if not at.when}
+    clear = any(not DEVIATION.search(plain(table.names[k])) for own in moved.values() for k in own)
+    loaded = bool(mass_columns(table)) and not _by_states(table)
+    if not moved or not (loaded or clear) or any(at.when in STATES for at in found):
+        return {}
+    return {at: own for at, own in bare.items() if at._replace(when=DEFLECTION) in moved} | moved
 
 
 def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
@@ -494,6 +527,20 @@ def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
     return masses.pop() if len(masses) == 1 else None
 
 
+def _by_one_load(
+    table: TableCells, place: Callable[[str], Place | None], found: Mapping[Place, list[int]]
+) -> dict[Place, list[int]]:
+    """Columns as unloaded and loaded, if the names of the loaded ones have a load and the others none."""
+    loaded = {
+        at: [k]
+        for k, name in enumerate(table.names)
+        if (at := place(MASS.sub(" ", name))) and MASS.search(name)
+    }
+    both = {at: found[at] for at in loaded if at in found}
+    unloaded = {at._replace(when="before"): own for at, own in both.items()}
+    return unloaded | {at._replace(when="after"): loaded[at] for at in both}
+
+
 def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
     """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
     markers = {*map(squeeze, arm.markers)}
@@ -502,11 +549,11 @@ def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]
         return {}
     own = {at: columns for at, columns in found.items() if at.target in ("0", "1") and not at.when}
     if {at.target for at in own} == {"0"}:
-        names = {plain(name): k for k, name in enumerate(table.names)}
-        moved = {axis: names.get(f"d{axis}", names.get(f"delta{axis}")) for axis in XYZ}
-        own |= {Place("", DEFLECTION, axis): [k] for axis, k in moved.items() if k is not None}
-    states = {"0": "before", "1": "after", "": DEFLECTION}
-    named = {at._replace(target="", when=states[at.target]): columns for at, columns in own.items()}
+        own |= {at: columns for at, columns in found.items() if at.when == DEFLECTION and not at.target}
+    states = {"0": "before", "1": "after"}
+    named = {
+        at._replace(target="", when=at.when or states[at.target]): columns for at, columns in own.items()
+    }
     return named if len(named) == 2 * len(XYZ) else {}
 
 
