@@ -248,7 +248,7 @@ def our_names(arm: Arm) -> dict[str, Slot]:
         found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
     for what in ("force", "moment", "point", "covariance", "deviation", "direction", "fixed"):
         found |= _without_unit(columns_of(what))
-    found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma")}
+    found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma"), "travel": Slot("travel")}
     for when, words in STATES.items():
         for word in words:
             found |= {

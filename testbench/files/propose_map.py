@@ -32,7 +32,7 @@ from testbench.files.beside import (
 from testbench.files.columns import listed
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
 from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
-from testbench.files.mapping import LOAD, FileLayout, Log, Map, Named, read_map, without_load
+from testbench.files.mapping import HOLE, FileLayout, Log, Map, Named, read_map, without_holes
 from testbench.files.names import (
     BRACKETS,
     DEFLECTION,
@@ -71,7 +71,7 @@ from testbench.files.rearranged import (
     numbers_in,
     parts_in,
     read_log,
-    stack_loads,
+    stack_columns,
     times_of,
     with_loaded,
 )
@@ -122,6 +122,7 @@ UNREADABLE = (
 """Names of columns that hold no positions, and what to do."""
 DEVIATION = re.compile("d(elta)?[xyz]|δ[xyz]")  #: Of a deflection, or of a deviation from a drawn place.
 MOVED = "every row is loaded: X is taken as unloaded, and dX as loaded minus unloaded"
+DIRECTED = "world axes, along which readings grow"
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
 SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
@@ -214,26 +215,29 @@ def _lines(table: TableCells) -> Iterator[Entry]:
         where = "direction" if what == "travel" else "fixed"
         states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
         reading = re.compile(rf"(?:{own['reading']})?(?P<when>{states})(?:{own['reading']})?")
-        bare = what == "travel" and letters
+        beside = re.compile(own["beside"])
+        axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
+        directed = what == "travel" and (bool(letters) or {*axes} == {*XYZ})
         read = {
             STATE_OF_WORD[match["when"]]: name
             for text, name in names.items()
-            if (match := reading.fullmatch(text)) and (bare or match["when"] != text)
-            if column_meaning(name) != "mass"
+            if (match := reading.fullmatch(text)) and (directed or match["when"] != text)
+            if column_meaning(name) not in ("mass", "state")
         }
         why = ""
-        if what == "travel" and not read and not _by_states(table):
+        if what == "travel" and not read:
             alone = [name for text, name in names.items() if text and re.fullmatch(own["reading"], text)]
-            read, why = {"after": alone[0]} if len(alone) == 1 else {}, "the gauge is at zero unloaded"
-        beside = re.compile(own["beside"])
-        axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
-        if ({*read} == {*STATES} or (why and read)) and ({*axes} == {*XYZ} or bare):
-            yield from (Entry("columns", f"{what}_{when}", name, why) for when, name in read.items())
+            by_states = _by_states(table)
+            read = {"" if by_states else "after": alone[0]} if len(alone) == 1 else {}
+            why = "" if by_states else "the gauge is at zero unloaded"
+        whole = {*read} == {*STATES} or (what == "travel" and len(read) == 1 and {*read} <= {"", "after"})
+        if whole and ({*axes} == {*XYZ} or directed):
+            keys = ("_".join(filter(None, (what, when))) for when in read)
+            yield from (Entry("columns", key, name, why) for key, name in zip(keys, read.values(), strict=True))
             if {*axes} == {*XYZ}:
                 yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
             else:
-                said = "world axes, along which readings grow"
-                yield Entry("cells", letters, f"{{{DIRECTION}}}", said)
+                yield Entry("cells", letters, f"{{{DIRECTION}}}", DIRECTED)
             return
 
 
@@ -1012,8 +1016,9 @@ def propose(
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
     above = fits.above if fits else _lines_above(table)
     patterns, loads = _loads_in_names(table, arm)
+    patterns = patterns or _gauges_in_names(table, arm)
     if patterns:
-        table = stack_loads(table, patterns, loads)
+        table = stack_columns(table, patterns, loads, arm.markers)
     if log is None:
         joint = joints_of(arm)
         joints = [k for k, name in enumerate(table.names) if joint(name)]
@@ -1035,17 +1040,23 @@ def propose(
             stated.order(one, source, arm)
     entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
     entries += names_by_cells(table, arm, stated.names)
-    named = {without_load(pattern): pattern for pattern in patterns}
-    entries = [
-        own._replace(value=named[own.value]) if isinstance(own.value, str) and own.value in named else own
-        for own in entries
-    ]
+    named = {without_holes(pattern): pattern for pattern in patterns}
+    entries = [_with_holes(own, named) for own in entries]
     asked = ""
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
         entries += turned
     layouts = tuple(_called(one) for one, _ in every if one)
     return Proposal(tuple(entries), layouts, asked)
+
+
+def _with_holes(entry: Entry, named: Mapping[str, str]) -> Entry:
+    """A line of the map by the pattern of the columns that were stacked; the line itself of another column."""
+    pattern = named.get(entry.value, "") if isinstance(entry.value, str) else ""
+    if not pattern:
+        return entry
+    why = f"{DIRECTED} (in the names)" if f"{{{DIRECTION}}}" in pattern else ""
+    return entry._replace(value=pattern, why="; ".join(filter(None, [entry.why, why])))
 
 
 def _orientations(
@@ -1187,12 +1198,41 @@ def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
             stated.append(k)
     _refuse_twice(table, stated)
     for pattern in patterns:
-        before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
+        before, after = (squeeze(part) for part in HOLE.sub("{", pattern).split("{"))
         for name in map(squeeze, table.names):
             word = name.removeprefix(before).removesuffix(after)
             if f"{before}{word}{after}" == name and STATE_OF_WORD.get(word) == "before":
                 loads.add(word)
     return ([*patterns], sorted(loads)) if len(loads) > 1 else ([], [])
+
+
+def _gauges_in_names(table: TableCells, arm: Arm) -> list[str]:
+    """Find columns of gauges whose names state a direction and perhaps a target, such as "Gauge P1 -Z [mm]".
+
+    Returns:
+        Their names with places for these, such as "Gauge {marker} {direction} [mm]"; none if there are whole
+        positions, or neither names nor rows tell that these are gauges.
+    """
+    place = places(arm)
+    found = {*map(place, table.names)} - {None}
+    if any(at and {at._replace(axis=axis) for axis in XYZ} <= found for at in found):
+        return []
+    markers = "|".join(map(re.escape, sorted(arm.markers, key=len, reverse=True)))
+    part = re.compile(
+        rf"(?<![^\W_])(?P<marker>{markers})(?![^\W_])"
+        r"|(?<![^\s_(\[])(?P<direction>[+-]? ?[xyz] ?[+-]?)(?![^\s_)\]])",
+        re.IGNORECASE,
+    )
+    states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
+    reading = KNOWN_EXPORTS["lines"]["travel"]["reading"]
+    wanted = re.compile(rf"(?:{reading})?(?P<when>{states})?(?:{reading})?")
+    patterns = dict[str, None]()
+    for name in table.names:
+        parts = [own.lastgroup for own in part.finditer(name)]
+        rest = wanted.fullmatch(plain(part.sub(" ", name)))
+        if "direction" in parts and len({*parts}) == len(parts) and rest and rest[0]:
+            patterns[part.sub(lambda own: f"{{{own.lastgroup}}}", name)] = None
+    return [*patterns]
 
 
 def _lies(path: Path, arm: Arm) -> bool:

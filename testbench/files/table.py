@@ -239,13 +239,14 @@ class TableCells:
             source=source,
         )
 
-    def stacked(self, columns: Mapping[str, Sequence[int]], name: str, words: Sequence[str]) -> "TableCells":
+    def stacked(
+        self, columns: Mapping[str, Sequence[int]], labels: Mapping[str, Sequence[str]]
+    ) -> "TableCells":
         """Put columns below each other; the rows of all other columns are repeated.
 
         Args:
             columns: Places of the columns that become one, by its name; all of n columns.
-            name: Name of the new column that tells them apart.
-            words: Its n cells.
+            labels: The n cells of each new column that tells them apart, by its name.
 
         Returns:
             The table, with n times as many rows.
@@ -253,15 +254,16 @@ class TableCells:
         gone = {k for places in columns.values() for k in places}
         kept = [k for k in range(len(self.names)) if k not in gone]
         first = [places[0] for places in columns.values()]
-        whole = self.take(np.tile(np.arange(self.rows), len(words)))
+        count = len(next(iter(columns.values())))
+        whole = self.take(np.tile(np.arange(self.rows), count))
         return replace(
             whole,
-            names=(*(self.names[k] for k in kept), *columns, name),
-            units=(*(self.units[k] for k in (*kept, *first)), None),
+            names=(*(self.names[k] for k in kept), *columns, *labels),
+            units=(*(self.units[k] for k in (*kept, *first)), *[None] * len(labels)),
             cells=[
                 *(whole.cells[k] for k in kept),
                 *(pa.concat_arrays([self.cells[k] for k in places]) for places in columns.values()),
-                pa.array(np.repeat(words, self.rows).tolist(), pa.string()),
+                *(pa.array(np.repeat(words, self.rows).tolist(), pa.string()) for words in labels.values()),
             ],
         )
 
