@@ -190,7 +190,8 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         *((our, columns, our if our == "axis" else "") for our, columns in readings.items()),
         *((our, known[theirs], theirs) for theirs, our in others.items() if theirs in known),
     ):
-        alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
+        places = [own[0] for name, own in readings.items() if DEFLECTION not in name]
+        alike = places if our in readings else columns[:1]
         unit, why = length_unit(table, columns[0], alike, kind, length)
         left = ", ".join(repr(table.names[k]) for k in columns[1:])
         told = stated if our in readings else ""
@@ -481,6 +482,9 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         said = [Entry("values", f"mass_{hung[1]}", hung[0])]
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
         found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
+    elif {at.target for at in found} == {"0"} and len(arm.markers) > 1 and _names_targets(table, arm):
+        problem = "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ"
+        raise table.header_error(f"{problem}; columns are {listed(table.names)}")
     if moved := _unloaded_and_moved(table, found):
         found, why = moved, MOVED
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
@@ -545,11 +549,16 @@ def _by_one_load(
     return unloaded | {at._replace(when="after"): loaded[at] for at in both}
 
 
-def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
-    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
+def _names_targets(table: TableCells, arm: Arm) -> bool:
+    """Whether a column holds names of several of the arm's markers, and no other ones."""
     markers = {*map(squeeze, arm.markers)}
     texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
-    if len(markers) > 1 and not any(len(own) > 1 and own <= markers for own in texts):
+    return any(len(own) > 1 and own <= markers for own in texts)
+
+
+def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
+    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
+    if len(arm.markers) > 1 and not _names_targets(table, arm):
         return {}
     own = {at: columns for at, columns in found.items() if at.target in ("0", "1") and not at.when}
     if {at.target for at in own} == {"0"}:
