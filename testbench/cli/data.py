@@ -159,7 +159,7 @@ def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
 
 def _pairs(runs: ReadingOptions, cell: Cell, mapping: Map) -> bool:
     """Whether the readings of a file are in pairs, unloaded and loaded."""
-    if any(key.startswith(("travel_", "distance_before")) for key in mapping.columns):
+    if any(key.startswith(("travel", "distance_before")) for key in mapping.columns):
         return True
     series = read_series(runs.dataset, cell.arm, mapping, load=runs.load).series
     return any(own.wrench.any() for own in series)

@@ -267,13 +267,14 @@ wrong."""
 class FileLines:
     """Hold the readings along lines of a table; rows of positions hold none."""
 
-    number: Array  #: Readings unloaded and loaded, (2, rows) [m]; NaN in other rows, or where lost.
+    number: Array  #: Readings unloaded and loaded, (rows, 2) [m]; NaN in other rows, or where lost.
     gauge: Mask  #: Rows of gauges, (rows,).
     meter: Mask  #: Rows of distances, (rows,).
     direction: Array  #: Directions of gauges, unit vectors, (rows, 3) [1]; the x axis in other rows.
     tilt: Array  #: Their standard deviations, (rows,) [rad].
     fixed: Array  #: Fixed points of distances, (rows, 3) [m]; NaN in other rows.
     fixed_sigma: Array  #: Their standard deviations, (rows,) [m].
+    by_state: bool  #: Whether a row holds the reading of one state; the number of the other one is NaN.
     notes: tuple[str, ...]  #: Assumptions that were made.
 
     @property
@@ -282,11 +283,12 @@ class FileLines:
         return self.gauge | self.meter
 
 
-def read_lines(columns: Columns) -> FileLines | None:
+def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
     """Read travels and distances.
 
     Args:
         columns: The columns of the file.
+        loaded: Whether the arm was loaded, (rows,), where each row holds one state.
 
     Returns:
         The readings; None without columns for them.
@@ -298,6 +300,9 @@ def read_lines(columns: Columns) -> FileLines | None:
         return None
     table, notes = columns.table, list[str]()
     travel, distance = _numbers(columns, "travel"), _numbers(columns, "distance")
+    if one_state := columns.get(Slot("travel")):
+        values = columns.values(one_state)
+        travel = np.array([np.where(loaded == state, values, np.nan) for state in (False, True)])
     (fixed, _), (direction, axes) = _triple(columns, "fixed"), _triple(columns, "direction")
     # What a row is: the one of the two kinds whose direction or fixed point it states.
     gauge, meter = (np.asarray(np.isfinite(own).all(axis=1)) for own in (direction, fixed))
@@ -313,13 +318,14 @@ def read_lines(columns: Columns) -> FileLines | None:
     direction = np.where(gauge[:, None], direction / np.maximum(length, 1e-300)[:, None], (1.0, 0.0, 0.0))
     tilt = _deviation(columns, "tilt", gauge, (TILT, MAX_TILT), notes)
     fixed_sigma = _deviation(columns, "fixed_sigma", meter, (FIXED, MAX_FIXED), notes)
-    number = np.where(gauge, travel, np.where(meter, distance, np.nan))
+    number = np.where(gauge, travel, np.where(meter, distance, np.nan)).T
     kinds = (
         f"{gauge.sum()} travels of gauges" * bool(gauge.any()),
         f"{meter.sum()} distances" * bool(meter.any()),
     )
     notes.insert(0, f"{' and '.join(filter(None, kinds))}: one number each, along a line")
-    return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, tuple(notes))
+    by_state = one_state is not None
+    return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, by_state, tuple(notes))
 
 
 @dataclass(frozen=True)

@@ -257,6 +257,9 @@ def _with_header(fits: Fitting, divided: _Divided, arm: Arm) -> list[Fitting]:
     header = next((row for row in divided.rows if wanted <= row.names), None)
     if header is None or not _says(fits.layout, above := divided.before(header.line)):
         return []
+    below = next((row for row in divided.rows if row.line > header.line), header)
+    if not divided.mark.strip(" ") and len(below.cells) != len(header.cells):
+        return []  # blanks stand within names too
     found = replace(fits, file=fits.file.model_copy(update={"skip": header.line}), above=above)
     return _with_targets(found, header, divided, arm) if fits.layout.targets else [found]
 

@@ -7,11 +7,11 @@ from itertools import pairwise
 from testbench.files.names import state_of
 
 TERM = re.compile(
-    r"(?<![\d.,])(?:(?P<count>\d+)\s*[x×*]\s*)?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)\b",
+    r"(?<![\d.,])(?:(?P<count>\d+)\s*[x×*]\s*)?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?|t)\b",
     re.IGNORECASE,
 )
 """A mass in a text, such as "with 150 kg", or several equal ones, such as "3 x 50 kg"."""
-THOUSANDS = re.compile(r"(?<![\d.,])[1-9][.,' \u00a0\u202f]\d{3}(?:[.,]\d+)?\s*(?:kg|lb)", re.IGNORECASE)
+THOUSANDS = re.compile(r"(?<![\d.,])[1-9][.,' \u00a0\u202f]\d{3}(?:[.,]\d+)?\s*(?:kg|lb|t\b)", re.IGNORECASE)
 """A mass that may be one or a thousand: "1,000 lb"."""
 COUNTED = re.compile(r"(?<![\w.,])\d+\s+(?:[^\W\d]+\s+)*@?\s*$")
 """A number before a mass that may count it, as in "2 plates of 20 kg"; that of "Load 2: 20 kg" does not."""

@@ -55,8 +55,16 @@ class FileLayout(Strict):
     #: Whether lines of words name the rows below them, as "Loaded"; they become the column `section`.
     sections: bool = False
     average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
+    #: Columns of the name, the value and (optional) the unit of a quantity, if each row holds one quantity.
+    tidy: list[Text] = Field(default=[], max_length=3)
     #: Sheets of one workbook below each other; their names become the column `sheet`.
     sheets: list[Text] = Field(default=[], max_length=100)
+
+    @model_validator(mode="after")
+    def _named_and_valued(self) -> "FileLayout":
+        if len(self.tidy) == 1:
+            raise ValueError('expected tidy = ["name", "value"] or ["name", "value", "unit"]')
+        return self
 
 
 class AbsoluteLayout(Strict):
@@ -129,21 +137,20 @@ class Map(Strict):
     scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
 
 
-LOAD = re.compile(
-    r"\{(mass_[a-z]+)\}"
-)  #: In the name of a column, in place of the load that the name states.
+HOLE = re.compile(r"\{(mass_[a-z]+|marker|direction)\}")
+"""In the name of a column, in place of what only the name states: a load, or target and direction of a gauge."""
 
 
-def without_load(name: str) -> str:
-    """Remove the place of a load from the name of columns that differ in nothing else.
+def without_holes(name: str) -> str:
+    """Remove the places of a load, a target and a direction from a name.
 
     Args:
-        name: The name, such as "X {mass_kg} [mm]".
+        name: The name of columns that differ in nothing else, such as "X {mass_kg} [mm]".
 
     Returns:
-        The name without it, such as "X [mm]".
+        The name without them, such as "X [mm]".
     """
-    return " ".join(LOAD.sub(" ", name).split())
+    return " ".join(HOLE.sub(" ", name).split())
 
 
 @dataclass(frozen=True)
@@ -169,7 +176,7 @@ class Names:
     ignored: frozenset[str]  #: Squeezed names of points that are no markers.
     values: Mapping[Slot, tuple[float, Unit]]  #: Constants and their units.
     cells: Mapping[str, tuple[str, ...]]  #: Patterns of what cells hold together, by their column.
-    by_load: tuple[str, ...]  #: Names of columns with the place of the load in them, one for every quantity.
+    stacked: tuple[str, ...]  #: Names of columns with places of a load, a target or a direction in them.
     lost: Mapping[str, str]  #: What stands for a lost target: a blank.
     loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
@@ -279,7 +286,7 @@ def read_map(
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
         cells={header: as_tuple(patterns) for header, patterns in found.cells.items()},
-        by_load=_by_load(where, found, choices),
+        stacked=_stacked(where, found, ours, choices),
         lost=dict.fromkeys(lost, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
         markers=arm.markers,
@@ -363,7 +370,8 @@ def _columns(
         for name in as_tuple(names):
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
-                known, their = recognise(our, ours), without_load(their)
+                known = recognise(our, ours)
+                their = without_holes(their) if _may_have_holes(known, their) else their
                 if known is None and "{" not in their and recognise(our, others):
                     continue
                 if known is None or "{" in their:
@@ -382,18 +390,28 @@ def _columns(
     return named
 
 
-def _by_load(path: Path, found: Map, choices: Mapping[str, list[tuple[str, Words]]]) -> tuple[str, ...]:
-    """The names of columns that state a load, with the place of the load and no other placeholder."""
-    if several := [key for key, name in found.optional.items() if LOAD.search(" ".join(as_tuple(name)))]:
+def _may_have_holes(known: tuple[Slot, Unit | None] | None, name: str) -> bool:
+    """Whether a column may state in its name what the places in its pattern say: only gauges name targets so."""
+    of_gauge = known is not None and known[0].what == "travel"
+    return of_gauge or {*HOLE.findall(name)}.isdisjoint({"marker", "direction"})
+
+
+def _stacked(
+    path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
+) -> tuple[str, ...]:
+    """The names of columns that differ in a load, a target or a direction, with its place in them."""
+    if several := [key for key, name in found.optional.items() if HOLE.search(" ".join(as_tuple(name)))]:
         problem = "expected the place of a load in a name of [columns] alone"
         raise InputError(path, f"optional.{several[0]}", problem)
     patterns = list[str]()
     for key, names in found.columns.items():
         for name in as_tuple(names):
-            if len(LOAD.findall(name)) > 1:
-                raise InputError(path, f"columns.{key}", f"expected one place of a load, got {name!r}")
-            theirs = (their for _, their in expand(key, name.removeprefix("-"), choices))
-            patterns += [their for their in theirs if LOAD.search(their)]
+            for our, their in expand(key, name.removeprefix("-"), choices):
+                holes = HOLE.findall(their)
+                if len({*holes}) < len(holes) or sum(hole.startswith("mass_") for hole in holes) > 1:
+                    problem = f"expected each place of a load, a target or a direction once, got {name!r}"
+                    raise InputError(path, f"columns.{key}", problem)
+                patterns += [their] * bool(holes and _may_have_holes(recognise(our, ours), their))
     return tuple(patterns)
 
 

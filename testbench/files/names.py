@@ -25,17 +25,22 @@ class Unit:
 
 INCH, POUND, STANDARD = 0.0254, 0.45359237, 9.80665
 """Of the inch [m], the pound [kg] and the acceleration that makes its force [m/s^2], exact by definition."""
-GON, GRAD = Unit("gon", "rad", math.pi / 200), Unit("grad", "rad", math.pi / 180)
+DEGREE = math.pi / 180  #: Of a radian.
+GON, GRAD = Unit("gon", "rad", math.pi / 200), Unit("grad", "rad", DEGREE)
 """GRAD is degrees in German, Spanish and Russian, and gon in English: `find_columns` settles it."""
 UNITS = (
     *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
     *(Unit(n, "m", s) for n, s in (("mil", 1e-3 * INCH), ("ft", 12 * INCH))),
-    *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", math.pi / 180))),
+    *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("mdeg", 1e-3 * DEGREE))),
+    *(
+        Unit(n, "rad", s)
+        for n, s in (("arcmin", DEGREE / 60), ("arcsec", DEGREE / 3600), ("rev", 2 * math.pi))
+    ),
     GON,
     *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
     Unit("kgf", "N", STANDARD),
     *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
-    *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND))),
+    *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND), ("g", 1e-3), ("t", 1e3))),
     *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
 )
 #: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
@@ -53,8 +58,16 @@ OTHERS = {
     "rad": "radian radians 弧度",
     "deg": "° degree degrees degré degrés grado grados gradi grau graus 度 도 градус градусы град",
     "gon": "gons gradian gradians",
-    "kg": "千克 公斤 кг",
+    "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours vuelta vueltas giri",
+    "mdeg": "millidegree millidegrees",
+    "arcmin": "arcminute arcminutes",
+    "arcsec": "arcsecond arcseconds",
+    "kg": "kilogram kilograms kilogramm kilogramme 千克 公斤 кг",
+    "g": "gram grams gramm",
+    "t": "tonne tonnes tonnen tonnellate toneladas 吨 тонн",
     "lb": "lbs",
+    "kgf": "kp",
+    "n": "newton newtons",
     "nm": "n*m n·m",
 }
 OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
@@ -62,6 +75,8 @@ OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.
 UNITS_BY_NAME = {unit.name.lower(): unit for unit in (*UNITS, GRAD)}
 PART = re.compile(r"(?P<under>1/)?(?P<number>\d+([.,]\d+)?)(?P<unit>[^\W\d]+)")
 """A part of a unit that an instrument counts by, such as 0.01 mm or 1/100 mm."""
+LETTERS = ("g", "t")
+"""Units of a letter that is more often a name: without brackets they count behind a mass only, as load_t."""
 MAX_NAME_LENGTH = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
@@ -101,7 +116,9 @@ def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
     for pattern in (BRACKETS,) if brackets else (BRACKETS, TAIL):
         if found := pattern.match(name):
             unit = find_unit(found[2])
-            if unit is not None and found[1]:
+            if unit is None or not found[1]:
+                continue
+            if pattern is BRACKETS or unit.name not in LETTERS or column_meaning(found[1]) == "mass":
                 return found[1], unit
     return None
 
@@ -234,7 +251,7 @@ def our_names(arm: Arm) -> dict[str, Slot]:
         found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
     for what in ("force", "moment", "point", "covariance", "deviation", "direction", "fixed"):
         found |= _without_unit(columns_of(what))
-    found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma")}
+    found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma"), "travel": Slot("travel")}
     for when, words in STATES.items():
         for word in words:
             found |= {
@@ -393,7 +410,7 @@ class Place(NamedTuple):
     """Describe a column of positions: target, state and axis."""
 
     target: str  #: As the name has it, plain; "" where it names none.
-    when: str  #: "before", "after", or "" where it says no state.
+    when: str  #: "before", "after" or DEFLECTION; "" where it says no state.
     axis: str
 
     def ours(self, targets: Mapping[str, str]) -> str:
@@ -468,19 +485,44 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
     markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
     states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
     target = "|".join([*map(re.escape, markers), KNOWN_EXPORTS["places"]["target"]])
-    words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN_EXPORTS['places']['said']}")
+    moved, said = (KNOWN_EXPORTS["places"][kind] for kind in ("moved", "said"))
+    words = re.compile(rf"(?P<target>{target})|(?P<when>{states}|{moved})|{said}")
 
     def place(name: str) -> Place | None:
         text = plain(name)
         for k in (k for k, axis in enumerate(text) if axis in XYZ):
-            found = [match for part in (text[:k], text[k + 1 :]) for match in words.finditer(part)]
+            found = [*words.finditer(f"{text[:k]} {text[k + 1 :]}")]
             targets, whens = ([m[kind] for m in found if m[kind]] for kind in ("target", "when"))
             whole = sum(len(m[0]) for m in found) == len(text) - 1
             if whole and len(targets) < 2 and len(whens) < 2:
-                return Place("".join(targets), STATE_OF_WORD["".join(whens)] if whens else "", text[k])
+                when = STATE_OF_WORD.get(whens[0], DEFLECTION) if whens else ""
+                return Place("".join(targets), when, text[k])
         return None
 
     return place
+
+
+def numbered_places(names: Sequence[str], place: Callable[[str], Place | None]) -> dict[str, Place]:
+    """Find positions whose axes are numbered, such as pos_1, pos_2, pos_3.
+
+    Args:
+        names: Names of all columns.
+        place: Function that finds target and state in a name, from `places`.
+
+    Returns:
+        Target, state and axis of each such name; a family of other numbers than three in turn has none.
+    """
+    numbered = re.compile(rf"(?P<rest>.*?)(?:{KNOWN_EXPORTS['places']['numbered']})(?P<n>\d+)")
+    families = dict[str, dict[int, str]]()
+    for name in names:
+        if own := numbered.fullmatch(plain(name)):
+            families.setdefault(own["rest"], {})[int(own["n"])] = name
+    found = dict[str, Place]()
+    for rest, own in families.items():
+        at = place(f"{rest}x") if rest else Place("", "", "x")
+        if at and sorted(own) in ([0, 1, 2], [1, 2, 3]):
+            found |= {own[n]: at._replace(axis=axis) for n, axis in zip(sorted(own), XYZ, strict=True)}
+    return found
 
 
 def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:

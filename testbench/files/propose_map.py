@@ -8,7 +8,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -32,7 +32,7 @@ from testbench.files.beside import (
 from testbench.files.columns import listed
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
 from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
-from testbench.files.mapping import LOAD, FileLayout, Log, Map, Named, read_map, without_load
+from testbench.files.mapping import HOLE, FileLayout, Log, Map, Named, read_map, without_holes
 from testbench.files.names import (
     BRACKETS,
     DEFLECTION,
@@ -51,6 +51,7 @@ from testbench.files.names import (
     joint_family,
     joints_of,
     looks_like,
+    numbered_places,
     places,
     plain,
     series_names,
@@ -70,7 +71,7 @@ from testbench.files.rearranged import (
     numbers_in,
     parts_in,
     read_log,
-    stack_loads,
+    stack_columns,
     times_of,
     with_loaded,
 )
@@ -89,6 +90,7 @@ from testbench.files.text import (
 # --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
 
 WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
+POSITION = re.compile("positions?", re.IGNORECASE)
 GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
@@ -118,6 +120,9 @@ UNREADABLE = (
     ),
 )
 """Names of columns that hold no positions, and what to do."""
+DEVIATION = re.compile("d(elta)?[xyz]|δ[xyz]")  #: Of a deflection, or of a deviation from a drawn place.
+MOVED = "every row is loaded: X is taken as unloaded, and dX as loaded minus unloaded"
+DIRECTED = "world axes, along which readings grow"
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
 SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
@@ -185,7 +190,8 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         *((our, columns, our if our == "axis" else "") for our, columns in readings.items()),
         *((our, known[theirs], theirs) for theirs, our in others.items() if theirs in known),
     ):
-        alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
+        places = [own[0] for name, own in readings.items() if DEFLECTION not in name]
+        alike = places if our in readings else columns[:1]
         unit, why = length_unit(table, columns[0], alike, kind, length)
         left = ", ".join(repr(table.names[k]) for k in columns[1:])
         told = stated if our in readings else ""
@@ -210,26 +216,31 @@ def _lines(table: TableCells) -> Iterator[Entry]:
         where = "direction" if what == "travel" else "fixed"
         states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
         reading = re.compile(rf"(?:{own['reading']})?(?P<when>{states})(?:{own['reading']})?")
-        bare = what == "travel" and letters
+        beside = re.compile(own["beside"])
+        axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
+        directed = what == "travel" and (bool(letters) or {*axes} == {*XYZ})
         read = {
             STATE_OF_WORD[match["when"]]: name
             for text, name in names.items()
-            if (match := reading.fullmatch(text)) and (bare or match["when"] != text)
-            if column_meaning(name) != "mass"
+            if (match := reading.fullmatch(text)) and (directed or match["when"] != text)
+            if column_meaning(name) not in ("mass", "state")
         }
         why = ""
-        if what == "travel" and not read and not _by_states(table):
+        if what == "travel" and not read:
             alone = [name for text, name in names.items() if text and re.fullmatch(own["reading"], text)]
-            read, why = {"after": alone[0]} if len(alone) == 1 else {}, "the gauge is at zero unloaded"
-        beside = re.compile(own["beside"])
-        axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
-        if ({*read} == {*STATES} or (why and read)) and ({*axes} == {*XYZ} or bare):
-            yield from (Entry("columns", f"{what}_{when}", name, why) for when, name in read.items())
+            by_states = _by_states(table)
+            read = {"" if by_states else "after": alone[0]} if len(alone) == 1 else {}
+            why = "" if by_states else "the gauge is at zero unloaded"
+        whole = {*read} == {*STATES} or (what == "travel" and len(read) == 1 and {*read} <= {"", "after"})
+        if whole and ({*axes} == {*XYZ} or directed):
+            keys = ("_".join(filter(None, (what, when))) for when in read)
+            yield from (
+                Entry("columns", key, name, why) for key, name in zip(keys, read.values(), strict=True)
+            )
             if {*axes} == {*XYZ}:
                 yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
             else:
-                said = "world axes, along which readings grow"
-                yield Entry("cells", letters, f"{{{DIRECTION}}}", said)
+                yield Entry("cells", letters, f"{{{DIRECTION}}}", DIRECTED)
             return
 
 
@@ -418,11 +429,28 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
     """The columns of joints by their names."""
     if joints := joint_family(table.names, arm):
         unit, why = angle_unit(table, joints)
+        if names := _names_beside(table, joints):
+            how = Ordered(names=names, values=_pattern(table.names[joints[0]]), unit=unit[1:])  # type: ignore[arg-type]
+            yield from _ordered(how, table, arm)
+            return
         for joint, k in zip(arm.file_joints, joints, strict=True):
             own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
             yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
     elif arm.file_joints:
         yield _joint_cells(table, arm)
+
+
+def _names_beside(table: TableCells, joints: Sequence[int]) -> str:
+    """Numbered columns that name the joints beside those of their positions, as ROS does; "" without them."""
+    values = _pattern(table.names[joints[0]])
+    names = POSITION.sub("name", values)
+    return names if names != values and {*numbered(names, len(joints))} <= {*table.names} else ""
+
+
+def _pattern(name: str) -> str:
+    """The name of the first of numbered columns for all of them, such as "position_{n0}"."""
+    *_, last = NUMBER.finditer(name)
+    return f"{name[: last.start()]}{{{'n' if int(last[0]) else 'n0'}}}{name[last.end() :]}"
 
 
 def _unlike(table: TableCells, what: str) -> InputError:
@@ -443,34 +471,38 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
 
     Names that say a state come before those that do not, names of several targets before those of none.
     """
-    place, found, why = places(arm), dict[Place, list[int]](), ""
+    place = places(arm)
+    by_number, found, why = numbered_places(table.names, place), dict[Place, list[int]](), ""
     for k, name in enumerate(table.names):
-        if at := place(name):
+        if at := place(name) or by_number.get(name):
             found.setdefault(at, []).append(k)
-    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
+    if by_number:
+        why = "numbers count the axes x, y, z"
+    said = list[Entry]()
     if (hung := _one_load(table, arm)) and not mass_columns(table):
-        loaded = {
-            at: [k]
-            for k, name in enumerate(table.names)
-            if (at := place(MASS.sub(" ", name))) and MASS.search(name)
-        }
-        both = {at: found[at] for at in loaded if at in found}
-        found = {at._replace(when="before"): own for at, own in both.items()}
-        found |= {at._replace(when="after"): loaded[at] for at in both}
-        why, said = (
+        found, why = (
+            _by_one_load(table, place, found),
             f"{hung[0]} {hung[1]} in the names of some columns alone",
-            [Entry("values", f"mass_{hung[1]}", hung[0])],
         )
+        said = [Entry("values", f"mass_{hung[1]}", hung[0])]
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
         found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
+    elif {at.target for at in found} == {"0"} and len(arm.markers) > 1 and _names_targets(table, arm):
+        problem = "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ"
+        raise table.header_error(f"{problem}; columns are {listed(table.names)}")
+    if moved := _unloaded_and_moved(table, found):
+        found, why = moved, MOVED
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
-    whole = [p for p in whole if p.when] or whole
+    whole = [p for p in whole if p.when in STATES or (p.when and p._replace(when="before") in whole)] or [
+        p for p in whole if not p.when
+    ]
     targets = list(dict.fromkeys(p.target for p in whole if p.target))
     bare = any(not p.target for p in whole)
     if bare and len(targets) < 2:
         targets = [""]
     elif bare:
         whole = [p for p in whole if p.target]
+    names = {plain(marker): marker for marker in arm.markers} | {"": ""}
     if not {*targets} <= {*names}:
         own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
         markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
@@ -481,6 +513,20 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         said.append(Entry("series", "markers", markers, because))
     kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
     return {p.ours(names): found[p] for p in kept}, said, why
+
+
+def _unloaded_and_moved(table: TableCells, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
+    """Columns X and dX as unloaded positions and deflections, if every row is loaded; else none.
+
+    Without a load, dX may be a deviation from a drawn place, unless its name says a deflection.
+    """
+    moved = {at: own for at, own in found.items() if at.when == DEFLECTION}
+    bare = {at._replace(when="before"): own for at, own in found.items() if not at.when}
+    clear = any(not DEVIATION.search(plain(table.names[k])) for own in moved.values() for k in own)
+    loaded = bool(mass_columns(table)) and not _by_states(table)
+    if not moved or not (loaded or clear) or any(at.when in STATES for at in found):
+        return {}
+    return {at: own for at, own in bare.items() if at._replace(when=DEFLECTION) in moved} | moved
 
 
 def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
@@ -494,19 +540,38 @@ def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
     return masses.pop() if len(masses) == 1 else None
 
 
-def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
-    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
+def _by_one_load(
+    table: TableCells, place: Callable[[str], Place | None], found: Mapping[Place, list[int]]
+) -> dict[Place, list[int]]:
+    """Columns as unloaded and loaded, if the names of the loaded ones have a load and the others none."""
+    loaded = {
+        at: [k]
+        for k, name in enumerate(table.names)
+        if (at := place(MASS.sub(" ", name))) and MASS.search(name)
+    }
+    both = {at: found[at] for at in loaded if at in found}
+    unloaded = {at._replace(when="before"): own for at, own in both.items()}
+    return unloaded | {at._replace(when="after"): loaded[at] for at in both}
+
+
+def _names_targets(table: TableCells, arm: Arm) -> bool:
+    """Whether a column holds names of several of the arm's markers, and no other ones."""
     markers = {*map(squeeze, arm.markers)}
     texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
-    if len(markers) > 1 and not any(len(own) > 1 and own <= markers for own in texts):
+    return any(len(own) > 1 and own <= markers for own in texts)
+
+
+def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
+    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
+    if len(arm.markers) > 1 and not _names_targets(table, arm):
         return {}
     own = {at: columns for at, columns in found.items() if at.target in ("0", "1") and not at.when}
     if {at.target for at in own} == {"0"}:
-        names = {plain(name): k for k, name in enumerate(table.names)}
-        moved = {axis: names.get(f"d{axis}", names.get(f"delta{axis}")) for axis in XYZ}
-        own |= {Place("", DEFLECTION, axis): [k] for axis, k in moved.items() if k is not None}
-    states = {"0": "before", "1": "after", "": DEFLECTION}
-    named = {at._replace(target="", when=states[at.target]): columns for at, columns in own.items()}
+        own |= {at: columns for at, columns in found.items() if at.when == DEFLECTION and not at.target}
+    states = {"0": "before", "1": "after"}
+    named = {
+        at._replace(target="", when=at.when or states[at.target]): columns for at, columns in own.items()
+    }
     return named if len(named) == 2 * len(XYZ) else {}
 
 
@@ -919,7 +984,7 @@ def _joined(
     Returns:
         The table with the columns of the log; the entries of its points; those of the log; how it was read.
     """
-    rows, layout = _read(log, arm)
+    rows, layout, written = _read(log, arm)
     how, alone = _join(table, rows, fits, layout)
     table, points = _of_the_arm(table, alone)
     keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
@@ -928,7 +993,7 @@ def _joined(
         "parts": "names of the log are parts of the names here",
     }
     entries = [Entry("log", key, value, why.get(key, "")) for key, value in keys.items()]
-    entries += _layout_entries("log.table", layout)
+    entries += _file_entries("log.table", written)
     return join_log(table, rows, how), points, entries, (layout, rows)
 
 
@@ -958,15 +1023,16 @@ def propose(
             joined to the log.
     """
     sheets = sheets_of(path, arm, layout) if loaded is None else []
-    table, fits = _read(path, arm, layout, sheets)
-    entries, every = [*_layout_entries("file", fits), *_file_entries(table, sheets)], [(fits, table)]
+    table, fits, file = _read(path, arm, layout, sheets)
+    entries, every = _file_entries("file", file), [(fits, table)]
     if loaded is not None:
-        table = with_loaded(table, _read(loaded, arm, layout)[0])
+        table = with_loaded(table, _read(loaded, arm, layout).table)
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
     above = fits.above if fits else _lines_above(table)
     patterns, loads = _loads_in_names(table, arm)
+    patterns = patterns or _gauges_in_names(table, arm)
     if patterns:
-        table = stack_loads(table, patterns, loads)
+        table = stack_columns(table, patterns, loads, arm.markers)
     if log is None:
         joint = joints_of(arm)
         joints = [k for k, name in enumerate(table.names) if joint(name)]
@@ -988,17 +1054,23 @@ def propose(
             stated.order(one, source, arm)
     entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
     entries += names_by_cells(table, arm, stated.names)
-    named = {without_load(pattern): pattern for pattern in patterns}
-    entries = [
-        own._replace(value=named[own.value]) if isinstance(own.value, str) and own.value in named else own
-        for own in entries
-    ]
+    named = {without_holes(pattern): pattern for pattern in patterns}
+    entries = [_with_holes(own, named) for own in entries]
     asked = ""
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
         entries += turned
     layouts = tuple(_called(one) for one, _ in every if one)
     return Proposal(tuple(entries), layouts, asked)
+
+
+def _with_holes(entry: Entry, named: Mapping[str, str]) -> Entry:
+    """A line of the map by the pattern of the columns that were stacked; the line itself of another column."""
+    pattern = named.get(entry.value, "") if isinstance(entry.value, str) else ""
+    if not pattern:
+        return entry
+    why = f"{DIRECTED} (in the names)" if f"{{{DIRECTION}}}" in pattern else ""
+    return entry._replace(value=pattern, why="; ".join(filter(None, [entry.why, why])))
 
 
 def _orientations(
@@ -1057,37 +1129,67 @@ def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
     return fits_of(arm, series.q[some], series.position[some, 0], tried)[0]
 
 
-def _read(
-    path: Path, arm: Arm, layout: str | None = None, sheets: Sequence[str] = ()
-) -> tuple[TableCells, Fitting | None]:
+class _Read(NamedTuple):
+    """Hold a table and how it was read."""
+
+    table: TableCells
+    fits: Fitting | None  #: The layout that fits.
+    file: FileLayout  #: How the table is written.
+
+
+def _read(path: Path, arm: Arm, layout: str | None = None, sheets: Sequence[str] = ()) -> _Read:
     """Read a table by the layout that fits, else by the names of columns that are known."""
     place, joint = places(arm), joints_of(arm)
 
     def known(name: str) -> bool:
         return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
+    def read(**how: object) -> _Read:
+        other = file.model_copy(update=how)
+        return _Read(read_log(path, bool if fits else known, other), fits, other)
+
+    fits, file = None, FileLayout(sheets=[*sheets])
     if _lies(path, arm):
-        return read_log(path, known, FileLayout(transposed=True, sheets=[*sheets])), None
-    fits = fitting(path, arm, layout)
-    file = (fits.file if fits else FileLayout()).model_copy(update={"sheets": [*sheets]})
-    own = bool if fits else known
+        return read(transposed=True)
+    if fits := fitting(path, arm, layout):
+        file = fits.file.model_copy(update={"sheets": [*sheets]})
     try:
-        table = read_log(path, own, file)
+        found = read()
     except InputError:
         with contextlib.suppress(InputError):
-            table = read_log(path, own, file.model_copy(update={"sections": True}))
-            titles = list(dict.fromkeys(table.texts(len(table.names) - 1)))
+            titled = read(sections=True)
+            titles = list(dict.fromkeys(titled.table.texts(len(titled.table.names) - 1)))
             if all(map(state_of, titles)) or masses_in(titles) or _marked(titles, arm):
-                return table, fits
+                return titled
         raise
-    axes, lines = [*filter(place, table.names)], 1
-    while not fits and len({*filter(place, table.names)}) < len(axes) and lines < MAX_HEADER:
+    if fits:
+        return found
+    if tidy := _tidy(found.table, arm):
+        return read(tidy=tidy)
+    axes, lines = [*filter(place, found.table.names)], 1
+    while len({*axes}) < max(len(axes), len(XYZ)) and lines < MAX_HEADER:
         lines += 1  # merged cells in lines above may say which is which
         with contextlib.suppress(InputError):
-            wide = read_log(path, own, file.model_copy(update={"header": lines}))
-            if len({name for name in wide.names if place(MASS.sub(" ", name))}) == len(axes):
-                return wide, fits
-    return table, fits
+            wide = read(header=lines)
+            several = [name for name in wide.table.names if place(MASS.sub(" ", name))]
+            whole = len({*several}) == len(several) >= max(len(axes), len(XYZ))
+            if whole and (axes or joint_family(wide.table.names, arm)):
+                return wide
+    return found
+
+
+def _tidy(table: TableCells, arm: Arm) -> list[str]:
+    """Columns of the names, values and units of quantities, if each row holds one of them; else none."""
+    place, kinds = places(arm), [column_meaning(name) for name in table.names]
+    if "position" not in kinds or "axis" in kinds or any(map(place, table.names)):
+        return []
+    value = table.names[kinds.index("position")]
+    for k, name in enumerate(table.names):
+        found = {*map(place, {*table.texts(k)})}
+        if name != value and any(at and {at._replace(axis=axis) for axis in XYZ} <= found for at in found):
+            units = [own for own in table.names if UNIT_LABEL.fullmatch(own)][:1]
+            return [name, value, *units]
+    return []
 
 
 def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
@@ -1110,12 +1212,41 @@ def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
             stated.append(k)
     _refuse_twice(table, stated)
     for pattern in patterns:
-        before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
+        before, after = (squeeze(part) for part in HOLE.sub("{", pattern).split("{"))
         for name in map(squeeze, table.names):
             word = name.removeprefix(before).removesuffix(after)
             if f"{before}{word}{after}" == name and STATE_OF_WORD.get(word) == "before":
                 loads.add(word)
     return ([*patterns], sorted(loads)) if len(loads) > 1 else ([], [])
+
+
+def _gauges_in_names(table: TableCells, arm: Arm) -> list[str]:
+    """Find columns of gauges whose names state a direction and perhaps a target, such as "Gauge P1 -Z [mm]".
+
+    Returns:
+        Their names with places for these, such as "Gauge {marker} {direction} [mm]"; none if there are whole
+        positions, or neither names nor rows tell that these are gauges.
+    """
+    place = places(arm)
+    found = {*map(place, table.names)} - {None}
+    if any(at and {at._replace(axis=axis) for axis in XYZ} <= found for at in found):
+        return []
+    markers = "|".join(map(re.escape, sorted(arm.markers, key=len, reverse=True)))
+    part = re.compile(
+        rf"(?<![^\W_])(?P<marker>{markers})(?![^\W_])"
+        r"|(?<![^\s_(\[])(?P<direction>[+-]? ?[xyz] ?[+-]?)(?![^\s_)\]])",
+        re.IGNORECASE,
+    )
+    states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
+    reading = KNOWN_EXPORTS["lines"]["travel"]["reading"]
+    wanted = re.compile(rf"(?:{reading})?(?P<when>{states})?(?:{reading})?")
+    patterns = dict[str, None]()
+    for name in table.names:
+        parts = [own.lastgroup for own in part.finditer(name)]
+        rest = wanted.fullmatch(plain(part.sub(" ", name)))
+        if "direction" in parts and len({*parts}) == len(parts) and rest and rest[0]:
+            patterns[part.sub(lambda own: f"{{{own.lastgroup}}}", name)] = None
+    return [*patterns]
 
 
 def _lies(path: Path, arm: Arm) -> bool:
@@ -1149,7 +1280,7 @@ def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
         InputError: If the workbook cannot be read.
     """
     names = sheets_with_tables(path)
-    first = _read(path, arm, layout)[0] if len(names) > 1 else None
+    first = _read(path, arm, layout).table if len(names) > 1 else None
     alike = [name for name in names if first is not None and _alike(first, _sheet(path, name), arm, layout)]
     states = [state_of(name) for name in alike]
     targets = {*map(squeeze, alike)} <= {*map(squeeze, arm.markers)}
@@ -1164,7 +1295,7 @@ def _sheet(path: Path, name: str) -> Path:
 def _alike(first: TableCells, path: Path, arm: Arm, layout: str | None) -> bool:
     """Whether a sheet has the columns of another one."""
     with contextlib.suppress(InputError):
-        _read(path, arm, layout)[0].cells_like(first)
+        _read(path, arm, layout).table.cells_like(first)
         return True
     return False
 
@@ -1184,22 +1315,21 @@ def _unit_in_cells(table: TableCells) -> str:
     return ""
 
 
-def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
-    """Where the table of a layout is, and how it is written."""
-    said = fits.file.model_dump(exclude_defaults=True, exclude_none=True) if fits else {}
-    return [Entry(table, key, value) for key, value in said.items() if (key, value) != ("skip", 0)]
+GUESSED_LAYOUT = {
+    "transposed": "the first column names the joints",
+    "tidy": "each row holds one quantity: its name and its value",
+}
+"""Why the layout of a file is as it was found."""
 
 
-def _file_entries(table: TableCells, sheets: Sequence[str]) -> Iterator[Entry]:
-    """How a table was read where no layout says it."""
-    if sheets:
-        yield Entry("file", "sheets", [*sheets])
-    if table.names[-1:] == (SECTION,):
-        yield Entry("file", "sections", True)
-    if table.transposed:
-        yield Entry("file", "transposed", True, "the first column names the joints")
-    if table.head > 1:
-        yield Entry("file", "header", table.head)
+def _file_entries(table: str, file: FileLayout) -> list[Entry]:
+    """Where a table is, and how it is written, as far as a map has to say it."""
+    said = file.model_dump(exclude_defaults=True, exclude_none=True)
+    return [
+        Entry(table, key, value, GUESSED_LAYOUT.get(key, ""))
+        for key, value in said.items()
+        if (key, value) != ("skip", 0)
+    ]
 
 
 @dataclass

@@ -266,10 +266,11 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | N
         InputError: Names line and column.
     """
     # Three columns per marker and state; rows may also name the marker ("long") or the state.
-    blocks = (
-        _blocks(columns) if lines is None or columns.all_of("reading") else {("", when): [] for when in WHEN}
-    )
-    if lines is not None and set(blocks) != {("", when) for when in WHEN}:
+    along: dict[tuple[str, str], list[ReadColumn]] = {}
+    if lines is not None:
+        along = {("", when): [] for when in ("",) * lines.by_state or WHEN}
+    blocks = _blocks(columns) if lines is None or columns.all_of("reading") else along
+    if lines is not None and blocks.keys() != along.keys():
         problem = "travel and distance: expected one row per run and marker, positions as before and after"
         raise columns.table.header_error(problem)
     everyone = np.arange(columns.table.rows)
@@ -287,7 +288,7 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | N
         after = np.full(len(everyone), when != "before") if state is None else state
         position = _positions(columns, triple) if triple else np.full((len(everyone), 3), np.nan)
         if lines is not None:
-            number = lines.number[WHEN.index(when)][:, None] * lines.direction
+            number = lines.number[everyone, after.astype(int)][:, None] * lines.direction
             problem = "expected a position or a reading along a line, got both"
             columns.table.refuse(lines.rows & ~np.isnan(position).any(axis=1), "", problem)
             position = np.where(lines.rows[:, None], number, position)
@@ -522,13 +523,16 @@ class Paired:
     notes: tuple[str, ...]  #: Assumptions that were made.
 
 
-def pair(table: TableCells, conditions: RowConditions, read: FileReadings) -> Paired:
+def pair(
+    table: TableCells, conditions: RowConditions, read: FileReadings, gauge: Ids | None = None
+) -> Paired:
     """Pair unloaded and loaded readings of a table to runs.
 
     Args:
         table: The table.
         conditions: Poses, loads and states of its rows.
         read: Readings of its rows.
+        gauge: Which of the gauges that touch a marker in turn each row is of, (rows,); None without gauges.
 
     Returns:
         The runs.
@@ -541,7 +545,7 @@ def pair(table: TableCells, conditions: RowConditions, read: FileReadings) -> Pa
         marker[read.row] = read.marker
     if read.paired:
         return _in_one_row(table, conditions, read, marker)
-    return _state_by_state(table, conditions, read, marker)
+    return _state_by_state(table, conditions, read, marker, gauge)
 
 
 def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids) -> Paired:
@@ -567,7 +571,22 @@ def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings
     return Paired(first, run, first[code], before, after, notes)
 
 
-def _state_by_state(table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids) -> Paired:
+def _gauges(conditions: RowConditions, read: FileReadings, lines: FileLines) -> Ids:
+    """Number the directions along which each marker is read in a pose, in their order, (rows,)."""
+    marker = read.marker[: len(lines.gauge)]
+    point = number_rows(conditions.pose, conditions.station, conditions.run, marker).tolist()
+    found, gauge = dict[int, list[bytes]](), np.zeros(len(point), dtype=int)
+    for row, (own, direction) in enumerate(zip(point, lines.direction, strict=True)):
+        before = found.setdefault(own, [])
+        if (key := direction.tobytes()) not in before:
+            before.append(key)
+        gauge[row] = before.index(key)
+    return gauge
+
+
+def _state_by_state(
+    table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids, gauge: Ids | None
+) -> Paired:
     """Pair readings if a row holds one state; an unloaded one serves its run, or all loads of its pose."""
     own, loaded = conditions, np.zeros(table.rows, dtype=bool)
     loaded[read.row] = read.after
@@ -580,7 +599,7 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")
     # Number readings of one pose, load and state; unloaded rows have no load.
     load = np.column_stack([own.wrench, own.point]) * loaded[:, None]
-    code = number_rows(own.pose, own.station, own.run, loaded, load)
+    code = number_rows(own.pose, own.station, own.run, loaded, load, gauge)
     if own.run is None:
         code = _repeated(table, code, marker)
     again = repeats(code, marker) > 0
@@ -588,7 +607,7 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
     first, position = first_rows(code), readings_by_group(read, code)
     # Find the unloaded reading of every loaded one; joints must not move in between.
     hung, idle = np.flatnonzero(loaded[first]), np.flatnonzero(~loaded[first])
-    row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung])
+    row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung], gauge)
     held = _check_held(table, own.q, row, first[idle[unloaded]])
     # Number the runs, and note what was assumed.
     notes = list[str]()
@@ -624,7 +643,7 @@ def _repeated(table: TableCells, code: Ids, marker: Ids) -> Ids:
     return number_rows(code, again)
 
 
-def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids) -> Ids:
+def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids, gauge: Ids | None) -> Ids:
     """Find the unloaded reading of each loaded one, (runs,): that of the run, else of the pose.
 
     Args:
@@ -632,11 +651,13 @@ def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids)
         conditions: Conditions of every row.
         idle: First rows of the unloaded readings, in the order of the file.
         rows: First rows of the loaded readings.
+        gauge: Gauge of every row, which reads both; None without gauges.
     """
-    found = _last(number_rows(conditions.pose, conditions.station), idle, rows)
+    found = _last(number_rows(conditions.pose, conditions.station, gauge), idle, rows)
     of_run = np.full(len(rows), -1)
     if conditions.run is not None:
-        of_run = _last(number_rows(conditions.pose, conditions.station, conditions.run), idle, rows)
+        key = number_rows(conditions.pose, conditions.station, conditions.run, gauge)
+        of_run = _last(key, idle, rows)
     if conditions.taken_off is not None:
         for row in rows[conditions.taken_off[rows] & (of_run < 0)][:1]:
             raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
@@ -769,9 +790,9 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     # Conditions and positions of every row, then pairs of unloaded and loaded readings.
     conditions = read_conditions(columns, arm)
     untold = untold_readings(columns)
-    lines = read_lines(columns)
+    lines = read_lines(columns, _states(columns, conditions.loaded))
     read = read_readings(columns, arm, conditions.loaded, lines)
-    runs = pair(columns.table, conditions, read)
+    runs = pair(columns.table, conditions, read, None if lines is None else _gauges(conditions, read, lines))
     _check_once(columns, conditions, runs, read)
     own = select_rows(conditions, runs.row)
     # Noise: one sigma for the file, or a covariance per reading; lost targets have zero weight.
@@ -824,10 +845,12 @@ def _with_lines(
 ) -> Dataset:
     """Give runs the directions of their readings along lines, and every reading the sigma of its row."""
     runs, read = places
-    at, lost = (np.searchsorted(runs.row, runs.leader), read.marker[: len(sigma)]), ~data.seen
-    placed = place_lines(lines, arm, data.markers, data.q, at)
+    # Of rows of one state, those of the loaded readings hold the conditions of their run.
+    some, lost = np.isin(runs.leader, runs.row), ~data.seen
+    at = np.searchsorted(runs.row, runs.leader[some]), read.marker[: len(some)][some]
+    placed = place_lines(select_rows(lines, some), arm, data.markers, data.q, at)
     own, along = np.full(lost.shape, data.sigma), np.asarray(placed.direction.any(axis=2) & ~lost)[..., None]
-    own[at] = sigma
+    own[at] = sigma[some]
     P = np.eye(3) / (2 * own[..., None, None] ** 2) * ~lost[..., None, None]
     P = P if covariances is None else covariances
     meter = placed.reach[..., None] > 0  # read along the x axis before its direction was known

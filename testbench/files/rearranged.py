@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.document import is_decimal
 from testbench.errors import Array, Ids, InputError
 from testbench.files.languages import FLAGS, Language, PointText, Source, known_languages, read_points
-from testbench.files.mapping import LOAD, FileLayout, Log, Named, Names, without_load
+from testbench.files.mapping import HOLE, FileLayout, Log, Named, Names, without_holes
 from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze
 from testbench.files.table import TableCells, read_table, table_of
 from testbench.files.text import SHEET, read_letters
@@ -150,33 +150,47 @@ FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
 """Ways of writing a time, of which the first that fits a whole column counts; "" for seconds and ISO 8601."""
 
 
-def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[str]) -> TableCells:
-    """Put columns that differ in nothing but the load in their names below each other, load by load.
+def stack_columns(
+    table: TableCells, patterns: Sequence[str], loads: Collection[str], markers: Collection[str]
+) -> TableCells:
+    """Put columns below each other that differ in nothing but a load, a target or a direction in their names.
 
     Args:
         table: The table.
-        patterns: Names with the place of the load, such as "X {mass_kg} [mm]"; those that no column has count
-            only if none of them has any.
-        words: Loads in words; a load may also be a number.
+        patterns: Names with these places, such as "X {mass_kg} [mm]" or "Gauge {marker} {direction} [mm]";
+            those that no column has count only if none of them has any.
+        loads: Loads in words; a load may also be a number.
+        markers: Names of the targets.
 
     Returns:
-        The table with one column per pattern, called as it without the load, and the column of the loads.
+        The table with one column per pattern, called as it without the places, and columns of what these
+        say: the loads, the targets, and the components of the directions.
 
     Raises:
-        InputError: If no pattern has columns, or those of one are of other loads than those of another, or
+        InputError: If no pattern has columns, or those of one differ in other words than those of another, or
             have several units.
     """
-    names, stacked = [squeeze(name) for name in table.names], dict[str, dict[str, int]]()
-    known = {*map(squeeze, words)}
+    names, stacked = [_joined(name) for name in table.names], dict[str, dict[tuple[str, ...], int]]()
+    words = {"marker": {*map(squeeze, markers)}, "": {*map(squeeze, loads)}}
+
+    def says(hole: str, text: str) -> bool:
+        if hole == DIRECTION:
+            return SIGNED_AXIS.fullmatch(text) is not None
+        return squeeze(text) in words.get(hole, words[""]) or (hole != "marker" and is_decimal(text))
+
+    holes = dict.fromkeys(hole for pattern in patterns for hole in HOLE.findall(pattern))
     for pattern in dict.fromkeys(patterns):
-        before, after = (squeeze(part) for part in LOAD.sub("{", pattern).split("{"))
-        inner = re.compile(f"{re.escape(before)}(?P<load>.+){re.escape(after)}")
-        every = {match["load"]: k for k, name in enumerate(names) if (match := inner.fullmatch(name))}
-        found = {load: k for load, k in every.items() if load in known or is_decimal(load)}
+        literal, own = HOLE.split(pattern)[::2], HOLE.split(pattern)[1::2]
+        parts = [re.escape(_joined(text)) for text in literal]
+        groups = [r"([+-]?[xyz][+-]?)" if hole == DIRECTION else "(.+?)" for hole in own]
+        inner = re.compile("".join(a + b for a, b in zip(parts, [*groups, ""], strict=True)))
+        every = {match.groups(): k for k, name in enumerate(names) if (match := inner.fullmatch(name))}
+        found = {texts: k for texts, k in every.items() if all(map(says, own, texts))}
         first = next(iter(stacked.values()), found)
         if found and {*found} != {*first}:
-            problem = f"expected columns {pattern!r} of the loads {', '.join(first)}"
-            raise table.header_error(f"{problem}, got {', '.join(found)}")
+            both = (", ".join(" ".join(texts) for texts in keys) for keys in (first, found))
+            problem = "expected columns {!r} of {}, got {}".format(pattern, *both)
+            raise table.header_error(problem)
         units = {unit.name if (unit := table.units[k]) else "none" for k in found.values()}
         if len(units) > 1:
             problem = f"expected one unit of all columns {pattern!r}, got {', '.join(sorted(units))}"
@@ -186,10 +200,21 @@ def stack_loads(table: TableCells, patterns: Sequence[str], words: Collection[st
     if not stacked:
         problem = f"expected columns {patterns[0]!r} of several loads, as numbers or in [words], got none"
         raise table.header_error(problem)
-    loads = list(next(iter(stacked.values())))
-    hole = next(match[1] for pattern in patterns if (match := LOAD.search(pattern)))
-    columns = {without_load(pattern): [found[load] for load in loads] for pattern, found in stacked.items()}
-    return table.stacked(columns, hole, loads)
+    keys = list(next(iter(stacked.values())))
+    columns = {without_holes(pattern): [found[key] for key in keys] for pattern, found in stacked.items()}
+    labels = dict[str, list[str]]()
+    for hole, texts in zip(holes, zip(*keys, strict=True), strict=True):
+        if hole == DIRECTION:
+            vectors = [_direction(text) or {} for text in texts]
+            labels |= {part: [vector[part] for vector in vectors] for part in vectors[0]}
+        else:
+            labels[hole] = [*texts]
+    return table.stacked(columns, labels)
+
+
+def _joined(text: str) -> str:
+    """A name without case and blanks; hyphens stay, which may be signs."""
+    return re.sub(r"[\s_]+", "", text).casefold()
 
 
 def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
@@ -207,7 +232,8 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     Raises:
         InputError: If a pattern is invalid, or a cell fits none of its patterns.
     """
-    table = stack_loads(table, names.by_load, names.loads) if names.by_load else table
+    if names.stacked:
+        table = stack_columns(table, names.stacked, names.loads, names.markers)
     read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
         place, wholes = f"cells.{header}", []

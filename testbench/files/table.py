@@ -239,13 +239,14 @@ class TableCells:
             source=source,
         )
 
-    def stacked(self, columns: Mapping[str, Sequence[int]], name: str, words: Sequence[str]) -> "TableCells":
+    def stacked(
+        self, columns: Mapping[str, Sequence[int]], labels: Mapping[str, Sequence[str]]
+    ) -> "TableCells":
         """Put columns below each other; the rows of all other columns are repeated.
 
         Args:
             columns: Places of the columns that become one, by its name; all of n columns.
-            name: Name of the new column that tells them apart.
-            words: Its n cells.
+            labels: The n cells of each new column that tells them apart, by its name.
 
         Returns:
             The table, with n times as many rows.
@@ -253,15 +254,58 @@ class TableCells:
         gone = {k for places in columns.values() for k in places}
         kept = [k for k in range(len(self.names)) if k not in gone]
         first = [places[0] for places in columns.values()]
-        whole = self.take(np.tile(np.arange(self.rows), len(words)))
+        count = len(next(iter(columns.values())))
+        whole = self.take(np.tile(np.arange(self.rows), count))
         return replace(
             whole,
-            names=(*(self.names[k] for k in kept), *columns, name),
-            units=(*(self.units[k] for k in (*kept, *first)), None),
+            names=(*(self.names[k] for k in kept), *columns, *labels),
+            units=(*(self.units[k] for k in (*kept, *first)), *[None] * len(labels)),
             cells=[
                 *(whole.cells[k] for k in kept),
                 *(pa.concat_arrays([self.cells[k] for k in places]) for places in columns.values()),
-                pa.array(np.repeat(words, self.rows).tolist(), pa.string()),
+                *(pa.array(np.repeat(words, self.rows).tolist(), pa.string()) for words in labels.values()),
+            ],
+        )
+
+    def spread(self, tidy: Sequence[str]) -> "TableCells":
+        """Turn rows of one quantity each into rows of one point each.
+
+        Rows are of one point if they agree in all other columns. Columns that number the rows do not count.
+
+        Args:
+            tidy: The columns that hold the name, the value and (optional) the unit of each quantity.
+
+        Returns:
+            The table with one column per quantity, such as "x [mm]"; blank where a point has no value.
+
+        Raises:
+            InputError: If a column is missing, or a point has a quantity twice.
+        """
+        if missing := [name for name in tidy if name not in self.names]:
+            raise self.header_error(f"no column {missing[0]!r}; columns are {list(self.names)}")
+        name, value, *unit = (self.names.index(own) for own in tidy)
+        every = {k: self.texts(k) for k in range(len(self.names)) if k not in (name, value, *unit)}
+        shared = {k: texts for k, texts in every.items() if len({*texts}) < self.rows}
+        quantities = self.texts(name)
+        if unit:
+            units = self.texts(unit[0])
+            quantities = [f"{own} [{of}]" if of else own for own, of in zip(quantities, units, strict=True)]
+        # The row of the value for each point and quantity.
+        at = dict[tuple[str, ...], dict[str, int]]()
+        for row, (point, own) in enumerate(zip(zip(*shared.values(), strict=True), quantities, strict=True)):
+            if at.setdefault(point, {}).setdefault(own, row) != row:
+                problem = f"expected every quantity once per point, got {own[:80]!r} again"
+                raise self.error(row, self.names[name], problem)
+        columns = list(dict.fromkeys(quantities))
+        points = self.take(np.array([min(rows.values()) for rows in at.values()], dtype=np.int64))
+        places = [pa.array([rows.get(own) for rows in at.values()], pa.int64()) for own in columns]
+        return replace(
+            points,
+            names=(*(self.names[k] for k in shared), *columns),
+            units=(*(self.units[k] for k in shared), *[self.units[value]] * len(columns)),
+            cells=[
+                *(points.cells[k] for k in shared),
+                *(pc.fill_null(self.cells[value].take(own), "") for own in places),
             ],
         )
 
@@ -506,13 +550,18 @@ def read_table(path: Path, known: Callable[[str], bool], layout: FileLayout | No
     """
     layout = layout or FileLayout()
     paths = [path.with_name(f"{path.name}#{sheet}") for sheet in layout.sheets] or [path]
+
+    def wanted(name: str) -> bool:
+        return known(name) or name in layout.tidy
+
     tables = [
-        table_of(own, read_letters(own, layout.encoding, layout.decimal or "."), known, layout)
+        table_of(own, read_letters(own, layout.encoding, layout.decimal or "."), wanted, layout)
         for own in paths
     ]
-    if not layout.sheets:
-        return tables[0]
-    return replace(tables[0].above(tables[1:], SHEETS, layout.sheets), path=path)
+    table = tables[0]
+    if layout.sheets:
+        table = replace(table.above(tables[1:], SHEETS, layout.sheets), path=path)
+    return table.spread(layout.tidy) if layout.tidy else table
 
 
 def table_of(

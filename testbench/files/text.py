@@ -183,6 +183,8 @@ LOOKED_AT = 100_000  #: First bytes by which an encoding is guessed.
 NO_TABLES = {"JSON": r"\s*(\{\s*[\"}]|\[\s*\{)", "XML or HTML": r"\s*<[?!a-zA-Z]", "a PDF": "%PDF"}
 """Files that people take for tables, by their beginning."""
 GZIP = b"\x1f\x8b"
+MINUS = "\u2212"  #: The sign of typesetters, which is read as a hyphen.
+ROW_NAME = re.compile(r'\s*"\d+"')  #: Number of a row, which R writes in quotes and without a name.
 COMMENTS = ("#", "//")
 JOINED = 20
 """Most lines of one quoted cell."""
@@ -236,7 +238,7 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
                 line = text.count("\n", 0, text.index("\0")) + 1
                 hint = "for UTF-16 without a mark say the encoding in a map"
                 raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
-            return text, name
+            return text.replace(MINUS, "-"), name
     raise AssertionError
 
 
@@ -354,6 +356,8 @@ def find_header(
         raise InputError(path, f"line {said[at] + 1}", problem)
     # Names of the columns, and the rows below without comments and repeated headers.
     names, below = _names(head, delimiter), said[at + layout.header :]
+    if any(_has_row_name(lines[k], delimiter, len(names)) for k in below[:1]):
+        names.insert(0, "")
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
     others = [k for k in rows if _is_statistic(lines[k], delimiter)]
@@ -397,13 +401,21 @@ def _most_names(lines: Sequence[str], layout: FileLayout, known: Callable[[str],
             break  # blanks stand within names too
         for k in (k for k in range(searched) if len(lines[k]) <= WIDEST):
             names, below = _names(lines[k : k + layout.header], mark), lines[k + layout.header :][:1]
-            fits = any(_full(cells_in(line, mark), len(names)) for line in below)
+            fits = any(
+                _full(cells_in(line, mark), len(names)) or _has_row_name(line, mark, len(names))
+                for line in below
+            )
             # Blanks stand within names too: they divide a header only if they divide the row below alike.
             count = sum(map(known, names[:COUNTED])) if fits or not below or not _blanks(mark) else 0
             score = count, not is_comment(lines[k]), fits, len(names)
             if score[:3] > best[:3] or (not best[0] and score > best):
                 best, at, delimiter = score, k, mark
     return at, delimiter
+
+
+def _has_row_name(line: str, delimiter: str, count: int) -> bool:
+    """Tell whether a row has the number of the row before as many cells as the header has."""
+    return ROW_NAME.match(line) is not None and len(cells_in(line, delimiter)) == count + 1
 
 
 def _title(line: str, delimiter: str, count: int) -> str:
