@@ -40,7 +40,7 @@ from testbench.workflows.cell import Campaign, Cell, build_cell, settle_both
 from testbench.workflows.models import DEFAULT, JOINTS
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {
-    JOINTS: ("Joint stiffness\nonly", BLUE),
+    JOINTS: ("Joints-only\nmodel", BLUE),
     "MLS56": ("Least\nsquares", LEAST_SQUARES),
     DEFAULT: ("testbench's\ndefault", CHOICE.colour),
 }
