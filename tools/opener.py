@@ -41,7 +41,7 @@ from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import DEFAULT, JOINTS
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {
-    JOINTS: ("Joint stiffness\nonly", BLUE),
+    JOINTS: ("Joints-only\nmodel", BLUE),
     "MLS56": ("Least\nsquares", LEAST_SQUARES),
     DEFAULT: ("testbench's\ndefault", CHOICE.colour),
 }

@@ -51,11 +51,18 @@ def share(value: float, trials: str) -> str:
     return f"{100 * value:{form}} % ({100 * low:{form}} to {100 * high:{form}} %)"
 
 
-def ratio(value: float) -> str:
-    """Write a ratio in two or three digits: 1.04, 1.7, 8.6, 21, 1,300."""
-    if value < 1.1:
-        return f"{value:.2f}"
-    return f"{value:.1f}" if value < 9.95 else f"{value:,.0f}"
+def ratio(value: float, *beside: float) -> str:
+    """Write a ratio in two or three digits: 1.04, 1.7, 8.6, 21, 1,300.
+
+    Args:
+        value: The ratio [1].
+        beside: Ratios that stand beside it: it has as many decimals as the least of all.
+
+    Returns:
+        The number.
+    """
+    least = min(value, *beside, value)
+    return f"{value:,.{2 if least < 1.1 else 1 if least < 9.95 else 0}f}"
 
 
 MAX_TIES = (
@@ -128,7 +135,7 @@ class Badge:
             return Markdown(f"Likely: {times}; {sure} (median of {pairs}).")
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
         also = f"; {winner} ties with {tied}" if tied else ""
-        return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}){also}.")
+        return Markdown(f"{head} ({seen.format(ratio(low, high), ratio(high, low))}){also}.")
 
     def _told(self, name: str) -> str:
         """Write a name in a sentence."""

@@ -57,6 +57,18 @@ def read_back(report):
     return read(json.loads(json.dumps(report.json(), allow_nan=False)))
 
 
+def check_drawn_alike(figures, report):
+    """Figures of a report and of the same one read back from report.json have the same lines and dots."""
+    both = [figures(found) for found in (report, read_back(report))]
+    assert both[0].keys() == both[1].keys()
+    for ours, theirs in zip(*(own.values() for own in both), strict=True):
+        for a, b in zip(ours.axes, theirs.axes, strict=True):
+            lines = [[line.get_xydata() for line in axes.get_lines()] for axes in (a, b)]
+            assert lines[0]
+            for x, y in zip(*lines, strict=True):
+                np.testing.assert_allclose(x, y, rtol=1e-3)  # dots of tables have four digits
+
+
 def check(report, printed):
     """Words are short, tables fit a terminal, and report.json says all of it again.
 

@@ -44,6 +44,20 @@ def test_a_worse_one_is_not_to_be_used_and_the_rival_is_the_winner():
     assert own.words.startswith("Do not use ours")
 
 
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ((1.02, 1.2), "1.02 to 1.20"),
+        ((1.2, 12), "1.2 to 12.0"),
+        ((10, 12), "10 to 12"),
+        ((5, 5.6), "5.0 to 5.6"),
+    ],
+)
+def test_both_ends_of_an_interval_have_as_many_decimals(ends, said):
+    own = Badge("a", "b", max(1.1, ends[0]), ends, 20, "holds")
+    assert f"95 % interval {said})" in own.words
+
+
 @pytest.mark.parametrize("each", ["trial", badge.POSES])
 def test_errors_that_are_rounding_are_so_much_lower_at_least_and_have_no_interval(each):
     own = decide(("ours", 1e-12 * NOISE), ("theirs", NOISE), each)

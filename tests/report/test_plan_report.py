@@ -89,6 +89,12 @@ def test_a_report_says_all_of_it_and_the_terminal_has_room(f):
     hung_ = printed(report(changed(f, pulls_n=(), plan=weights)))
     assert console.measure(terminal.grid(hung_), options=free).maximum <= 80
     assert [c.key in [own.key for own in printed(said).columns] for c in hung_.columns].count(False) == 1
+    six = "P1:x P2:y P3:z P1:z P2:z P3:y"
+    read = changed(f, gauges=6, gauge_um=5.0, plan=[Row(row, gauges=six) for row in f.plan])
+    for own in (read, changed(read, pulls_n=(), plan=[Row(row, load="460 kg") for row in read.plan])):
+        gauged = printed(report(own))
+        assert console.measure(terminal.grid(gauged), options=free).maximum <= 80
+        assert gauged.columns[-1].cell(gauged.rows[0]).split() == six.split()
     worst = sorted(f.tasks, key=lambda row: -row.expected_error_mm)[:WORST_TASKS]
     assert [row.task for row in said.tables["tasks"].rows] == [row.task for row in worst]
     for name, rows in (("poses", f.plan), ("tasks", worst)):
