@@ -137,7 +137,7 @@ def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
 
 
 def _damped(J: Array, e: Array, weight: Array) -> Array:
-    """J^T (J J^T + weight)^-1 e, (poses, n)."""
+    """Solve the damped least squares J^T (J J^T + weight)^-1 e, (poses, n)."""
     A = J @ J.swapaxes(1, 2)
     A[:, range(6), range(6)] += weight[:, None]
     return np.asarray((J.swapaxes(1, 2) @ np.linalg.solve(A, e[..., None]))[..., 0])

@@ -84,11 +84,25 @@ class RestPoses:
     rotation: Array  #: Orientation, world from tool, (poses, 3, 3) [1].
 
     def at(self, point: Array) -> Array:
-        """Compute world positions, (poses, 3) [m], of a point of the tool, (3,), or of one per pose."""
+        """Compute world positions of one point of the tool.
+
+        Args:
+            point: Point in the tool's frame, (3,), or one per pose, (poses, 3) [m].
+
+        Returns:
+            World positions, (poses, 3) [m].
+        """
         return np.asarray(self.position + np.matvec(self.rotation, point))
 
     def points(self, points: Array) -> Array:
-        """Compute world positions, (poses, k, 3) [m], of several points of the tool, (k, 3) [m]."""
+        """Compute world positions of several points of the tool.
+
+        Args:
+            points: Points in the tool's frame, (k, 3) [m].
+
+        Returns:
+            World positions, (poses, k, 3) [m].
+        """
         return points_on_tool((self.position, self.rotation), points)
 
 
@@ -279,7 +293,11 @@ class Points:
     may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
     def select(self, points: slice | Ids) -> "Points":
-        """Take some of the points, by indices or a slice."""
+        """Select some of the points.
+
+        Args:
+            points: Indices of the points, (k,), or a slice.
+        """
         loads, target = [load.select(points) for load in self.loads], select_rows(self.target, points)
         return replace(
             self, start=self.start[points], loads=loads, target=target, may_move=self.may_move[points]

@@ -104,11 +104,11 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
     first = (cost == 0).argmax(axis=1)
     stops = np.unique(first)
 
-    def beyond(a: int, b: int) -> float:
-        """Compute what a motion between two stops costs beyond its length."""
-        return surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0
-
-    trip = round_trip(np.pad(cost[np.ix_(stops, stops)], (1, 0)), beyond)
+    # A round trip from an additional place 0, whose legs cost nothing, is an open path through all others.
+    trip = round_trip(
+        np.pad(cost[np.ix_(stops, stops)], (1, 0)),
+        lambda a, b: surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0,
+    )
     return np.concatenate([np.flatnonzero(first == stop) for stop in stops[trip[1:] - 1]])
 
 
@@ -237,9 +237,13 @@ class Plan(ChosenPoses):
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
     def read(self, spec: Specification) -> Array:
-        """Compute whitened rows of the plan's readings, (poses, k, n), per unit of a specification's x.
+        """Compute whitened rows of the plan's readings.
 
-        The specification is the plan's, or one with other unknowns, prior or loads.
+        Args:
+            spec: The plan's specification, or one with other unknowns, prior or loads.
+
+        Returns:
+            Rows per unit of the specification's x, (poses, k, n) [1].
         """
         read = measured_rows if self.gauges is None else self.gauges.rows
         return read(spec, self.q, self.load)
@@ -363,6 +367,15 @@ def _refine_places(
     problem = plan.examined.problem
 
     def rows(trial: Array, places: Ids) -> Array:
+        """Compute the gauges' rows at other joint angles.
+
+        Args:
+            trial: Joint angles, (trials, n) [rad, m].
+            places: Pose of the plan whose gauges and load each trial has, (trials,).
+
+        Returns:
+            Whitened rows, (trials, count, r) [1].
+        """
         touched = np.arange(len(trial))[:, None], placed.marker[places], placed.axis[places]
         return gauge_rows(plan.specification, trial, load[places], gauges, problem.lift)[touched]
 
@@ -422,11 +435,13 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     chosen = select_poses(examined.problem, criterion, search.poses, relaxed, search.rng)
     load = examined.load[chosen]
 
-    def rows(trial: Array, places: Ids) -> Array:
-        """Compute the readings of poses in other places."""
-        return search.measured(trial, load[places], examined.problem.lift)
-
-    q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
+    q = refine_plan(
+        examined.q[chosen],
+        examined.problem.prior,
+        criterion,
+        lambda trial, places: search.measured(trial, load[places], examined.problem.lift),
+        search,
+    )
     # the order of measuring, and the bound over all poses examined, those of the plan among them
     order = _measuring_order(q, load, search.feasibility)
     extended = _add_candidates(search, examined, q[order], load[order])
@@ -506,12 +521,14 @@ def _measuring_order(q: Array, load: Ids, reach: Feasibility) -> Ids:
     for kind in np.unique(load):
         poses = q[load == kind]
 
-        def detour(a: int, b: int, poses: Array = poses) -> float:
-            """Compute what a motion costs beyond its length."""
-            return 0.0 if reach.clear(poses[a], poses[b]) else COLLISION_DETOUR
-
-        order += np.flatnonzero(load == kind)[shortest_path(joint_travel(poses), detour)].tolist()
+        path = shortest_path(joint_travel(poses), partial(_collision_detour, reach, poses))
+        order += np.flatnonzero(load == kind)[path].tolist()
     return np.array(order)
+
+
+def _collision_detour(reach: Feasibility, poses: Array, a: int, b: int) -> float:
+    """Return what the motion from pose a to pose b costs beyond its length: more if it collides."""
+    return 0.0 if reach.clear(poses[a], poses[b]) else COLLISION_DETOUR
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:

@@ -109,7 +109,7 @@ def _uncoupled_fit(estimate: Estimate) -> Estimate:
 
 
 def _parameters_by_link(r: Regression, pi: Array) -> Array:
-    """Rows of the parameters of every link, (links, n), zero for those of all others."""
+    """Split the parameters by link, (links, n): row k keeps those of link k, all others are zero."""
     of_link = np.arange(r.structure.links)[:, None] == r.structure.a // 6
     return np.asarray(of_link * np.pad(pi, (0, r.structure.n - len(pi))))
 
@@ -166,7 +166,7 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
-    """Those of every pose that its rows can explain, (k,) each."""
+    """Select for every pose the residuals that its rows can explain, (k,) each."""
     return [rows[:, -1] for _, rows in poses]
 
 
@@ -615,7 +615,7 @@ def _average_joints(
 
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
-    """A dataset, and the metric of its prior, of joints alone."""
+    """Restrict a dataset, and the scaling of its prior, to joint compliances alone."""
     joints = joint_columns(prior)
     regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))

@@ -69,7 +69,14 @@ class Penalty:
         return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
 
     def lifted(self, regression: Regression) -> Regression:
-        """Return the same equations, of n parameters, as a function of the k parameters of C'."""
+        """Rewrite the equations as a function of the k parameters of C'.
+
+        Args:
+            regression: Equations in the n parameters pi of the model.
+
+        Returns:
+            The same equations in the parameters of C'.
+        """
         terms = (replace(term, R=term.R @ self.lift) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
 

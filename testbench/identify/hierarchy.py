@@ -113,7 +113,14 @@ class Normal:
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Compute the variances of some unknowns, (k,)."""
+        """Compute the variances of some unknowns.
+
+        Args:
+            columns: Indices of the unknowns, (k,).
+
+        Returns:
+            Variances, (k,).
+        """
         unit = np.eye(len(self.size))[:, columns]
         return np.asarray((unit * cho_solve(self.root, unit)).sum(axis=0) / self.size[columns] ** 2)
 
@@ -265,7 +272,7 @@ def maximise_evidence(problem: EvidenceModel, start: Array, fixed: int | None = 
 def _halved_step(
     problem: EvidenceModel, h: Array, posterior: EvidencePosterior, step: Array
 ) -> tuple[Array, EvidencePosterior]:
-    """Where a step, or a part of it, lowers the loss; where it starts if none does."""
+    """Find the point where a step, or a part of it, lowers the loss; the start if none does."""
     step = step * min(1.0, MAX_STEP / np.abs(step).max(initial=MAX_STEP))
     for _ in range(MAX_HALVINGS):
         there = np.clip(h + step, *problem.bounds)
@@ -339,7 +346,14 @@ class LearntPriorModel:
         return 3 + self.has_ties
 
     def scale(self, h: Array) -> Array:
-        """Compute the prior scale of every entry of x, (n,) [1]; the first K hyperparameters are log s."""
+        """Compute the prior scale of every entry of x from the hyperparameters.
+
+        Args:
+            h: Hyperparameters; the first K are the logarithms of the scales s.
+
+        Returns:
+            Scale of every entry, (n,) [1].
+        """
         return np.asarray(np.exp(self.scale_shares @ h[: self.blocks]))
 
 
@@ -489,11 +503,7 @@ def learn_prior(regression: Regression, metric: PriorScaling, *, widths: bool = 
 
 
 def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
-    """Laplace's logarithm of the density of the readings, of links and joints.
-
-    The densities of the hyperparameters are normalised by Laplace too, so that readings which say nothing
-    of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
-    """
+    """Compute Laplace's approximation of the log-evidence of links and joints."""
     prior = model.blocks * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
     prior -= math.log(JOINT_LINK_GAP * SHAPE_PRIOR[1] * COUPLING_PRIOR[1]) + len(
         model.link_scales

@@ -64,10 +64,10 @@ TINY = 1e-300
 class BlockProgram:
     """Hold a program of norms or squares over positive semi-definite blocks, data of order one."""
 
-    R: Array  #: (K, rows, n).
-    z: Array  #: (K, rows).
-    rest: Array  #: (K,).
-    c: Array  #: (n,).
+    R: Array  #: Rows of the residuals r_k = R_k x - z_k, (K, rows, n).
+    z: Array  #: Right-hand sides, (K, rows).
+    rest: Array  #: Part of every residual that no x changes, (K,).
+    c: Array  #: Linear cost, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     squares: bool = False  #: Whether half the squares of the norms count.
     barrier: float = 0.0  #: Weight of -log det of every block.
@@ -78,11 +78,25 @@ class BlockProgram:
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def share(self, norms: Array) -> Array:
-        """Compute the weight of every residual in the gradient from its norm: 1 / |r_k|, 1 for squares."""
+        """Compute the weight of every residual r_k in the gradient: 1 / |r_k|, or 1 for squares.
+
+        Args:
+            norms: Norms |r_k| of the residuals, (K,).
+
+        Returns:
+            Weights, (K,).
+        """
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
     def fit(self, norms: Array) -> float:
-        """Compute the sum of norms, (K,), or of half their squares."""
+        """Compute the misfit: the sum of the norms, or half the sum of their squares.
+
+        Args:
+            norms: Norms |r_k| of the residuals, (K,).
+
+        Returns:
+            The misfit, in units of the cost.
+        """
         return float((norms**2 / 2 if self.squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
@@ -102,7 +116,14 @@ class BlockProgram:
         return cost
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Compute the norms at x, (K,), and the gradients of their contributions, (K, n)."""
+        """Compute the norms of the residuals at a point, and the gradients of their parts of the cost.
+
+        Args:
+            x: The point, (n,).
+
+        Returns:
+            Norms, (K,), and gradients, (K, n).
+        """
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
         return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
@@ -121,9 +142,15 @@ class Iterate:
     steady: bool = False  #: Whether the tangent of the norms is accurate enough.
 
     def distance_from_optimum(self, program: BlockProgram) -> float:
-        """Bound the distance from the optimum in units of the cost: the duality gap plus |x| |gradient - s|.
+        """Bound the distance of the cost from its optimum: the duality gap plus |x| |gradient - s|.
 
         With a barrier, the distance of the products X S from the barrier replaces the gap.
+
+        Args:
+            program: The program that is solved.
+
+        Returns:
+            The bound, in units of the cost.
         """
         gap = float(self.x @ self.s)
         if program.barrier:
@@ -308,7 +335,14 @@ class Scaling:
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scaled(self, x: Array) -> Array:
-        """Scale a direction of x, (..., n): G^-1 X G^-T, (..., blocks, m, m)."""
+        """Scale a direction of x: G^-1 X G^-T of every block.
+
+        Args:
+            x: Directions svec(X), (..., n).
+
+        Returns:
+            Scaled directions, (..., blocks, m, m).
+        """
         return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected(self, aim: float | Array, X: Array) -> Array:
@@ -379,7 +413,11 @@ class _State:
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def select(self, mask: Mask) -> "_State":
-        """Select some of the problems, by a mask, (problems,)."""
+        """Select some of the problems.
+
+        Args:
+            mask: True for each problem to keep, (problems,).
+        """
         return self if mask.all() else _State(*(values[mask] for values in vars(self).values()))
 
 
@@ -537,21 +575,42 @@ class _Newton:
         return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
 
     def scaled_back(self, v: Array) -> Array:
-        """Scale gradients: svec(G^T V G) of svec(V), (problems, n)."""
+        """Scale gradients: svec(G^T V G) of svec(V).
+
+        Args:
+            v: Gradients svec(V), (problems, n).
+
+        Returns:
+            Scaled gradients, (problems, n).
+        """
         u = np.empty_like(v)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
             u[:, scaling.at] = np.vecmat(v[:, scaling.at], maps)
         return u
 
     def unscaled(self, y: Array) -> Array:
-        """Return steps of x from scaled ones: svec(G Y G^T) of svec(Y), (problems, n)."""
+        """Convert scaled steps to steps of x: svec(G Y G^T) of svec(Y).
+
+        Args:
+            y: Scaled steps svec(Y), (problems, n).
+
+        Returns:
+            Steps of x, (problems, n).
+        """
         x = np.empty_like(y)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
             x[:, scaling.at] = np.matvec(maps, y[:, scaling.at])
         return x
 
     def solve(self, u: Array) -> tuple[Array, Array]:
-        """Solve for scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank)."""
+        """Solve the scaled Newton equations.
+
+        Args:
+            u: Right-hand sides in scaled coordinates, (problems, n).
+
+        Returns:
+            Scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank).
+        """
         right = np.matvec(self.S, u)
         t = np.array([dpotrs(L, row, lower=1)[0] for L, row in zip(self.roots, right, strict=True)])
         return u - np.vecmat(t, self.S), t

@@ -230,12 +230,26 @@ class PriorScaling:
         )
 
     def matrices(self, x: Array) -> list[Array]:
-        """Return the matrix X of every block from x, (n,)."""
+        """Unpack the matrix X of every block from x = svec(X).
+
+        Args:
+            x: Entries of all blocks, (n,) [1].
+
+        Returns:
+            One symmetric matrix per block.
+        """
         ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def project(self, x: Array) -> Array:
-        """Set the negative eigenvalues of every block of x, (n,), to zero: the solver's last digits."""
+        """Set the negative eigenvalues of every block to zero, to remove the solver's rounding.
+
+        Args:
+            x: Entries of all blocks, (n,) [1].
+
+        Returns:
+            Entries of positive semi-definite blocks, (n,) [1].
+        """
         projected = x.copy()
         for at in cone.groups_of(self.sizes):
             projected[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
@@ -406,13 +420,10 @@ def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScali
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:
-    """Symmetric square root of a prior in every block, refused if not symmetric positive definite there."""
+    """Compute the symmetric square root of every block of a prior.
 
-    def refused(row: int, problem: str) -> BenchError:
-        """Make the error about a block of the prior."""
-        label = structure.labels[structure.blocks[structure.block_of[row]][0]]
-        return BenchError(f"prior {prior.name}, {label} ...: expected a {problem}")
-
+    BenchError when a block is not symmetric positive definite.
+    """
     # Each block is scaled to unit diagonal, because metres and radians differ in size.
     d = np.sqrt(np.maximum(np.diag(P), 0))
     safe = np.where(d > 0, d, 1.0)
@@ -420,19 +431,26 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     row, column = structure.triangles
     bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > MAX_ASYMMETRY)
     if bad.any():
-        raise refused(row[np.argmax(bad)], "symmetric block with a positive diagonal")
+        raise _prior_error(prior, structure, row[np.argmax(bad)], "symmetric block with a positive diagonal")
     for group in structure.groups:
         values, Q = np.linalg.eigh(unit[group.index])
         if values.min() <= MIN_EIGENVALUE:
             k = np.argmin(values[:, 0])
             problem = f"positive definite block, got smallest eigenvalue {values[k, 0]:.3g}"
-            raise refused(group.rows[k, 0], f"{problem} (of the block scaled to unit diagonal)")
+            problem += " (of the block scaled to unit diagonal)"
+            raise _prior_error(prior, structure, group.rows[k, 0], problem)
         root[group.index] = d[group.rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
     return root
 
 
+def _prior_error(prior: Prior, structure: Structure, row: int, expected: str) -> BenchError:
+    """Make the error about the block of a prior that holds a row of C_theta."""
+    label = structure.labels[structure.blocks[structure.block_of[row]][0]]
+    return BenchError(f"prior {prior.name}, {label} ...: expected a {expected}")
+
+
 def _congruences(roots: Array) -> Array:
-    """Upper triangles of C = root X root^T per unit of each entry of x = svec(X), (k, entries, entries)."""
+    """Compute upper triangles of root X root^T per unit of each entry of svec(X), (k, entries, entries)."""
     row, column = cone.upper_indices(roots.shape[1])
     a, b = roots[:, row], roots[:, column]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))

@@ -111,11 +111,15 @@ class Posterior(Displayed):
         return cls(x, back @ L.T, unseen @ L.T, np.linalg.norm(L, axis=1))
 
     def deviations(self, functionals: Array) -> Array:
-        """Compute standard deviations, (k,), of linear functionals, one per row, (k, n).
-
-        They are infinite where a functional is unobservable.
+        """Compute the standard deviations of linear functionals of x.
 
         Mathematics: `int-2`.
+
+        Args:
+            functionals: One per row, (k, n).
+
+        Returns:
+            Standard deviations, (k,); infinite for a functional that the data do not determine.
 
         Raises:
             BenchError: When a functional has another length or is not finite.
@@ -123,7 +127,7 @@ class Posterior(Displayed):
         return self._deviations(functionals)[0]
 
     def _deviations(self, functionals: Array) -> tuple[Array, Array]:
-        """The same, and of them what the prior puts in, (k,) each."""
+        """Compute standard deviations, and the part of them that is due to the prior, (k,) each."""
         a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
         white = a @ self.root.T
         heavy = white[:, len(self.root) - self.heavy_rows :]
@@ -172,7 +176,14 @@ class Posterior(Displayed):
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute covariances, (..., k, k), of groups of k observable functionals, (..., k, n)."""
+        """Compute the covariances of groups of functionals that the data determine.
+
+        Args:
+            functionals: Groups of k functionals, (..., k, n).
+
+        Returns:
+            Covariances, (..., k, k).
+        """
         white = functionals @ self.root.T
         return np.asarray(white @ white.swapaxes(-1, -2))
 
@@ -281,7 +292,7 @@ def linearise(estimate: Estimate) -> Posterior:
 
 
 def _inverse(M: Array) -> tuple[Array, Array]:
-    """Root of (M^T M)^+, (r, n), and the directions that rows M do not see, (n - r, n)."""
+    """Compute a root of (M^T M)^+, (r, n), and the directions that rows M do not observe, (n - r, n)."""
     _, s, Vt = np.linalg.svd(np.linalg.qr(M, mode="r"))
     r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
     return Vt[:r] / s[:r, None], Vt[r:]
@@ -380,10 +391,7 @@ def _noise_and_prior_roots(
 def _distance_without_cone(
     estimate: Estimate, rows: list[Array], back: Array, residuals: list[Array]
 ) -> float:
-    """Length of the step to the optimum without a cone, Eq. (14) or (19), whichever is nearer.
-
-    Every term asks for a step along the seen directions; rows and residuals are in standard deviations.
-    """
+    """Compute the length of the step to the nearer optimum without the cone, of Eq. (14) or Eq. (19)."""
     steps = [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)]
     pull = float(np.linalg.norm(sum(steps)))
     if estimate.weighted_prior is None and len(steps) > 1:  # F_M weights its terms by their residuals

@@ -453,7 +453,7 @@ def reject_iteratively(
 
 
 def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weight: Array) -> Regression:
-    """The regression of these readings alone, weighted; a term that lost all of its own is left out."""
+    """Select the equations of some readings; a term without any reading is left out."""
     rows, terms = weight[:, None, None] * np.concatenate([readings.A, readings.y[..., None]], axis=2), []
     for kind in (readings.marker >= 0, readings.marker < 0):
         of_kind = keep & kind
@@ -465,7 +465,7 @@ def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weig
 
 
 def _rejected(data: Dataset, readings: WeightedReadings, keep: Mask, pi: Array) -> tuple[Rejected, ...]:
-    """The readings left out, with their distance from the estimate that does without them."""
+    """List the readings that were left out, with their distance from the estimate without them."""
     length = np.linalg.norm(readings.y - readings.A @ pi, axis=1)
     names = (*data.markers, TOOL_MARKER)
     return tuple(

@@ -274,12 +274,23 @@ class _ScaledFolds:
     unit: float  #: Size of all readings together [1].
 
     def problems(self, folds: slice) -> interior.Problems:
-        """Make the least-squares problems of some folds."""
+        """Make the least-squares problems of some folds.
+
+        Args:
+            folds: Rows of `H`: the fit of all readings, then one per fold.
+        """
         R = _roots(self.H[folds], _span(self.H[0]))
         return interior.Problems(R, self.g[folds], self.half[folds], self.trace_gradient, self.sizes)
 
     def parameters(self, x: Array) -> Array:
-        """Convert coordinates x, (..., n), to parameters, (..., n)."""
+        """Convert scaled coordinates to parameters.
+
+        Args:
+            x: Coordinates, (..., n) [1].
+
+        Returns:
+            Parameters, (..., n) [m/N, rad/N, rad/(N m)].
+        """
         pi = np.empty_like(x)
         pi[..., self.order] = x * self.scale * self.unit
         return pi
@@ -336,13 +347,13 @@ def _by_generalised_cross_validation(
 
 
 def _span(H: Array) -> Array:
-    """Orthonormal directions that a Gram matrix spans, (n, rank)."""
+    """Compute orthonormal directions that a Gram matrix spans, (n, rank)."""
     values, V = np.linalg.eigh(H)
     return np.asarray(V[:, values > GRAM_ROUNDING * values[-1]])
 
 
 def _roots(H: Array, V: Array) -> Array:
-    """Roots R of Gram matrices, R^T R = H, (folds, rank, n), inside the span of V, (n, k)."""
+    """Compute roots R of Gram matrices, R^T R = H, (folds, rank, n), within the span of V, (n, k)."""
     values, Q = np.linalg.eigh(V.T @ H @ V)
     kept = (values > ROOT_ROUNDING * values[:, -1:]).any(axis=0)
     return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, kept])

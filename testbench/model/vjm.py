@@ -149,7 +149,14 @@ class Chain:
     laws: Laws | None = None  #: Joint laws of the model.
 
     def points(self, points: Array) -> Array:
-        """Transform points from the tool's frame, (k, 3) [m], to the world, (runs, k, 3) [m]."""
+        """Transform points from the tool's frame to the world.
+
+        Args:
+            points: Points in the tool's frame, (k, 3) [m].
+
+        Returns:
+            Points in the world, (runs, k, 3) [m].
+        """
         return points_on_tool((self.position, self.rotation), points)
 
 
@@ -596,7 +603,7 @@ def turn_of_axis(start: Array, end: Array) -> Array:
 
 
 def _vectors(sine: Array, cosine: Array) -> Array:
-    """Rotation vectors from axes times sines, (points, 3), and cosines, (points,)."""
+    """Compute rotation vectors from axes times sines, (points, 3), and cosines, (points,)."""
     size = np.linalg.norm(sine, axis=1)
     angle = np.arctan2(size, cosine)
     return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])

@@ -511,7 +511,16 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
         return moved_frame(stated, every[:f]), targets + every[f:].reshape(-1, 3)
 
     def left_of(part: Series, tool: tuple[Array, Array], steps: Array) -> Array:
-        """Compute distance read minus modelled, (read,) [m]."""
+        """Compute measured minus modelled distances of one part.
+
+        Args:
+            part: The readings.
+            tool: Tool positions, (rows, 3) [m], and orientations, (rows, 3, 3) [1], of its poses.
+            steps: Steps of the free unknowns, (free,) [m].
+
+        Returns:
+            Residuals, (read,) [m].
+        """
         assert part.distance is not None
         frame, points = placed(steps)
         position, rotation = tool

@@ -348,7 +348,13 @@ def _select_errors(
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
     def learnt(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
-        """Learn the sizes of errors and noise from the reduced equations."""
+        """Learn the sizes of errors and noise from the reduced equations.
+
+        Args:
+            selected: The active unknowns.
+            reduced: The equations of all unknowns.
+            start: Scales to start from.
+        """
         return learn_scales(
             selected, gram_of_active(selected, reduced.gram), reduced.counts, start, options.constraint
         )

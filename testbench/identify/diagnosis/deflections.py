@@ -336,7 +336,7 @@ def _nats(issue: Issue) -> float:
 
 
 def _sized_issues(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]]:
-    """Every mistake whose size enters linearly, and whether it is likely and large."""
+    """Score every mistake that enters linearly; yield it with whether it is likely and large."""
     assert loads.model is not None
     for hypothesis in hypotheses:
         for change in hypothesis.changes(loads):
@@ -348,9 +348,9 @@ def _sized_issues(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]
 def _without_worst(
     loads: Loads, runs: Rows, data: Dataset, fitted: ResidualModel
 ) -> tuple[list[Issue], Dataset, ResidualModel] | None:
-    """The run that alone makes all others look noisy, and the others without it; None if none does.
+    """Leave out the run that alone makes all others look noisy; None if no run does.
 
-    It is weighed by what the others say of noise and prior: its own mistake would hide in theirs.
+    The other runs determine noise and prior: with the wrong run among them, its mistake would hide in both.
     """
     if fitted.misfit <= QUIET_LIMITS[0] or data.runs < MIN_RUNS:
         return None
@@ -372,7 +372,7 @@ def _without_worst(
 
 
 def _likeliest(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
-    """The likeliest mistake; and where it is of a single run, what else is of another single run."""
+    """Select the likeliest mistake; if it is of a single run, also the mistakes of other single runs."""
     issues: list[Issue] = []
     kinds = {row.name for row in runs}
     large = [issue for issue, large in _sized_issues(loads, (*every, *runs)) if large]
@@ -384,7 +384,7 @@ def _likeliest(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
 
 
 def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Issue]:
-    """The mistake without a size that explains the readings best, if one does."""
+    """Find the mistake without a size that explains the readings best, if one does."""
     before, tried = loads.model, list[tuple[ResidualModel, Issue, float]]()
     loads = replace(loads, model=None)  # what is linear has been weighed
     for hypothesis in hypotheses:
@@ -405,7 +405,7 @@ def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Iss
 
 
 def _missing_weight(loads: Loads, best: Sequence[Issue]) -> GravityDirection | None:
-    """Where weights pull to, if a constant force beside them explains the readings best; else None."""
+    """Find the direction of gravity if a constant additional force explains the readings best; else None."""
     constant = bool(best) and best[0].name == "force_offset"
     if loads.level is not None or not constant or not weights_only(loads.data):
         return None
@@ -415,7 +415,7 @@ def _missing_weight(loads: Loads, best: Sequence[Issue]) -> GravityDirection | N
 
 
 def _wild_reading(data: Dataset, factor: float) -> Issue:
-    """Deflections that are no arm's: a wild one may outweigh all others."""
+    """Name the largest deflection where no compliance fits: it may be wrong, and outweigh all others."""
     size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
     numbers = {"factor": factor, "largest": float(size[i, k]), "median": median}

@@ -128,7 +128,7 @@ def _along_lines(registered: RegisteredDataset, prior: Prior, hypotheses: Hypoth
 
 
 def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:
-    """Issues about where the arm, its targets and the tracker are; and the readings as they were placed."""
+    """Find mistakes about the places of arm, targets and tracker; return the readings with their fit too."""
     registered = submission.registered
     if registered.frame == "base" or not submission.declared:
         observations = _observations(submission.folder_model, submission.data, submission.data.before)
@@ -203,7 +203,7 @@ def _mounting_issue(loads: Loads, observations: Observations) -> list[Issue]:
 
 
 def _load_issues(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
-    """Issues of loads and deflections: of all of them by some runs, of single ones by all."""
+    """Find mistakes of loads: of all runs from a part of the runs, of single runs from all."""
     data = loads.data
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
     parts = max(1, -(-data.runs // max(1, min(RUNS_AT_A_TIME, MAX_READINGS // readings_per_run))))
@@ -219,7 +219,7 @@ def _load_issues(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
 
 
 def _of_one_station(data: Dataset) -> Dataset:
-    """The runs that the station with most of them read."""
+    """Select the runs of the station that read most of them."""
     if data.station is None:
         return data
     names, count = np.unique(data.station, return_counts=True)
@@ -231,7 +231,7 @@ def _free_parameters(registered: RegisteredDataset) -> FreeParameters:
 
 
 def _observations(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NO_PARAMETERS) -> Observations:
-    """Readings, unloaded or loaded, of the runs with unloaded readings of their own."""
+    """Collect readings, unloaded or loaded, of the runs that have unloaded readings of their own."""
     every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
     runs = np.sort(np.unique(every, axis=0, return_index=True)[1])  # several loads of a pose may share them
     return Observations(
@@ -297,9 +297,9 @@ def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
 
 
 def _series_in_time(data: Dataset) -> Iterator[Series]:
-    """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
+    """Sort the readings of every station by time; 2 run is an unloaded reading, 2 run + 1 a loaded one.
 
-    An unloaded reading that several loads share is one.
+    An unloaded reading that several loads share is listed once.
     """
     pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
@@ -317,7 +317,7 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
 
 
 def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
-    """The arm as its folder has it, in the base's frame."""
+    """Build the arm as its folder has it, in the base's frame."""
     weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),

@@ -196,7 +196,7 @@ def snap_direction(g: Array, angle_limit: float) -> Array:
 
 
 def _by_deflections(vjm: Vjm, metric: PriorScaling, data: Dataset) -> tuple[Array, float]:
-    """The direction in which weights pull, (3,), by robust least squares, and what it explains [1]."""
+    """Fit the direction of gravity, (3,), by robust least squares, and the share that it explains [1]."""
     pi = metric.L @ metric.expected
     read = [single_readings(vjm, metric.structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
@@ -315,7 +315,7 @@ def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) 
 
 
 def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, folder_scatter: float) -> Iterator[Array]:
-    """The tilt at which the variance would be least, by a parabola through probes about both level axes."""
+    """Yield the tilt of least variance, by a parabola through probes about both level axes."""
     slope, bend = np.zeros(2), np.zeros(2)
     for k in range(2):
         low, high = (
@@ -327,7 +327,7 @@ def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, folder_scatt
 
 
 def _tilted_gravity(by: Array) -> Array:
-    """Gravity of a base tilted by angles along its x and y, (2,) [rad]."""
+    """Compute gravity in the axes of a base tilted by angles about its x and y, (2,) [rad]."""
     size = float(np.linalg.norm(by))
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
 

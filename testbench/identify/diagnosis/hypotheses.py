@@ -132,7 +132,7 @@ def _far_load(submission: Submission) -> Iterator[Change[Submission]]:
 
 
 def _against(data: Dataset) -> Iterator[Change[Dataset]]:
-    """Targets that move against the force: an elastic arm gives way."""
+    """Count runs whose targets move against the force: an elastic arm yields along it."""
     force = data.wrench[:, :3]
     work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
     against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
@@ -161,7 +161,7 @@ def _near_frame(submission: Submission) -> Iterator[Change[Submission]]:
 
 
 def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Change[Submission]]:
-    """Targets far from where the arm's folder has them, or where it has others."""
+    """Find targets that are far from their nominal places, or at the nominal places of others."""
     registration = submission.registered.registration
     off = (
         np.zeros(0)
@@ -229,9 +229,9 @@ def _link(observations: Observations) -> PlaceChanges:
 
 
 def _joint_zero(observations: Observations) -> PlaceChanges:
-    """An error of any size, or a quarter or half turn, which no linear fit finds.
+    """Try a zero error of any size, and quarter and half turns, which no linear fit finds.
 
-    A half turn of a wrist may as well be another sign, which is likelier: it counts as one parameter more.
+    A half turn of a wrist may as well be a reversed sign, which is likelier: it counts as one parameter more.
     """
     joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
@@ -254,7 +254,7 @@ def _joint_zero_words(issue: Issue, arm: Arm) -> str:
 
 
 def _markers(observations: Observations) -> PlaceChanges:
-    """Other names of the targets: every order of a few; of more the exchange of two that fits best."""
+    """Try other names of the targets: every order of a few; of more, the exchange of two that fits best."""
     m = len(observations.markers)
     if observations.free.lost:  # nothing says where any of them is
         return
@@ -312,7 +312,7 @@ def _angle_unit_words(issue: Issue, _: Arm) -> str:
 
 
 def _order(observations: Observations) -> PlaceChanges:
-    """Readings of another pose, from the first row on or from a later one."""
+    """Try the readings of the pose before or after, from the first row on or from a later one."""
     for shift in (1, -1):
         undone = replace(observations, q=np.roll(observations.q, shift, axis=0))
         yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE_PARAMETERS)
@@ -336,10 +336,10 @@ def _joint_sign(observations: Observations) -> PlaceChanges:
 
 
 def _joint_coupling(observations: Observations) -> PlaceChanges:
-    """Usual couplings; `where` has for each joint its name, "+" or "-" and that of the other.
+    """Try usual couplings; `where` holds for each joint its name, "+" or "-" and the other joint's name.
 
-    A pendant's third joint counts the second one where a linkage drives it, or where its angle is that
-    against the floor (FANUC, ABB, Yaskawa); motors of a wrist turn the joints behind it along.
+    A pendant's third joint includes the second one if a linkage drives it, or if its angle is counted against
+    the floor (FANUC, ABB, Yaskawa). The motors of a wrist also turn the joints behind it.
     """
     joints, n = observations.vjm.arm.joints, len(observations.vjm.arm.joints)
     wrist = n - 3
@@ -384,7 +384,7 @@ def _joint_order_words(issue: Issue, arm: Arm) -> str:
 
 
 def _axes(observations: Observations) -> PlaceChanges:
-    """Positions with the sign of an axis, or two axes exchanged; orientations alone tell which."""
+    """Try positions with one axis reversed, or two exchanged; only orientations can tell."""
     if observations.rotation is None:
         return
     position = observations.read[:, : len(observations.names)]
@@ -407,7 +407,7 @@ def _axes_words(issue: Issue, _: Arm) -> str:
 
 
 def _notation(observations: Observations) -> PlaceChanges:
-    """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
+    """Try other notations of the orientations, as meant and as read; equal results count once."""
     if observations.rotation is None:
         return
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
@@ -440,7 +440,7 @@ def _notation_words(issue: Issue, _: Arm) -> str:
 
 
 def _off_poses(placed: Placed, *, whole_poses: bool) -> Iterator[Change[Placed]]:
-    """Poses most of whose readings lie off, with why; or single readings that do."""
+    """Find poses most of whose readings are off, with the cause; or single readings that are."""
     observations, far = placed.observations, OUTLYING_DISTANCE * placed.observations.scale
     off = np.linalg.norm(placed.fit.residual, axis=2)
     for row in np.flatnonzero((off > far).any(axis=1)).tolist():
@@ -457,7 +457,7 @@ def _off_poses(placed: Placed, *, whole_poses: bool) -> Iterator[Change[Placed]]
 
 
 def _explain_pose(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
-    """Targets of a pose that may have each other's names, or a joint that may stand farther, and how far."""
+    """Find targets of a pose that may be exchanged, or a joint whose angle may be larger, and by how much."""
     frame, observations = placed.fit.frame, placed.observations.select(np.array([row]))
     observations = replace(
         observations,
@@ -511,7 +511,7 @@ def _mounting_words(issue: Issue, _: Arm) -> str:
 
 
 def _sized_change(loads: Loads, unit: float, undone: Sequence[Dataset]) -> Change[Loads]:
-    """A mistake of a size for each of some data sets, in which one unit of it is undone."""
+    """Describe a mistake of unknown size by data sets in each of which one unit of it is undone."""
     assert loads.model is not None
     return Change(columns=loads.model.columns(undone), unit=unit)
 
@@ -541,7 +541,7 @@ def _load_point_words(issue: Issue, _: Arm) -> str:
 
 
 def _touched_tracker(loads: Loads) -> LoadChanges:
-    """A tracker that moved between the two readings of every run, of a station."""
+    """Try a tracker, of each station, that moved between the two readings of every run."""
     data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
     for name in (
@@ -584,7 +584,7 @@ def _force_axes_words(issue: Issue, _: Arm) -> str:
 
 
 def _levels(loads: Loads) -> LoadChanges:
-    """Loads that were listed in reversed order."""
+    """Try loads that were listed in reversed order."""
     data, groups = loads.data, levels(loads.data)
     sizes = [np.linalg.norm(data.wrench[level, :3], axis=1).mean() for level in groups]
     factor = np.ones(data.runs)
@@ -595,7 +595,7 @@ def _levels(loads: Loads) -> LoadChanges:
 
 
 def _rows_of_runs(loads: Loads) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Names of runs, and the rows of their readings, one a coordinate."""
+    """Yield the name of every run and the range of its equations, three per reading."""
     assert loads.model is not None
     run = loads.model.read.run
     for r, name in enumerate(map(str, loads.data.run)):
@@ -613,7 +613,7 @@ def _run_load(loads: Loads) -> LoadChanges:
 
 
 def _bumps(loads: Loads, *, all_targets: bool) -> LoadChanges:
-    """Targets of a run that moved, each by itself: all of them, or one."""
+    """Try displaced targets of one run, each displaced independently: all of them, or one."""
     if (residual_model := loads.model) is not None:
         size = BUMP_SIZE / np.repeat(residual_model.read.unit, 3)
         least = float(np.max([MIN_BUMP, BUMP_SIGMAS * loads.data.sigma * residual_model.misfit]))
@@ -644,7 +644,7 @@ def _run_load_words(issue: Issue, _: Arm) -> str:
 
 
 def _distance(issue: Issue) -> float:
-    """Root mean square distance of all targets [mm]."""
+    """Compute the root mean square displacement of all targets [mm]."""
     return MM * float(np.linalg.norm(issue.size)) / math.sqrt(len(issue.size) / 3)
 
 
@@ -652,7 +652,7 @@ def _distance(issue: Issue) -> float:
 
 
 def _moved_words(issue: Issue, _: Arm) -> str:
-    """A tracker that moved between the readings of every run, or what moved between two rows."""
+    """Describe a tracker that moved between the readings of every run, or a move between two rows."""
     size, b = issue.numbers, issue.size
     if not size:
         which = f"the loaded readings of station {issue.where[0]}" if issue.where else "all loaded readings"
@@ -803,7 +803,7 @@ HYPOTHESES = Hypotheses(
 
 
 def _scale_words(issue: Issue, arm: Arm) -> str:
-    """A factor between prior and readings; deflections that are no arm's, where a wild one is named."""
+    """Describe a factor between prior and readings, or name a single reading where no compliance fits."""
     factor = issue.numbers["factor"]
     if issue.where:
         largest, median = MM * issue.numbers["largest"], MM * issue.numbers["median"]

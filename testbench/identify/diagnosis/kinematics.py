@@ -240,7 +240,11 @@ class Observations:
     rotation: Array | None = None
 
     def select(self, rows: Ids) -> "Observations":
-        """Select some rows, by their indices, (r,)."""
+        """Select some rows.
+
+        Args:
+            rows: Indices of the rows, (r,).
+        """
         rotation = None if self.rotation is None else self.rotation[rows]
         return replace(
             self,
@@ -318,7 +322,14 @@ class Fit:
         return self.loss + PARAMETER_NATS * self.free_numbers
 
     def distances(self, observations: Observations) -> Array:
-        """Compute the distance of every reading from where the fit has its target, (readings,) [m]."""
+        """Compute the distance of every reading from the fitted position of its target.
+
+        Args:
+            observations: The readings that were fitted.
+
+        Returns:
+            Distances, (readings,) [m].
+        """
         return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.was_read])
 
     def distance_quantile(self, observations: Observations, share: float = HALF) -> float:
@@ -425,7 +436,15 @@ class _Trial:
     gain: float  #: Cost as read, minus the cost without the mistake and that of the choice [nats].
 
     def size(self, observations: Observations) -> Array:
-        """Size the mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
+        """Compute the size of the mistake.
+
+        Args:
+            observations: The readings as they are, with the mistake.
+
+        Returns:
+            Rotation vector and translation of a frame, (6,) [rad, m]; shift of a target or link, (3,) [m];
+            else the size of the change, in SI units.
+        """
         free, theta = self.undone.free, self.fit.theta[list(self.undone.free.theta)]
         if len(theta) == 3:
             return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ theta)
@@ -526,7 +545,7 @@ def fit_residuals(observations: Observations, chain: Chain, now: Fit) -> Array:
 
 
 def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fit:
-    """One weighted Gauss-Newton step of all that is free."""
+    """Take one weighted Gauss-Newton step of all free parameters."""
     free = observations.free
     about = now.residual - now.frame.translation + observations.read  # the targets about the frame's origin
     columns: list[Array] = []

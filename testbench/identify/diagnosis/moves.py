@@ -148,7 +148,7 @@ def most_significant_step(
 
 @dataclass(frozen=True)
 class _Sums:
-    """Whitened sums over rows: A is what may be lacking, Z both steps, e the residuals."""
+    """Hold sums over whitened rows: columns A of the nuisance model, Z of both moves, and residuals e."""
 
     AA: Array  #: Over all rows, (c + 1, c + 1), e last.
     Z: Array  #: Over the rows of every cell between two edges, (cells, z, c + 1 + z): Z A, Z e, Z Z.
@@ -239,7 +239,7 @@ def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
 
 
 def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
-    """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
+    """Whiten [A e], (c + 1, equations), and Z, (z, equations); equations are ordered by row."""
     active, rows = linear.active, series_rows(linear.active.unknowns, linear.state, series)
     W, pull = robust_whitening(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
     W = W * np.sqrt(pull)[..., None, None]
@@ -320,14 +320,14 @@ def step_places(series: Series, min_poses: int) -> Ids:
 
 
 def _poses_so_far(pose: Ids) -> Ids:
-    """Different poses up to and with every row, (rows,)."""
+    """Count the different poses up to and including every row, (rows,)."""
     first = np.zeros(len(pose), dtype=int)
     first[np.unique(pose, return_index=True)[1]] = 1
     return np.cumsum(first)
 
 
 def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
-    """The greatest step in a series, None where there is none that is worth parting it.
+    """Find the greatest step in a series; None if no step is clear enough to divide it.
 
     The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
@@ -380,7 +380,15 @@ def divide_at_moves(
     """
 
     def undo(parts: SeriesParts, now: FittedState) -> tuple[list[Issue], SeriesParts, FittedState] | None:
-        """Fit the parts again, each with its tracker or targets as they moved."""
+        """Fit the parts again, each with its own tracker or targets where they moved.
+
+        Args:
+            parts: The series as divided so far.
+            now: Their fit, state and noise.
+
+        Returns:
+            New issues, the divided series and their fit; None if nothing moved.
+        """
         steps = [
             None if part.distance is not None else _clear_step(now[0], part, now[1], elastic)
             for part in parts
@@ -398,10 +406,10 @@ def divide_at_moves(
 
 
 def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesParts, list[Issue]]:
-    """Series in two where something moved, which has a name of its own behind the step.
+    """Divide each series at its step; what moved gets a name of its own after the step.
 
-    A mount or frame that moved in one series is shared with no other any more: which part that would share it
-    with is not known. Findings say so.
+    A mount or frame that moved in one series is no longer shared with another, because the part that would
+    share it is unknown. Issues report this.
     """
     divided = [part for readings, step in zip(parts, steps, strict=True) for part in _halves(readings, step)]
     unshared: dict[tuple[str, str], Issue] = {}
@@ -418,24 +426,24 @@ def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesPa
 
 
 def _undivided_name(part: Series) -> str:
-    """Name of the series that a part is of."""
+    """Return the name of the series that a part belongs to."""
     return part.name.partition(PART_SUFFIX)[0]
 
 
 def _moved_name(series: Series, step: Issue) -> str:
-    """Name of what moved in a step, for a series."""
+    """Return the name of the frame or mount that moved in a step."""
     return series.target if step.name == "target_moved" else series.frame
 
 
 def _rename_moved(series: Series, step: Issue, name: str) -> Series:
-    """A series with another name for what moved in a step."""
+    """Rename the frame or mount that moved in a step."""
     if step.name == "target_moved":
         return replace(series, target=name)
     return replace(series, frame=name)
 
 
 def _halves(series: Series, step: Issue | None) -> SeriesParts:
-    """A series before and behind a step, whole where there is none."""
+    """Divide a series at a step; without a step it stays whole."""
     if step is None:
         return (series,)
     ordered, words = in_order_of_time(series), f"{PART_SUFFIX}{step.numbers['after']}"

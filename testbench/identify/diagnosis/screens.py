@@ -73,7 +73,7 @@ def _exchange(n: int, i: int, j: int) -> Ids:
 
 
 def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
-    """Robustly weighted loss of the linear form in every order, (orders,) [nats]."""
+    """Compute the robustly weighted loss of the linear form for every order, (orders,) [nats]."""
     count = len(orders)
     p, R = tool_pose(
         observations.vjm, observations.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1])
@@ -160,7 +160,7 @@ def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, 
 
 
 def _fit_half(observations: Observations, half: slice) -> Fit | None:
-    """Frame and targets by half of the rows; None where there are too few."""
+    """Fit frame and targets to half of the rows; None if there are too few."""
     rows = np.arange(len(observations.q))[half]
     sample = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
     return fit(sample) if len(rows) >= MIN_ROWS and sample.was_read.any() else None
@@ -174,7 +174,7 @@ def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
 
 
 def _median_distance(observations: Observations, fitted: Fit, part: slice) -> float:
-    """Median distance of readings in some rows [m]; 0 without any."""
+    """Compute the median distance of the readings in some rows [m]; 0 without any."""
     off = np.linalg.norm(
         fit_residuals(observations, chain(observations.vjm, observations.q), fitted), axis=2
     )[part][observations.was_read[part]]
