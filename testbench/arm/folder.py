@@ -79,17 +79,17 @@ class ArmJoint:
         return f"{self.name}_{self.unit}"
 
     @property
-    def shown_unit(self) -> Literal["deg", "mm"]:
+    def display_unit(self) -> Literal["deg", "mm"]:
         """Return the unit in which people read its coordinate, deg or mm."""
         return "mm" if self.prismatic else "deg"
 
     @property
-    def shown_column(self) -> str:
+    def display_column(self) -> str:
         """Name a column in the unit that people read, such as joint_2_deg."""
-        return f"{self.name}_{self.shown_unit}"
+        return f"{self.name}_{self.display_unit}"
 
     @property
-    def shown(self) -> float:
+    def display_factor(self) -> float:
         """Return the factor from its SI unit to the unit that people read, deg per rad or mm per m."""
         return 1e3 if self.prismatic else 180 / math.pi
 
@@ -503,11 +503,11 @@ class Arm(Displayed):
         return change if self.joint_map is None else self.joint_map.change_to_file(change)
 
     @property
-    def scale(self) -> Array:
+    def display_factors(self) -> Array:
         """Return the factors from file joints in SI units to those that people read, (m,) [deg/rad, mm/m]."""
-        return np.array([joint.shown for joint in self.file_joints])
+        return np.array([joint.display_factor for joint in self.file_joints])
 
-    def shown(self, q: Array) -> Array:
+    def to_display(self, q: Array) -> Array:
         """Convert chain joints to file joints in degrees and millimetres.
 
         Args:
@@ -516,9 +516,9 @@ class Arm(Displayed):
         Returns:
             File joints, (..., m) [deg, mm].
         """
-        return self.scale * self.to_file(q)
+        return self.display_factors * self.to_file(q)
 
-    def from_shown(self, values: Array) -> Array:
+    def from_display(self, values: Array) -> Array:
         """Convert file joints in degrees and millimetres to chain joints.
 
         Args:
@@ -527,7 +527,7 @@ class Arm(Displayed):
         Returns:
             Chain joints, (..., n) [rad, m].
         """
-        return self.to_model(values / self.scale)
+        return self.to_model(values / self.display_factors)
 
     def limit_distance(self, q: Array) -> Array:
         """Compute how far each file joint alone may move until a chain joint reaches its limit.
@@ -545,7 +545,7 @@ class Arm(Displayed):
             slack = np.min(
                 slack[:, :, None] / np.where(L > 0, L, np.nan), axis=1, where=L > 0, initial=np.inf
             )
-        return np.asarray(self.scale * slack)
+        return np.asarray(self.display_factors * slack)
 
     def check_positions(self, q: object, what: str = "q [rad, m]") -> Array:
         """Convert joint positions to an array, and refuse degrees in place of radians.
@@ -579,10 +579,10 @@ class Arm(Displayed):
         Returns:
             The values with their units.
         """
-        values, joints = self.shown(q).round(2).tolist(), self.file_joints
+        values, joints = self.to_display(q).round(2).tolist(), self.file_joints
         if not any(joint.prismatic for joint in joints):
             return f"{values} deg"
-        named = (f"{x} {joint.shown_unit}" for x, joint in zip(values, joints, strict=True))
+        named = (f"{x} {joint.display_unit}" for x, joint in zip(values, joints, strict=True))
         return f"[{', '.join(named)}]"
 
     @property
@@ -716,7 +716,7 @@ def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
         key, wrong_key = OFFSETS[:: -1 if known[name].prismatic else 1]
         if wrong_key in row:
             raise InputError(path, place, f"expected {key} of this joint, got {wrong_key}")
-        q_0[name] = row.pop(key, 0.0) / known[name].shown
+        q_0[name] = row.pop(key, 0.0) / known[name].display_factor
         if abs(q_0[name]) > MAX_JOINT_COORDINATE:
             raise InputError(path, place, f"expected offsets up to {MAX_JOINT_COORDINATE:g} rad or m")
     place = toml_place(path, ["joints"])

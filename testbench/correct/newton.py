@@ -34,7 +34,15 @@ from testbench.data.dataset import Rows, join_rows, row_arrays, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import ArmState, joint_equilibrium, loads_at, unsprung_theta
 from testbench.model.load import Load
-from testbench.model.vjm import Chain, chain, cross, points_on_tool, tool_pose, turn_between, turn_of_axis
+from testbench.model.vjm import (
+    Chain,
+    chain,
+    cross,
+    points_on_tool,
+    rotation_vectors_between,
+    rotation_vectors_between_axes,
+    tool_pose,
+)
 from testbench.progress import stepwise
 
 POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for its cache.
@@ -328,9 +336,9 @@ def _errors(points: Points, q: Array, theta: Array) -> _Errors:
 def _rotation_error(points: Points, rotation: Array) -> Array:
     """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
     if points.aim.hold != "axis":
-        return turn_between(rotation, points.target.rotation)
+        return rotation_vectors_between(rotation, points.target.rotation)
     spindle = np.array(points.aim.spindle)
-    return turn_of_axis(rotation @ spindle, points.target.rotation @ spindle)
+    return rotation_vectors_between_axes(rotation @ spindle, points.target.rotation @ spindle)
 
 
 def solve_inverse_statics(points: Points) -> Corrected:

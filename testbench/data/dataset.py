@@ -157,7 +157,7 @@ class Dataset(Displayed):
         trace = np.where(self.lines, np.trace(P, axis1=2, axis2=3), 1.0)[..., None, None]
         return np.where(self.lines[..., None, None], P / trace**2, covariances)
 
-    def as_read(self, vectors: Array) -> Array:
+    def measured_components(self, vectors: Array) -> Array:
         """Project motions of the markers on the directions that were measured.
 
         A reading along a line keeps the component along that line; a position keeps all three.

@@ -372,7 +372,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         solver_seconds=answer.seconds,
         penalty=penalty,
         split=pi,
-        held_by_trace_weight=bool(
+        bounded_by_tie_break=bool(
             papers and cost > REPORTED_PENALTY * left > REPORTED_PENALTY * EXACT_FIT * program.unit
         ),
     )

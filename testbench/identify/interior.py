@@ -34,7 +34,7 @@ from testbench.identify import cone
 # --- Sums of norms, or of squares, over positive semi-definite blocks: a dense interior-point method --------
 
 ITERATIONS = 40
-CENTRED = 0.1
+MIN_FIRST_GAP = 0.1
 """Least first gap, as a share of the objective."""
 INITIAL_SIZE = 1e-3
 """Size of the first x if the data fit best at zero."""
@@ -252,7 +252,7 @@ def _initial_iterate(program: BlockProgram) -> Iterate:
     gradient = pulls.sum(axis=0) + program.c
     matrices = (cone.smat(gradient[at]) for at in cone.groups_of(program.sizes))
     large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
-    s = max(CENTRED * program.fit(norms) / sum(program.sizes) / size, large) * identity
+    s = max(MIN_FIRST_GAP * program.fit(norms) / sum(program.sizes) / size, large) * identity
     return Iterate(size * identity, s, norms, pulls, gradient - s)
 
 

@@ -26,7 +26,7 @@ MIN_NEW_SHARE = 1e-5
 """Share of a direction outside those found before from which it counts as new [1]."""
 NEIGHBOURS = (1, 2, 3, 5)
 """Numbers of neighbouring links and joints that are searched together, before all are."""
-OPEN_SHARE = 0.5
+UNDETERMINED_SHARE = 0.5
 """Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
 CONFOUNDED_SHARE = 0.5
 """Share of the remaining variance, once all others or the confounded ones were known, below which a quantity
@@ -58,11 +58,11 @@ class ObservedQuantity:
     name: str  #: Name, such as "joint_3's offset".
     H: Array  #: Its numbers per unit of every unknown, (k, size).
     #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
-    of_the_arm: bool = True
+    belongs_to_arm: bool = True
 
 
 @dataclass(frozen=True)
-class HiddenQuantity:
+class UndeterminedQuantity:
     """Describe a quantity that the readings leave undetermined."""
 
     name: str  #: Name of the quantity.
@@ -193,9 +193,9 @@ def participation(N: Array, within: Array, unit: Array) -> Array:
     return np.asarray((more**2).sum(axis=1))
 
 
-def hidden_quantities(
+def undetermined_quantities(
     quantities: Sequence[ObservedQuantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
-) -> tuple[HiddenQuantity, ...]:
+) -> tuple[UndeterminedQuantity, ...]:
     """Find the quantities that the readings leave undetermined, the most uncertain first.
 
     Mathematics: `obs-8`.
@@ -222,26 +222,26 @@ def hidden_quantities(
     # Of every quantity of the arm that is left open: what hides it, and which joint helps.
     for k, (quantity, at) in enumerate(zip(quantities, parts, strict=True)):
         unit = _unit_combinations(H[at], never)
-        if not quantity.of_the_arm or not len(unit):
+        if not quantity.belongs_to_arm or not len(unit):
             continue
         share = _mean_variance(unit, K[np.ix_(at, at)])
-        if share < OPEN_SHARE:
+        if share < UNDETERMINED_SHARE:
             continue
         helps = _joint_to_turn(unit @ H[at], after, share)
         confounded = _share_if_all_known(quantity.H, L, M) < CONFOUNDED_SHARE * share
         behind, rest = _confounders(K, parts, k, unit) if confounded else ([], share)
         if rest > CONFOUNDED_SHARE * share:
-            hidden.append(HiddenQuantity(quantity.name, share=share, joint_to_turn=helps))
+            hidden.append(UndeterminedQuantity(quantity.name, share=share, joint_to_turn=helps))
             continue
         correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
         names = tuple(quantities[i].name for i in behind)
-        hidden.append(HiddenQuantity(quantity.name, names, share, correlation, helps))
+        hidden.append(UndeterminedQuantity(quantity.name, names, share, correlation, helps))
     return _most_uncertain(hidden)
 
 
-def _most_uncertain(hidden: Sequence[HiddenQuantity]) -> tuple[HiddenQuantity, ...]:
+def _most_uncertain(hidden: Sequence[UndeterminedQuantity]) -> tuple[UndeterminedQuantity, ...]:
     """Keep the most uncertain one of quantities that hide behind each other."""
-    kept: dict[frozenset[str], HiddenQuantity] = {}
+    kept: dict[frozenset[str], UndeterminedQuantity] = {}
     for quantity in sorted(hidden, key=lambda quantity: (not quantity.confounded_with, -quantity.share)):
         kept.setdefault(frozenset((quantity.name, *quantity.confounded_with)), quantity)
     return tuple(kept.values())

@@ -163,7 +163,7 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
     Returns:
         The regression of the same readings in these unknowns.
     """
-    columns = structure.places_in(regression.structure)
+    columns = structure.indices_in(regression.structure)
     parts = ((triangular_factor(np.c_[term.R[:, columns], term.z]), term) for term in regression.terms)
     restricted = regression_of(
         structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
@@ -185,7 +185,7 @@ def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
         The numbers, zero for all other parameters, (..., N).
     """
     every = np.zeros((*values.shape[:-1], widest.n))
-    every[..., structure.places_in(widest)] = values
+    every[..., structure.indices_in(widest)] = values
     return every
 
 
@@ -532,7 +532,7 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
     if structure is widest:
         return slice(None)
     alike = (structure.symmetric, structure.n_compliance_rows) == (widest.symmetric, widest.n_compliance_rows)
-    places = structure.places_in(widest)
+    places = structure.indices_in(widest)
     return np.append(places, widest.n) if alike and (places >= 0).all() else None
 
 

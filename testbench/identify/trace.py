@@ -71,12 +71,12 @@ class Candidate:
     @property
     def error(self) -> float:
         """Return the mean F_M over the folds [1]."""
-        return paired(self.errors)[0]
+        return mean_and_standard_error(self.errors)[0]
 
     @property
     def standard_error(self) -> float:
         """Return the standard error of that mean over folds [1]."""
-        return paired(self.errors)[1]
+        return mean_and_standard_error(self.errors)[1]
 
 
 def divide_poses(data: Dataset) -> Ids:
@@ -149,7 +149,7 @@ def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
     return Grams(totals.sum(axis=0), totals[several], counts[several], int(counts.sum()), len(kinds))
 
 
-def paired(difference: Array) -> tuple[float, float]:
+def mean_and_standard_error(difference: Array) -> tuple[float, float]:
     """Compute mean and standard error over folds [1] of one model's errors, or of differences, (folds,).
 
     The standard error is infinite for a single fold.
@@ -180,7 +180,9 @@ def prefer_first(candidates: Sequence[Candidate], first: str) -> Comparison:
     """
     [candidate] = [c for c in candidates if c.name == first]
     duels = [
-        Comparison(c.name, *paired(c.errors - candidate.errors)) for c in candidates if c is not candidate
+        Comparison(c.name, *mean_and_standard_error(c.errors - candidate.errors))
+        for c in candidates
+        if c is not candidate
     ]
     better = [d for d in duels if d.difference < -CLEAR_STANDARD_ERRORS * d.standard_error]
     return min(better, key=lambda d: d.difference, default=Comparison(first, 0.0, 0.0))
@@ -396,7 +398,7 @@ def _strongest_weight(errors: Array) -> int:
     best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_PROBABILITY)
     for k in range(best):
         if np.isfinite(logs[0, k]):
-            more, error = paired(logs[:, k] - logs[:, best])
+            more, error = mean_and_standard_error(logs[:, k] - logs[:, best])
             if more <= chance * error:
                 return k
     return best

@@ -262,7 +262,7 @@ COMPENSATOR_UNIT = UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR)
 COMPENSATOR_LAW_PRIOR = 0.05, 1.5
 """Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
 deflects to half of that of joint 2."""
-TIED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
+COUPLED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
 CACHED_VJMS = CACHED_STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
@@ -422,7 +422,7 @@ def law_unit(kind: str) -> float:
     return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
 
 
-def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
+def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     """Read the sizes of joint laws from the diagonal of C_theta.
 
     Args:
@@ -528,29 +528,29 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def with_ties(structure: Structure) -> Structure:
+def with_joint_couplings(structure: Structure) -> Structure:
     """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
     joints = 6 * structure.links + np.arange(structure.links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
-    name = structure.name + TIED_SUFFIX * (len(a) > 0)
+    name = structure.name + COUPLED_SUFFIX * (len(a) > 0)
     return replace(structure, name=name, a=np.append(structure.a, a), b=np.append(structure.b, b))
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def without_ties(structure: Structure) -> Structure:
+def without_joint_couplings(structure: Structure) -> Structure:
     """Remove the couplings between joints from a structure; cached."""
     keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
     return (
         structure
         if len(keep) == structure.n
-        else structure.keep(keep, structure.name.removesuffix(TIED_SUFFIX))
+        else structure.keep(keep, structure.name.removesuffix(COUPLED_SUFFIX))
     )
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
     """Remove joint laws and couplings between joints from a structure; cached."""
-    structure = without_ties(structure)
+    structure = without_joint_couplings(structure)
     if not structure.laws:
         return structure
     keep = np.flatnonzero(structure.a < structure.n_compliance_rows)

@@ -35,7 +35,7 @@ from testbench.model.vjm import (
     chain,
     cross,
     generalised_load,
-    plain_load,
+    load_without_laws,
     translation_rows,
 )
 
@@ -147,7 +147,7 @@ def on_joints(chain: Chain, loads: Sequence[Load]) -> Array:
     """
     u = np.zeros((7 * len(chain.bodies) - 8, len(chain.position)))
     for load in loads:
-        u += plain_load(chain, load.wrench, load.point)
+        u += load_without_laws(chain, load.wrench, load.point)
     return append_law_loads(chain, u)
 
 

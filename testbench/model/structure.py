@@ -198,7 +198,7 @@ class Structure(Displayed):
         """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
 
-    def places_in(self, wider: "Structure") -> Ids:
+    def indices_in(self, wider: "Structure") -> Ids:
         """Find the parameters of this structure among those of a wider one.
 
         Args:
@@ -311,7 +311,7 @@ def _named(
     return make
 
 
-free36 = _named("MLS36", entries=FREE)
+mls36 = _named("MLS36", entries=FREE)
 """All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
 mgco147 = _named("MGCO147")
 """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""

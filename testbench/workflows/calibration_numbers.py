@@ -19,7 +19,7 @@ from testbench.data.dataset import Series, numbers_per_target, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
-from testbench.identify.absolute.evidence import DEFAULT_SCALES, LOOSE_STRENGTH, ActiveUnknowns
+from testbench.identify.absolute.evidence import DEFAULT_SCALES, WIDE_PRIOR, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import further_information, posterior_of
@@ -238,8 +238,8 @@ def _errors_of_series(series: Series, before: Array, after: Array) -> Row:
 def _noise(noise: Noise, series: Sequence[Series]) -> Row:
     return Row(
         sigma_um=float(UM * np.sqrt(np.mean([readings.sigma**2 for readings in series]))),
-        open_position_um=UM * noise.open_position,
-        open_rotation_urad=UM * noise.open_rotation,
+        open_position_um=UM * noise.position_model_error,
+        open_rotation_urad=UM * noise.rotation_model_error,
         position_factor=float(noise.factor[0]),
     )
 
@@ -396,9 +396,9 @@ def _ranges(joint: ArmJoint, own: Array, q: Array, before: Array, after: Array) 
         sizes = [float(MM * np.sqrt((x[here] ** 2).mean())) if here.any() else None for x in (before, after)]
         yield Row(
             joint=joint.name,
-            low=float(joint.shown * edges[k]),
-            high=float(joint.shown * edges[k + 1]),
-            unit=joint.shown_unit,
+            low=float(joint.display_factor * edges[k]),
+            high=float(joint.display_factor * edges[k + 1]),
+            unit=joint.display_unit,
             n=int(here.sum()),
             before_mm=sizes[0],
             after_mm=sizes[1],
@@ -544,7 +544,7 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
     loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]
     prior = np.diag(loose**2)
     if active.elastic is not None:
-        L = LOOSE_STRENGTH.uncertainty * active.elastic.L
+        L = WIDE_PRIOR.relative * active.elastic.L
         prior[-len(L) :, -len(L) :] = L @ L.T
     state = replace(
         calibration.state, errors=few.errors, n=np.zeros((len(calibration.state.n), few.errors.size))

@@ -24,7 +24,7 @@ from testbench.identify.absolute.state import Unknowns
 from testbench.identify.metric import (
     Prior,
     PriorScaling,
-    Strength,
+    PriorUncertainty,
     aggregate,
     precision_root,
     scale_by_prior,
@@ -32,13 +32,13 @@ from testbench.identify.metric import (
 )
 from testbench.identify.observability import (
     Direction,
-    HiddenQuantity,
     ObservedQuantity,
+    UndeterminedQuantity,
     directions,
-    hidden_quantities,
     null_space,
     participants,
     participation,
+    undetermined_quantities,
     zero_columns,
 )
 from testbench.identify.posterior import Posterior
@@ -106,7 +106,7 @@ class Identifiability:
 
 
 def of_regression(
-    vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
+    vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, uncertainty: PriorUncertainty
 ) -> Identifiability:
     """Describe what a reduced dataset can tell of its structure; only poses, loads and sigmas count.
 
@@ -115,7 +115,7 @@ def of_regression(
         regression: The reduced dataset.
         data: Its runs, or some of them, evenly out of all.
         prior: The prior.
-        strength: Strength of the prior.
+        uncertainty: PriorUncertainty of the prior.
 
     Returns:
         The description.
@@ -133,18 +133,18 @@ def of_regression(
     to_loads = directions(loads, unit, groups, to_structure)
     wanted = sampled_tasks(vjm, data, structure)
     moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected), axis=-1)
-    known = _known(scaled, strength, regression)
+    known = _known(scaled, uncertainty, regression)
     component, entry = _places(vjm, structure)
     proposals = []
     for words, more in _measured_otherwise(vjm, data, regression):
-        error = expected_error(_known(scaled, strength, regression, more), wanted)
+        error = expected_error(_known(scaled, uncertainty, regression, more), wanted)
         proposals.append(MeasurementProposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
     return Identifiability(
         structure=structure,
         component=component,
         entry=entry,
         prior=prior.name,
-        uncertainty=strength.uncertainty,
+        uncertainty=uncertainty.relative,
         rank=structure.n - null_space(own).shape[1],
         rank_of_loads=structure.n - len(to_structure) - len(to_loads),
         rank_of_structure=structure.n - len(to_structure),
@@ -154,7 +154,7 @@ def of_regression(
         not_loaded=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
         lost_to_loads=tuple(map(participants, to_loads)),
         spread=participation(null_space(own), null_space(loads), unit),
-        share=_share(known, scaled, strength),
+        share=_share(known, scaled, uncertainty),
         error=expected_error(known, wanted),
         deflection=math.sqrt(np.square(moved).mean()),
         proposals=_placed(sorted(proposals, key=lambda p: (p.error, -p.rank))),
@@ -204,7 +204,7 @@ def _name(identifiability: Identifiability, parameter: int) -> str:
 
 
 def explained_variance(
-    vjm: Vjm, regression: Regression, prior: Prior, strength: Strength
+    vjm: Vjm, regression: Regression, prior: Prior, uncertainty: PriorUncertainty
 ) -> tuple[tuple[str, ...], Array]:
     """Compute what the data take off the prior's variance of every parameter.
 
@@ -212,14 +212,14 @@ def explained_variance(
         vjm: Kinematics of the arm.
         regression: The reduced dataset.
         prior: The prior.
-        strength: Strength of the prior.
+        uncertainty: PriorUncertainty of the prior.
 
     Returns:
         Link or joint of every parameter, and the share of its variance, (n,) [1].
     """
     scaled = any_metric(prior, vjm, regression.structure)
     return _places(vjm, regression.structure)[0], _share(
-        _known(scaled, strength, regression), scaled, strength
+        _known(scaled, uncertainty, regression), scaled, uncertainty
     )
 
 
@@ -249,16 +249,16 @@ def expected_error(known: Posterior, wanted: Array) -> float:
     Returns:
         Error [m]; infinite if nothing fixes the scale.
     """
-    if len(known.unseen):
+    if len(known.unobservable):
         return math.inf
     deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
     return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
 
 
-def _known(scaled: PriorScaling, strength: Strength, *data: Regression) -> Posterior:
+def _known(scaled: PriorScaling, uncertainty: PriorUncertainty, *data: Regression) -> Posterior:
     """Parameters by a prior and by what the rows of data would tell, their readings aside."""
     rows = [weighted_rows(regression, scaled)[0] for regression in data]
-    M = np.vstack([*rows, precision_root(scaled, strength)[0]])
+    M = np.vstack([*rows, precision_root(scaled, uncertainty)[0]])
     return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
 
 
@@ -343,14 +343,14 @@ def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
     return [np.flatnonzero(place == k) for k in np.unique(place)]
 
 
-def _share(known: Posterior, scaled: PriorScaling, strength: Strength) -> Array:
+def _share(known: Posterior, scaled: PriorScaling, uncertainty: PriorUncertainty) -> Array:
     """What the data take off the prior's variance of every parameter, (n,).
 
     The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
     the scale is not counted as seeing one of them.
     """
-    before = strength.uncertainty**2 * (scaled.L**2).sum(axis=1)
-    if len(known.unseen):  # nothing fixes the common scale
+    before = uncertainty.relative**2 * (scaled.L**2).sum(axis=1)
+    if len(known.unobservable):  # nothing fixes the common scale
         return np.zeros(len(before))
     after = known.deviations(np.eye(len(before))) ** 2
     return np.asarray(np.clip(1 - after / before, 0, 1))
@@ -486,7 +486,7 @@ def unobservable(
     d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
     plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
-    found = hidden_quantities(quantities(unknowns), L, M, every.directions, more)
+    found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
     names = [joint.name for joint in unknowns.vjm.arm.joints]
     return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
 
@@ -521,7 +521,7 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         )
 
 
-def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[str, ...]:
+def sentences(found: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> tuple[str, ...]:
     """Write one sentence per advice for what is not seen, one for errors of a joint among themselves.
 
     Args:
@@ -554,7 +554,7 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
     return tuple(said)
 
 
-def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+def _words(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
     left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remains"
     if not hidden_quantity.confounded_with:
         return f"{hidden_quantity.name} is not determined ({left}){_advice(hidden_quantity, joints)}"
@@ -567,7 +567,7 @@ def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     )
 
 
-def _advice(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+def _advice(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
     """What would show it; nothing where that was not asked for."""
     if hidden_quantity.joint_to_turn is None:
         return ""
@@ -585,14 +585,14 @@ def _joint(name: str) -> str:
     return name.split(ERROR)[0] if ERROR in name else ""
 
 
-def _among_themselves(hidden_quantity: HiddenQuantity) -> bool:
+def _among_themselves(hidden_quantity: UndeterminedQuantity) -> bool:
     """Whether a joint's error hides behind others of the same joint alone."""
     return bool(_joint(hidden_quantity.name)) and all(
         _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.confounded_with
     )
 
 
-def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
+def _grouped(found: Sequence[UndeterminedQuantity]) -> list[list[UndeterminedQuantity]]:
     """By joint and advice, in their order."""
     keys = dict.fromkeys(
         (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) for hidden_quantity in found
@@ -607,7 +607,7 @@ def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
     ]
 
 
-def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
+def _mutual(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
     if len(own) == 1:
         return _words(own[0], joints)
     orders = ", ".join(
@@ -618,7 +618,7 @@ def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
     return f"{joint}'s errors of orders {orders} cannot be separated ({_left(own)}){_advice(own[0], joints)}"
 
 
-def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
+def _unseen(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
     if len(own) == 1:
         return _words(own[0], joints)
     names: list[str] = []
@@ -630,7 +630,7 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
     return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
 
 
-def _left(own: Sequence[HiddenQuantity]) -> str:
+def _left(own: Sequence[UndeterminedQuantity]) -> str:
     shares = [f"{100 * share:.0f}" for share in sorted(hidden_quantity.share for hidden_quantity in own)]
     return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
 
@@ -650,7 +650,7 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
     for kind, name in keys:
         columns = np.arange(unknowns.size)[unknowns.columns(f"{kind} {name}")]
-        own = np.setdiff1d(columns, unknowns.turns_of_points)
+        own = np.setdiff1d(columns, unknowns.unused_rotations)
         rows, words = every[own], f"the {kind} of {name}"
         if kind == "frame" and name in unknowns.normals:
             # Planes show shifts along their normals, and turns about the axes across these.
@@ -659,7 +659,7 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
             rows = np.concatenate([_span(normals) @ rows[:3], _span(across) @ rows[3:]])
         elif kind == "frame" and name in unknowns.fixed:
             words = f"the fixed point of {name}"
-        yield ObservedQuantity(words, rows, of_the_arm=False)
+        yield ObservedQuantity(words, rows, belongs_to_arm=False)
 
 
 def _span(vectors: Array) -> Array:

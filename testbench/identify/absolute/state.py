@@ -643,7 +643,7 @@ class Unknowns:
         return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
 
     @property
-    def turns_of_points(self) -> Ids:
+    def unused_rotations(self) -> Ids:
         """Return the columns that no reading depends on: turns of the frames of fixed points."""
         points = [self.starts[f"frame {name}"] for name, sizes in self.fixed.items() if not sizes[3]]
         return np.concatenate([np.zeros(0, dtype=int), *(start + np.arange(3, 6) for start in points)])

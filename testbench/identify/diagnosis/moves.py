@@ -22,7 +22,7 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import (
-    LOOSE_STRENGTH,
+    WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
     activate,
@@ -42,7 +42,9 @@ NUISANCE_FACTOR = 3.0
 MAX_NUMBERS = 3_000_000  #: Most numbers of the equations in memory at a time.
 EQUATIONS_PER_POSE = 6
 """Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
-ALIKE_GAIN = 10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
+AMBIGUOUS_GAIN = (
+    10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
+)
 
 
 @dataclass(frozen=True)
@@ -79,11 +81,11 @@ def nuisance_model(
         activate(unknowns, GEOMETRY | {"harmonics"}, elastic),
         default_scales(unknowns, len(noise.factor)),
     )
-    P, _ = active_prior(active, ErrorScales(NUISANCE_FACTOR * size.deviation, size.factor), LOOSE_STRENGTH)
+    P, _ = active_prior(active, ErrorScales(NUISANCE_FACTOR * size.deviation, size.factor), WIDE_PRIOR)
     return NuisanceModel(active, P, state, noise)
 
 
-def chance(step: Issue) -> float:
+def p_value(step: Issue) -> float:
     """Compute the probability of a step as clear as this one of `best_step` in readings without any.
 
     With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
@@ -136,12 +138,12 @@ def most_significant_step(
         if not len(steps):
             continue
         step = min(
-            (_greatest_step(rest, readings, series_sums, steps, turns=t) for t in (False, True)), key=chance
+            (_greatest_step(rest, readings, series_sums, steps, turns=t) for t in (False, True)), key=p_value
         )
         poses = np.unique(readings.pose, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *series_sums.Z.shape[1:]))
         np.add.at(together, poses, series_sums.Z)
-        alone = [t for Z in (series_sums.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
+        alone = [t for Z in (series_sums.Z, together) for t in rest.score_moves(Z, turns=len(step.size) == 6)]
         if max(t.gain.max() for t in alone) < step.numbers["share"] * rest.before:
             yield readings, step
 
@@ -167,7 +169,7 @@ class _Unexplained:
     count: float  #: Equations that nothing spends.
     shared: float  #: How many of them say the same.
 
-    def tested(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
+    def score_moves(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
         """Test whether the targets or the tracker moved, in a batch of rows.
 
         Args:
@@ -204,14 +206,14 @@ def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence
 def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     # Score of a step at every place, of targets and of the tracker; the greatest is taken.
-    target, tracker = rest.tested(behind, turns=turns)
+    target, tracker = rest.score_moves(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
     score, other = (target, tracker) if slipped else (tracker, target)
     k = int(score.gain.argmax())
     gain, place = float(score.gain[k]), int(steps[k])
     s2 = max(rest.before - gain, 1e-300) / rest.count
     numbers = {
-        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE_GAIN * s2),
+        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < AMBIGUOUS_GAIN * s2),
         "share": gain / rest.before,
         "free": rest.count / rest.shared,
         "place": place,

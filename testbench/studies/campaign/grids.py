@@ -22,7 +22,7 @@ from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import Estimate, all_deflections
 from testbench.identify.metric import (
     Prior,
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     cad_prior,
     rescale_to_data,
@@ -82,7 +82,7 @@ GRAVITY = CellGrid("kr500_l480", (4, 8, 12, 20, 40), (5e-6, 15e-6, 50e-6, 150e-6
 FULL_POSE = CellGrid("arm_6r", (2, 4, 8, 18), (25e-6, 100e-6, 400e-6))
 FEATURED = (8, 50e-6)  #: Poses and noise of section 6: the cell whose models the report lists.
 NONE = "none"
-PRIORS = {"30 %": Strength(0.3), "300 %": Strength(3.0)}
+PRIORS = {"30 %": PriorUncertainty(0.3), "300 %": PriorUncertainty(3.0)}
 """How firmly the CAD prior is believed, by name; it is right where the truth is tubes."""
 GCO, SQUARES, JOINTS = "GCO", "least squares", "joints alone"
 EQUAL, LENT = "PSD of equal fit", "same free directions"
@@ -123,20 +123,22 @@ def without_prior(regressions: Sequence[Regression]) -> Compared:
     )
 
 
-def with_prior(vjm: Vjm, regressions: Sequence[Regression], prior: Prior, strength: Strength) -> Compared:
+def with_prior(
+    vjm: Vjm, regressions: Sequence[Regression], prior: Prior, uncertainty: PriorUncertainty
+) -> Compared:
     """Fit least squares and GCO with the same prior, which leaves no direction free.
 
     Args:
         vjm: Kinematics of the arm.
         regressions: Reduced datasets.
         prior: The prior.
-        strength: Strength of the prior.
+        uncertainty: PriorUncertainty of the prior.
 
     Returns:
         Both fits of every dataset.
     """
     scaling = scale_by_prior(prior, vjm, regressions[0].structure)
-    pairs = [(r, WeightedPrior(rescale_to_data(scaling, r), strength)) for r in regressions]
+    pairs = [(r, WeightedPrior(rescale_to_data(scaling, r), uncertainty)) for r in regressions]
     return Compared(
         *(
             [solve(r, constraint, weighted_prior) for r, weighted_prior in pairs]
