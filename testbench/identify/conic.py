@@ -30,8 +30,7 @@ import numpy as np
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify import cone
 from testbench.identify.estimate import Certificate, Dual, Estimate, Penalty, make_estimate
-from testbench.identify.interior import TINY, interior
-from testbench.identify.interior import BlockProgram as Norms
+from testbench.identify.interior import TINY, BlockProgram, solve_program
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import PAPER_GCO, Structure
 
@@ -406,8 +405,10 @@ def solve_interior_point(regression: Regression, program: ConicProgram) -> Conic
     start, order = time.perf_counter(), s.parameter
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
-    norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
-    x[order] = unit * interior(norms).x
+    norms = BlockProgram(
+        program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes
+    )
+    x[order] = unit * solve_program(norms).x
     pi = program.parameters(x, n)
     dual = gradient_dual(regression, pi)
     gap = lower_bound_certificate(regression, pi, dual, penalty=program.penalty).duality_gap / program.unit

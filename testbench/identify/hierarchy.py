@@ -1,24 +1,23 @@
-"""Empirical Bayes for a linear model: sizes of unknowns, and noise of equations, learnt from the readings.
+"""Empirical Bayes: the readings determine the sizes of unknowns and the noise of a linear model.
 
-Of c unknowns some are drawn from N(m(h), d(h)^2), with one size d for all unknowns of a part. The others are
-free, or held by equations that count as exact. With y_k = A_k x + noise of deviation s_k(h) for each kind k,
-the hyperparameters h, all logarithms, maximise the evidence (MacKay 1992, The evidence framework):
+Some of the c unknowns have a prior N(m(h), d(h)^2), with one deviation d for all unknowns of a group. The
+others are free, or determined by equations that count as exact. With y_k = A_k x + noise of deviation s_k(h)
+for each kind k of equations, the hyperparameters h, all logarithms, maximise the evidence (MacKay 1992):
 
     -log p(y, h) = sum_k (|y_k - A_k x|^2 / s_k^2 + 2 n_k log s_k) / 2
-                   + sum_i ((x_i - m_i)^2 / d_i^2 + log d_i^2) / 2 + log det P / 2 - log p(h),
+                   + sum_i ((x_i - m_i)^2 / d_i^2 + log d_i^2) / 2 + log det P / 2 - log p(h)
 
-P = sum_k A_k^T A_k / s_k^2 + diag(d^-2), x the most probable unknowns, and P their precision. Only the Gram
+with the most probable unknowns x and their precision P = sum_k A_k^T A_k / s_k^2 + diag(d^-2). Only the Gram
 matrices of the equations are needed.
 
-A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used.
-
-In units of the prior a block is x_k = s_k (e_k + d xi). It has a scale s_k, and entries that scatter
-about their expectation: by u those of a straight beam, by c the couplings that no straight beam has. Scales
-of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
-similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
-hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
-value, maximise the evidence of `evidence_model`. So a CAD model whose joints, or one of whose links, are
-wrong by a factor of ten costs little if the readings show it.
+`learn_prior` applies this to a hierarchical prior of the compliances. In units of the prior a block is
+x_k = s_k (e_k + d xi): it has a scale s_k, and entries that scatter about their expectation e_k. The relative
+deviation d is u for the entries of a straight beam, and c for couplings that no straight beam has; in the
+block of a whole link it is multiplied by w. The scales of links, and those of joints, have a Student
+distribution about a common factor of their kind: most are similar, a few differ much. The hyperparameters
+h = (log s, factors, log w, log u, log c, log kappa), with kappa the factor of the noise, maximise the
+evidence. So if the CAD model of the joints, or of one link, is wrong by a factor of ten, the readings correct
+it.
 """
 
 import math
@@ -57,8 +56,8 @@ MIN_CURVATURE, MAX_STEP = 1e-3, 2.0
 class Hyperprior:
     """Hold the densities of linear functions z of the hyperparameters, one per row."""
 
-    rows: Array  #: Of z, (k, m).
-    middle: Array  #: h of z = 0 along the rows, (k,).
+    rows: Array  #: Rows R of z = R h - centre, (k, m).
+    centre: Array  #: Value of R h at z = 0, (k,).
     #: -log p(z), each, and its first and second derivatives, (k,).
     density: Callable[[Array], tuple[Array, Array, Array]]
 
@@ -83,22 +82,24 @@ class EvidenceModel:
     """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
     gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
-    counts: Array  #: Equations of every kind, (kinds,).
+    counts: Array  #: Number of equations of every kind, (kinds,).
     exact_gram: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
-    drawn: Array  #: log d of every unknown per unit of h, zero for unknowns without a prior, (c, m).
-    expected: Array  #: m_i over its scale, (c,).
-    scale: Array  #: Logarithm of that scale per unit of h, (c, m).
-    priors: tuple[Hyperprior, ...]  #: Of the hyperparameters.
+    #: Rows D of log d = D h, zero for unknowns without a prior, (c, m).
+    log_deviation_rows: Array
+    expected: Array  #: Prior means m_i over their scale, (c,).
+    log_scale_rows: Array  #: Rows S of the logarithm of that scale, S h, (c, m).
+    priors: tuple[Hyperprior, ...]  #: Priors of the hyperparameters.
     bounds: Array  #: Least and largest value of every hyperparameter, (2, m).
 
 
 @dataclass(frozen=True)
-class Normal:
-    """Hold the solution of normal equations."""
+class NormalSolution:
+    """Hold the solution of normal equations: the most probable unknowns and their precision P."""
 
-    x: Array  #: Most likely unknowns, (c,).
-    root: tuple[Array, bool]  #: Cholesky's, of the precision scaled to unit diagonal.
-    size: Array  #: Roots of its diagonal before, (c,).
+    x: Array  #: Most probable unknowns, (c,).
+    #: Cholesky factor of P scaled to unit diagonal, (c, c), and whether it is lower.
+    root: tuple[Array, bool]
+    size: Array  #: Square roots of the diagonal of P, (c,).
 
     @property
     def log_determinant(self) -> float:
@@ -125,8 +126,11 @@ class Normal:
         return np.asarray((unit * cho_solve(self.root, unit)).sum(axis=0) / self.size[columns] ** 2)
 
 
-def normal(H: Array) -> Normal:
-    """Solve for the most probable unknowns by the Gram matrix of the whitened [A | y], (c + 1, c + 1).
+def solve_normal_equations(H: Array) -> NormalSolution:
+    """Solve the normal equations for the most probable unknowns.
+
+    Args:
+        H: Gram matrix of the whitened [A | y], prior included, (c + 1, c + 1).
 
     Raises:
         BenchError: If an unknown is undetermined: only frames and targets have no prior.
@@ -138,21 +142,21 @@ def normal(H: Array) -> Normal:
         raise BenchError(
             "calibration: the readings leave a frame or target open; expected more poses"
         ) from None
-    return Normal(cho_solve(root, H[:-1, -1] / size) / size, root, size)
+    return NormalSolution(cho_solve(root, H[:-1, -1] / size) / size, root, size)
 
 
 @dataclass(frozen=True)
 class EvidencePosterior:
     """Hold the unknowns and the loss at given hyperparameters."""
 
-    normal: Normal
-    covariance: Array  #: V = P^-1, (c, c).
-    deviation: Array  #: d, infinite for unknowns without a prior, (c,).
-    mean: Array  #: m, (c,).
+    solution: NormalSolution  #: Most probable unknowns x.
+    covariance: Array  #: Covariance V = P^-1, (c, c).
+    deviation: Array  #: Prior deviations d, infinite for unknowns without a prior, (c,).
+    mean: Array  #: Prior means m, (c,).
     residual_squares: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
     spent_equations: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
     loss: float  #: -log p(y, h).
-    gradient: Array  #: Of that, (m,).
+    gradient: Array  #: Gradient of the loss, (m,).
 
 
 def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
@@ -170,24 +174,24 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     Raises:
         BenchError: When the equations leave an unknown undetermined, or rounding leaves P no root.
     """
-    kinds, D = len(problem.counts), problem.drawn
+    kinds, D = len(problem.counts), problem.log_deviation_rows
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
-    mean = np.exp(problem.scale @ h) * problem.expected
+    mean = np.exp(problem.log_scale_rows @ h) * problem.expected
     # Gram matrix of readings and prior, and the most probable unknowns.
     H = problem.exact_gram + sum(gram / variance for gram, variance in zip(problem.gram, s2, strict=True))
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
-    solved = normal(H)
+    solved = solve_normal_equations(H)
     V, v, off = solved.covariance, np.r_[solved.x, -1.0], (solved.x - mean) / d
     left = problem.gram @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
     # -log p, its derivative, and the hyperpriors.
     value = (left.sum() + off @ off + v @ problem.exact_gram @ v + solved.log_determinant) / 2
     value += problem.counts @ h[-kinds:] + (D @ h).sum()
-    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.scale.T @ (mean * off / d)
+    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.log_scale_rows.T @ (mean * off / d)
     g[-kinds:] += problem.counts - left - spent
     for prior in problem.priors:
-        of, slope, _ = prior.density(prior.rows @ h - prior.middle)
+        of, slope, _ = prior.density(prior.rows @ h - prior.centre)
         value, g = value + of.sum(), g + prior.rows.T @ slope
     return EvidencePosterior(solved, V, d, mean, left, spent, float(value), g)
 
@@ -195,8 +199,9 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
 def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
     """Compute the second derivatives of the loss by the hyperparameters, with implicit differentiation.
 
-    With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U. The loss at the best x bends by U^T V U less
-    than at a fixed x; the determinant of P bends by tr(V P' V P') less than by its own P''.
+    With w = d^-2 and U = -d^2 loss / dx dh, the unknowns move by dx/dh = V U. The second derivative of the
+    loss at the optimal x is smaller by U^T V U than at a fixed x; that of log det P is smaller by
+    tr(V P' V P') than tr(V P'').
 
     Mathematics: `prior-9`.
 
@@ -208,11 +213,16 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
     Returns:
         Hessian, (m, m), and dx/dh, (c, m).
     """
-    D, S, V, kinds = problem.drawn, problem.scale, posterior.covariance, len(posterior.residual_squares)
-    w, off = posterior.deviation**-2, (posterior.normal.x - posterior.mean) / posterior.deviation
+    D, S, V, kinds = (
+        problem.log_deviation_rows,
+        problem.log_scale_rows,
+        posterior.covariance,
+        len(posterior.residual_squares),
+    )
+    w, off = posterior.deviation**-2, (posterior.solution.x - posterior.mean) / posterior.deviation
     a, K, s2 = off / posterior.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
     # U: derivative of the gradient in x by h; J = V U is how x moves.
-    pulls = (problem.gram @ np.r_[posterior.normal.x, -1.0])[:, :-1] / s2[:, None]
+    pulls = (problem.gram @ np.r_[posterior.solution.x, -1.0])[:, :-1] / s2[:, None]
     U = 2 * a[:, None] * D + (w * posterior.mean)[:, None] * S + 2 * pulls.T @ K
     J = V @ U
     shares = _shares(problem, V, w, s2)
@@ -225,7 +235,7 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
     H += S.T @ ((posterior.mean**2 * w - posterior.mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
     H += 2 * K.T @ (np.diag(posterior.residual_squares + posterior.spent_equations) - traces) @ K
     for prior in problem.priors:
-        bend = prior.density(prior.rows @ h - prior.middle)[2]
+        bend = prior.density(prior.rows @ h - prior.centre)[2]
         H += prior.rows.T @ (bend[:, None] * prior.rows)
     return H, J
 
@@ -327,22 +337,22 @@ class LearntPriorModel:
     They are log s, factors, log w, log t, log u, log c and log kappa.
     """
 
-    scaling: PriorScaling  #: Of the prior, in the scale of the data.
-    problem: EvidenceModel  #: The readings.
-    scale_shares: Array  #: Of every scale in the logarithm of the size of every entry of x, (n, K).
-    kind: Ids  #: Of every scale: 0 for the first of links and joints that there is, (K,).
-    link_scales: Ids  #: Scales of whole links, (W,).
-    has_joint_couplings: bool  #: Whether there are couplings of joints, of the size t.
-    start: Array  #: The medians of all hyperparameters.
+    scaling: PriorScaling  #: Units of the prior, at the common scale that fits the data.
+    problem: EvidenceModel  #: Evidence of the readings.
+    scale_shares: Array  #: Exponent of every scale in the size of every entry of x, (n, K).
+    kind: Ids  #: Kind of every scale: 0 for links if there are some, then joints, then laws, (K,).
+    link_scales: Ids  #: Indices of the scales of whole links, (W,).
+    has_joint_couplings: bool  #: Whether joints are coupled, by compliances of relative size t.
+    start: Array  #: Medians of all hyperparameters.
 
     @property
-    def blocks(self) -> int:
+    def n_scales(self) -> int:
         """Count the scales, K."""
         return len(self.kind)
 
     @property
-    def last_hyperparameters(self) -> int:
-        """Count the hyperparameters behind log w, T + 3."""
+    def n_after_link_widths(self) -> int:
+        """Count the hyperparameters after log w, T + 3."""
         return 3 + self.has_joint_couplings
 
     def scale(self, h: Array) -> Array:
@@ -354,7 +364,7 @@ class LearntPriorModel:
         Returns:
             Scale of every entry, (n,) [1].
         """
-        return np.asarray(np.exp(self.scale_shares @ h[: self.blocks]))
+        return np.asarray(np.exp(self.scale_shares @ h[: self.n_scales]))
 
 
 def evidence_model(
@@ -405,9 +415,9 @@ def evidence_model(
         gram=gram[None],
         counts=np.array([regression.equations]),
         exact_gram=np.zeros_like(gram),
-        drawn=scale + drawn,
+        log_deviation_rows=scale + drawn,
         expected=scaling.expected,
-        scale=scale,
+        log_scale_rows=scale,
         priors=_priors(kind, m, tied, _law_sizes(scaling)),
         bounds=bounds,
     )
@@ -473,8 +483,8 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
         widths: Whether the uncertainty of the hyperparameters is computed, which intervals need.
 
     Returns:
-        The metric with the scale of every block, the uncertainty of each entry and of that uncertainty, and
-        the change of the parameters with the hyperparameters.
+        The prior with the learnt scale of every block, the uncertainty of its entries, and the change of the
+        parameters with the hyperparameters.
 
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0.
@@ -482,7 +492,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
     model = evidence_model(regression, scaling)
     h = maximise_evidence(model.problem, model.start)
     u, c, kappa = np.exp(h[-3:])
-    shares, first = np.ones(len(scaling.sizes)), len(h) - model.last_hyperparameters - len(model.link_scales)
+    shares, first = np.ones(len(scaling.sizes)), len(h) - model.n_after_link_widths - len(model.link_scales)
     shares[model.link_scales] = np.exp(h[first : first + len(model.link_scales)])
     tie = float(np.exp(h[-4]) / kappa) if model.has_joint_couplings else None
     weighted_prior = WeightedPrior(
@@ -504,7 +514,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
     root = Q / np.sqrt(values)
     moves = (model.scaling.L @ J[:, :m] @ root).T
     # of a size d whose logarithm is normal of variance v the mean of d^2 is exp(2 v) times its median
-    unsure = np.exp(((model.problem.drawn[:, :m] @ root) ** 2).sum(axis=1))
+    unsure = np.exp(((model.problem.log_deviation_rows[:, :m] @ root) ** 2).sum(axis=1))
     return replace(
         weighted_prior,
         hyperparameter_effect=moves,
@@ -515,7 +525,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
 
 def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
     """Compute Laplace's approximation of the log-evidence of links and joints."""
-    prior = model.blocks * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
+    prior = model.n_scales * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
     prior -= math.log(JOINT_LINK_GAP * SHAPE_PRIOR[1] * LINK_COUPLING_PRIOR[1]) + len(
         model.link_scales
     ) * math.log(LINK_WIDTH_DEVIATION)
@@ -545,9 +555,9 @@ def log_evidence_alone(regression: Regression, scaling: PriorScaling) -> tuple[f
         gram=gram_matrix(regression, scaling)[None],
         counts=np.array([regression.equations]),
         exact_gram=B.T @ B,
-        drawn=np.zeros((n, 1)),
+        log_deviation_rows=np.zeros((n, 1)),
         expected=np.zeros(n),
-        scale=np.zeros((n, 1)),
+        log_scale_rows=np.zeros((n, 1)),
         priors=(Hyperprior(np.array([[1 / MISFIT_DEVIATION]]), np.zeros(1), normal_density),),
         bounds=np.array([[0.0], [MAX_MISFIT]]),
     )
@@ -564,7 +574,7 @@ def log_evidence_alone(regression: Regression, scaling: PriorScaling) -> tuple[f
 
 def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[LearntScale, ...]:
     """Compute the factor of every link or joint over others of its kind, and of the joints over the links."""
-    K, m = model.blocks, len(h) - 1
+    K, m = model.n_scales, len(h) - 1
     _, kinds, called = model.scaling.entry_scales
     compliance_scales = np.flatnonzero(kinds < 2)
     rows, names = np.zeros((len(compliance_scales), m)), [called[k] for k in compliance_scales]
@@ -630,7 +640,7 @@ def undetermined_parts(regression: Regression, scaling: PriorScaling) -> Undeter
 
 def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float:
     """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
-    start, kind = best.copy(), model.blocks + model.kind[k]
+    start, kind = best.copy(), model.n_scales + model.kind[k]
     start[k] = best[kind] + size
     h = maximise_evidence(model.problem, start, fixed=k)
     penalty, penalty_before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))

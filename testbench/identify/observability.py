@@ -194,7 +194,11 @@ def participation(N: Array, within: Array, unit: Array) -> Array:
 
 
 def undetermined_quantities(
-    quantities: Sequence[ObservedQuantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
+    quantities: Sequence[ObservedQuantity],
+    L: Array,
+    M: Array,
+    structural: Array,
+    further: Sequence[Array] = (),
 ) -> tuple[UndeterminedQuantity, ...]:
     """Find the quantities that the readings leave undetermined, the most uncertain first.
 
@@ -204,7 +208,7 @@ def undetermined_quantities(
         quantities: Quantities that may be named.
         L: Root of the prior's covariance L L^T, (size, size).
         M: Information of the readings in units of the prior, L^T A^T A L, (size, size).
-        never: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
+        structural: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
         further: Information that further readings would add: one joint turned after the other, then all of
             them.
 
@@ -215,13 +219,13 @@ def undetermined_quantities(
     ends = np.cumsum([len(quantity.H) for quantity in quantities])
     parts = [np.arange(end - len(quantity.H), end) for end, quantity in zip(ends, quantities, strict=True)]
     # Covariance of all quantities, structural directions held.
-    pins = STRUCTURAL_INFORMATION * never @ never.T
+    pins = STRUCTURAL_INFORMATION * structural @ structural.T
     K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
     hidden = []
     # Of every quantity of the arm that is left open: what hides it, and which joint helps.
     for k, (quantity, at) in enumerate(zip(quantities, parts, strict=True)):
-        unit = _unit_combinations(H[at], never)
+        unit = _unit_combinations(H[at], structural)
         if not quantity.belongs_to_arm or not len(unit):
             continue
         share = _mean_variance(unit, K[np.ix_(at, at)])
@@ -251,9 +255,9 @@ def _covariance(M: Array) -> Array:
     return np.asarray(np.linalg.inv(np.eye(len(M)) + M))
 
 
-def _unit_combinations(H: Array, never: Array) -> Array:
+def _unit_combinations(H: Array, structural: Array) -> Array:
     """Combine a quantity's numbers to unit prior variance, outside structural directions."""
-    free = H - (H @ never) @ never.T
+    free = H - (H @ structural) @ structural.T
     values, V = np.linalg.eigh(free @ free.T)
     kept = values > NEGLIGIBLE_OUTSIDE * np.square(H).sum() / len(H)
     return np.asarray((V[:, kept] / np.sqrt(values[kept])).T)

@@ -559,7 +559,7 @@ class ReducedReadings:
         """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
         return sum_gram(self.parts)
 
-    def turned(self, basis: csr_array) -> "ReducedReadings":
+    def in_basis(self, basis: csr_array) -> "ReducedReadings":
         """Transform the equations to other unknowns z, x = basis @ z.
 
         Args:

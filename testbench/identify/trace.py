@@ -268,21 +268,23 @@ class _ScaledFolds:
 
     H: Array  #: Gram matrices of all readings, then of those that every fold fits, (1 + folds, n, n).
     g: Array  #: Their products with the readings, (1 + folds, n).
-    half: Array  #: Half the squares of the readings, (1 + folds,).
+    half_squares: Array  #: Half the sum of squares of the readings, (1 + folds,).
     trace_gradient: Array  #: Trace per unit of the coordinates, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     order: Ids  #: Parameters in the order of the coordinates, (n,).
     scale: Array  #: Parameters per unit of the coordinates and of `unit`, (n,) [m/N, rad/(N m)].
     unit: float  #: Size of all readings together [1].
 
-    def problems(self, folds: slice) -> interior.Problems:
+    def problems(self, folds: slice) -> interior.BatchedProblems:
         """Make the least-squares problems of some folds.
 
         Args:
             folds: Rows of `H`: the fit of all readings, then one per fold.
         """
         R = _roots(self.H[folds], _span(self.H[0]))
-        return interior.Problems(R, self.g[folds], self.half[folds], self.trace_gradient, self.sizes)
+        return interior.BatchedProblems(
+            R, self.g[folds], self.half_squares[folds], self.trace_gradient, self.sizes
+        )
 
     def parameters(self, x: Array) -> Array:
         """Convert scaled coordinates to parameters.
@@ -309,7 +311,7 @@ def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
     return _ScaledFolds(
         H=G[:, order][:, :, order] * np.outer(scale, scale),
         g=G[:, order, -1] * scale / unit,
-        half=G[:, -1, -1] / unit**2 / 2,
+        half_squares=G[:, -1, -1] / unit**2 / 2,
         trace_gradient=penalty.gradient[order] * scale / unit,
         sizes=tuple(len(block) for block in s.blocks),
         order=order,
@@ -326,13 +328,15 @@ def _by_held_out_poses(
     Returns:
         Place of the weight, and the squared residuals of all readings [1].
     """
-    x, _ = interior.solve(scaled.problems(slice(1, None)), weights[1:])
+    x, _ = interior.solve_batch(scaled.problems(slice(1, None)), weights[1:])
     fits = np.concatenate([rigid[1:, None], scaled.parameters(x)], axis=1)
     squares = np.array([_squared_residuals(*pair) for pair in zip(readings.held_out, fits, strict=True)])
     k = _strongest_weight(np.sqrt(squares / (readings.equations[:, None] / 3)))
     best = rigid[0]
     if k:
-        best = scaled.parameters(interior.solve(scaled.problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
+        best = scaled.parameters(interior.solve_batch(scaled.problems(slice(0, 1)), weights[k : k + 1])[0])[
+            0, 0
+        ]
     return k, float(_squared_residuals(readings.total, best))
 
 
@@ -341,7 +345,7 @@ def _by_generalised_cross_validation(
 ) -> tuple[int, float]:
     """Choose a weight by all readings; place and squared residuals as of `_by_held_out_poses`."""
     whole = scaled.problems(slice(0, 1))
-    x, multipliers = interior.solve(whole, weights[1:])
+    x, multipliers = interior.solve_batch(whole, weights[1:])
     errors = _squared_residuals(readings.total, np.concatenate([rigid[:1], scaled.parameters(x[0])]))
     spent = np.r_[np.count_nonzero(rigid[0]), interior.effective_parameters(whole, x, multipliers)[0]]
     k = int(np.nanargmin(errors / (readings.all_equations - spent) ** 2))

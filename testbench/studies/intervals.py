@@ -46,7 +46,7 @@ from testbench.identify.conic import (
     solve_gco,
 )
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.interior import BlockProgram, interior
+from testbench.identify.interior import BlockProgram, solve_program
 from testbench.identify.method import least_squares
 from testbench.identify.metric import (
     PriorScaling,
@@ -105,7 +105,7 @@ def _minimum(case: RegressionWithPrior) -> tuple[Array, float]:
     R, z = T[None, :, :n] / math.sqrt(size), T[None, :, n] / math.sqrt(size)
     weight = 1 / (size * case.prior.uncertainty.relative**2)
     program = BlockProgram(R, z, np.zeros(1), weight * e, scaling.sizes, squares=True, barrier=weight)
-    iterate = interior(program)
+    iterate = solve_program(program)
     return np.asarray(scale * scaling.L @ iterate.x), iterate.distance_from_optimum(program)
 
 

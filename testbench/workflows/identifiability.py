@@ -17,7 +17,7 @@ from testbench.errors import Array, Ids
 from testbench.identify.absolute.posterior import (
     FURTHER_ROWS,
     AddedInformation,
-    Structural,
+    StructuralDirections,
     structural_directions,
 )
 from testbench.identify.absolute.state import Unknowns
@@ -467,7 +467,7 @@ MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 
 
 def unobservable(
-    unknowns: Unknowns, information: Array, prior: Array, pull: AddedInformation
+    unknowns: Unknowns, information: Array, prior: Array, further: AddedInformation
 ) -> tuple[str, ...]:
     """Say what readings leave unknown of a calibration, in few sentences.
 
@@ -475,15 +475,15 @@ def unobservable(
         unknowns: Whose columns they are.
         information: Of the readings, no prior, (size, size).
         prior: Covariance, (size, size), zero of what is taken to be zero.
-        pull: What further poses would tell, `further_information`.
+        further: What further poses would tell, `further_information`.
 
     Returns:
         The sentences.
     """
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
-    every = structural_directions(unknowns, L, pull)
-    d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
+    every = structural_directions(unknowns, L, further)
+    d, every_one = np.diag(L), (information, *further.by_joint, further.whole_space)
     plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
     found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
@@ -491,7 +491,7 @@ def unobservable(
     return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
 
 
-def structure_words(found: Structural, joints: Sequence[str], compliances: int) -> Iterator[str]:
+def structure_words(found: StructuralDirections, joints: Sequence[str], compliances: int) -> Iterator[str]:
     """Say what no pose could show.
 
     Args:
@@ -502,21 +502,23 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
     Yields:
         Sentences.
     """
-    if found.geometry:
-        shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
-        left = found.geometry - sum(found.shared)
+    if found.n_geometry:
+        shared = [
+            f"{name} ({count})" for name, count in zip(joints, found.between_links, strict=True) if count > 0
+        ]
+        left = found.n_geometry - sum(found.between_links)
         yield (
-            f"{found.geometry} directions of geometry, frames and mounts cannot be determined by any "
+            f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any "
             "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
             f"to the link before or behind it. Such directions per joint: {', '.join(shared)}"
             f"{f'; {left} concern several links' if left else ''}"
         )
-    if found.idle:
-        idle = " and ".join(joints[j] for j in found.idle)
+    if found.inactive_joints:
+        idle = " and ".join(joints[j] for j in found.inactive_joints)
         yield f"No pose can determine the joint errors of {idle}, because they move no target"
-    if found.elastic:
+    if found.n_elastic:
         yield (
-            f"{found.elastic} of {compliances} directions of compliance cannot be determined by any "
+            f"{found.n_elastic} of {compliances} directions of compliance cannot be determined by any "
             "pose, because they move no target under these loads"
         )
 

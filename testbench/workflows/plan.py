@@ -558,13 +558,13 @@ def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
         Sentences.
     """
     once = absolute.series_at(select_rows(union.pose, np.arange(1)), q)
-    pull = further_information(
+    further = further_information(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
     tells, prior = absolute.information_of(union, q), union.L @ union.L.T
     set_up = union.unknowns.starts["geometry"]
     prior[:set_up, :set_up] = FREE_DEVIATION**2 * np.eye(set_up)
-    return unobservable(union.unknowns, tells, prior, pull)
+    return unobservable(union.unknowns, tells, prior, further)
 
 
 @dataclass(frozen=True)

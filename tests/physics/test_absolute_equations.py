@@ -134,7 +134,7 @@ def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_t
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
     assert np.abs(found.chosen.scales.factor - 1).max() > 0.02  # or nothing would tell it from its square
     own, root = found.active, posterior_of(found).root
-    precision, r = np.linalg.inv(root.T @ root), own.rigid
+    precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
     expected = np.diag((found.chosen.scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
@@ -438,14 +438,14 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     plain = ReducedReadings((0,), (SeriesBlock(0, (R.T @ R)[None], np.array([40])),), {0: R})
-    found = solve_step(own, plain.turned(B), ErrorScales(deviation, np.array([factor])))
+    found = solve_step(own, plain.in_basis(B), ErrorScales(deviation, np.array([factor])))
     back = np.linalg.inv(B.toarray())
     P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
     np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
     assert found.degrees_of_freedom == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     assert not np.tril(found.root, -1).any()
-    [part] = plain.turned(B).parts
+    [part] = plain.in_basis(B).parts
     np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
 
 

@@ -212,7 +212,7 @@ def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campai
         [evidence_posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
     ]
     H, J = evidence_hessian(seen.problem, h, own)
-    of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.normal.x)
+    of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.solution.x)
     for found, of in of_slopes:
         expected = np.array([(of(up) - of(down)) / (2 * step) for up, down in ends])
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
@@ -645,7 +645,7 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     draws = (Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPER_DEVIATION**-2))) @ rng.standard_normal(
         (len(values), 20000)
     )
-    size = np.exp(seen.problem.drawn[:, :-1] @ draws)  # over that at the best h
+    size = np.exp(seen.problem.log_deviation_rows[:, :-1] @ draws)  # over that at the best h
     middle = np.quantile(size, 0.84, axis=1)  # one standard deviation above the median
     np.testing.assert_allclose(weighted_prior.size_uncertainty, np.exp(np.log(middle) ** 2), rtol=0.1)
     found = solve(r, "none", weighted_prior)

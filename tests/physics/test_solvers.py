@@ -118,7 +118,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     regression = reduce(kr500.vjm, structure(kr500.arm), campaign.identification)
     own = rescale_to_data(scale_by_prior(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     weighted_prior = WeightedPrior(own, PriorUncertainty(3.0))
-    right, sound = solve(regression, "psd", weighted_prior), interior.interior
+    right, sound = solve(regression, "psd", weighted_prior), interior.solve_program
     size = -1.0 if wrong is None else wrong
 
     def wrongly(program):

@@ -33,7 +33,7 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
 from testbench.identify.estimate import Constraint
-from testbench.identify.hierarchy import Normal
+from testbench.identify.hierarchy import NormalSolution
 from testbench.identify.metric import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import mean_and_standard_error
@@ -247,7 +247,7 @@ def with_shared_pattern(
     )
     if unknowns.basis is None:
         return None
-    return activate(unknowns, kinds | {"pattern"}, active.elastic), reduced.turned(unknowns.basis)
+    return activate(unknowns, kinds | {"pattern"}, active.elastic), reduced.in_basis(unknowns.basis)
 
 
 @dataclass(frozen=True)
@@ -350,7 +350,7 @@ def _held_out(
     T, every = gram_of_active(active, sum_gram(parts)), np.arange(len(active.columns))
     others = S - T
     # Frames and mounts that occur in the held-out parts alone are no unknowns of the others.
-    alone = np.flatnonzero(np.abs(others[:, : active.rigid, :k]).sum(axis=(0, 1)) == 0)
+    alone = np.flatnonzero(np.abs(others[:, : active.n_rigid, :k]).sum(axis=(0, 1)) == 0)
     rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
     if len(alone):
         others = others[:, at][:, :, at]
@@ -380,7 +380,7 @@ def _held_out(
     return np.asarray(T @ v @ v), deviance
 
 
-def predictive_deviance(G: Array, v: Array, others: Normal) -> float:
+def predictive_deviance(G: Array, v: Array, others: NormalSolution) -> float:
     """Compute -2 log of the predictive density of held-out readings, up to a constant.
 
     Mathematics: `abs-16`.

@@ -1,13 +1,12 @@
-"""Sizes of all kinds of errors, learnt from the readings by type-II maximum likelihood.
+"""Sizes of all kinds of errors by type-II maximum likelihood, and the linear problem of a Gauss-Newton step.
 
 Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior with one standard
-deviation. The deviations maximise the `evidence` together with a hyperprior: a few pseudo-observations of
-usual size in every group, and neighbouring bands of similar size. The noise of every kind of equations is
-learnt in the same way. The size of an error that the arm does not have goes to zero.
+deviation. These deviations, and the noise of every kind of equations, maximise the evidence (`hierarchy`). A
+hyperprior adds a few pseudo-observations of usual size to every group, and makes neighbouring bands similar.
+The size of an error that the arm does not have goes to zero.
 
-Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated.
-
-The remaining equations are a `Regression` of the compliances, for least squares or GCO.
+`solve_step` then eliminates all unknowns but the compliances. The remaining equations are a `Regression` of
+the compliances, for least squares or GCO, as in all other identification.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,9 +23,9 @@ from testbench.identify.hierarchy import (
     STUDENT_SCALE,
     EvidenceModel,
     Hyperprior,
-    Normal,
+    NormalSolution,
     maximise_evidence,
-    normal,
+    solve_normal_equations,
     student_density,
 )
 from testbench.identify.metric import (
@@ -87,7 +86,7 @@ class ActiveUnknowns:
     elastic: PriorScaling | None  #: Prior of the selected compliances; None for a rigid arm.
 
     @property
-    def rigid(self) -> int:
+    def n_rigid(self) -> int:
         """Count the selected columns that are not compliances."""
         return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected))
 
@@ -161,7 +160,7 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
     columns = np.r_[active.columns, gram.shape[1] - 1]
     selected = gram[np.ix_(range(len(gram)), columns, columns)]
     if active.elastic is not None:
-        e, L = slice(active.rigid, -1), active.elastic.L
+        e, L = slice(active.n_rigid, -1), active.elastic.L
         selected[:, :, e] = selected[:, :, e] @ L
         selected[:, e, :] = L.T @ selected[:, e, :]
     return np.asarray(selected)
@@ -182,11 +181,11 @@ def active_prior(
     """
     c = len(active.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
-    held = np.arange(active.rigid)
-    P[held, held] = learnt.deviation[active.columns[: active.rigid]] ** -2.0
+    held = np.arange(active.n_rigid)
+    P[held, held] = learnt.deviation[active.columns[: active.n_rigid]] ** -2.0
     if active.elastic is not None:
         B, towards = precision_root(active.elastic, uncertainty)
-        P[active.rigid :, active.rigid :], b[active.rigid :] = B.T @ B, B.T @ towards
+        P[active.n_rigid :, active.n_rigid :], b[active.n_rigid :] = B.T @ B, B.T @ towards
     return P, b
 
 
@@ -196,7 +195,7 @@ def solve_active(
     learnt: ErrorScales,
     uncertainty: PriorUncertainty,
     constraint: Constraint = "none",
-) -> Normal:
+) -> NormalSolution:
     """Solve for the most probable unknowns: minimise |A x - y|^2 / factor^2 plus the prior's squares.
 
     Args:
@@ -215,13 +214,13 @@ def solve_active(
     H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), active_prior(active, learnt, uncertainty)
     H[:-1, :-1] += P
     H[:-1, -1] += b
-    optimum = normal(H)
+    optimum = solve_normal_equations(H)
     if active.elastic is None or constraint == "none":
         return optimum
-    return replace(optimum, x=_in_cone(optimum, active.rigid, active.elastic))
+    return replace(optimum, x=_in_cone(optimum, active.n_rigid, active.elastic))
 
 
-def _in_cone(optimum: Normal, rigid: int, elastic: PriorScaling) -> Array:
+def _in_cone(optimum: NormalSolution, rigid: int, elastic: PriorScaling) -> Array:
     """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
     With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
@@ -268,7 +267,7 @@ def learn_scales(
         return scales
     for _ in range(MAX_ROUNDS):
         free = solve_active(active, S, scales, WIDE_PRIOR)
-        x = _in_cone(free, active.rigid, active.elastic)
+        x = _in_cone(free, active.n_rigid, active.elastic)
         if x is free.x:
             return scales
         # where the evidence has no slope, with SPARE_EQUATIONS imagined equations
@@ -297,7 +296,7 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
     # Fixed priors: those of the compliances, of frames and of mounts.
     if active.elastic is not None:
         B = np.column_stack(precision_root(active.elastic, WIDE_PRIOR))
-        known[active.rigid :, active.rigid :] = B.T @ B
+        known[active.n_rigid :, active.n_rigid :] = B.T @ B
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     placed = active.columns[:first]  # frames and mounts
     known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
@@ -307,9 +306,9 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
         gram=S,
         counts=counts,
         exact_gram=known,
-        drawn=drawn,
+        log_deviation_rows=drawn,
         expected=np.zeros(c),
-        scale=np.zeros((c, m)),
+        log_scale_rows=np.zeros((c, m)),
         priors=_priors(groups, m),
         bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
     )
@@ -389,7 +388,7 @@ def solve_step(
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
     T = factor_of(active, reduced, learnt)
-    r, c = active.rigid, len(active.columns)
+    r, c = active.n_rigid, len(active.columns)
     if active.elastic is None:
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
@@ -498,7 +497,7 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     """
     columns = np.r_[active.columns, active.unknowns.size]
     # Rows of the priors.
-    deviation = learnt.deviation[active.columns[: active.rigid]]
+    deviation = learnt.deviation[active.columns[: active.n_rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
@@ -506,8 +505,8 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     factors = zip(reduced.factors.values(), learnt.factor, strict=True)
     lines = [R[:, columns] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
-    free = np.abs(np.diag(T))[: active.rigid]
-    if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.rigid], axis=0)).all():
+    free = np.abs(np.diag(T))[: active.n_rigid]
+    if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.n_rigid], axis=0)).all():
         raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
     return T
 

@@ -223,7 +223,7 @@ def residual_model(vjm: Vjm, scaling: PriorScaling, data: Dataset, h: Array | No
     G = read.A.reshape(-1, structure.n) @ model.scaling.L
     # The most probable compliances, by rows of readings and of the prior.
     s, kappa = model.scale(h), np.exp(h[-1])
-    width = np.exp(model.problem.drawn @ h)
+    width = np.exp(model.problem.log_deviation_rows @ h)
     residual = read.y.ravel() - G @ (s * model.scaling.expected)
     half = G * width
     expected = np.concatenate([residual, np.zeros(len(width))])

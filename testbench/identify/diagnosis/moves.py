@@ -249,7 +249,7 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     Z = np.concatenate([move_columns(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
     whitened = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if active.elastic is not None:
-        e = slice(active.rigid, len(active.columns))
+        e = slice(active.n_rigid, len(active.columns))
         whitened[e] = np.tensordot(active.elastic.L.T, whitened[e], 1)
     lines = whitened.reshape(len(whitened), -1)
     return lines[: A.shape[2]], lines[A.shape[2] :]

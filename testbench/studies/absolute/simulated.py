@@ -190,7 +190,7 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     assert active.elastic is not None
     lines = series_rows(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(active.columns))
-    A = np.hstack([A[:, : active.rigid], A[:, active.rigid :] @ active.elastic.L])
+    A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.elastic.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
 
 
