@@ -11,7 +11,7 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior, with_prior_rows
+from testbench.identify.metric import PriorUncertainty, RegressionWithPrior, cad_prior, with_prior_rows
 from testbench.identify.regression import reduce
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
@@ -65,10 +65,10 @@ def predictions_off() -> list[Row]:
         for structure in (s(cell.arm) for s in (template56, mgco68, all153)):
             regression = reduce(cell.vjm, structure, campaign.identification)
             for uncertainty in STRENGTHS:
-                method = with_prior(gco, cad_prior(cell.arm), Strength(uncertainty))
-                belief = method(cell.vjm, structure, campaign.identification).weighted_prior
-                assert belief is not None
-                found.append(moved(cell, RegressionWithPrior(regression, belief), campaign.truth))
+                method = with_prior(gco, cad_prior(cell.arm), PriorUncertainty(uncertainty))
+                weighted_prior = method(cell.vjm, structure, campaign.identification).weighted_prior
+                assert weighted_prior is not None
+                found.append(moved(cell, RegressionWithPrior(regression, weighted_prior), campaign.truth))
     whole = [one.mm for one in found if one.solved]
     left = [one for one in found if not one.solved]
     behind = f"median {np.median(whole):.1g} mm; Clarabel solves {len(whole)} of {len(found)} to {SHARP:g}"
@@ -92,7 +92,7 @@ class Moved:
 def moved(cell: Cell, case: RegressionWithPrior, truth: Dataset) -> Moved:
     """Solve a fit by both; Clarabel minimises the squares, which are sharper than their norm."""
     scaling = case.prior.scaling
-    M, r = with_prior_rows(case.regression, scaling, case.prior.strength)
+    M, r = with_prior_rows(case.regression, scaling, case.prior.uncertainty)
     own, sharp = solve_with_prior("psd", case).pi, squares_by_clarabel(M, r, scaling.sizes)
     x = [np.linalg.solve(scaling.L, own), sharp.x[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
@@ -136,7 +136,7 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
 def compared(case: RegressionWithPrior) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
     own, other = solve_with_prior("psd", case), solve_by_reference("psd", case)
-    M, r = with_prior_rows(case.regression, case.prior.scaling, case.prior.strength)
+    M, r = with_prior_rows(case.regression, case.prior.scaling, case.prior.uncertainty)
     x = [np.linalg.solve(case.prior.scaling.L, pi) for pi in (own.pi, other.pi)]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     unit, best = float(np.linalg.norm(r)), x[int(np.argmin(costs))]
@@ -145,6 +145,6 @@ def compared(case: RegressionWithPrior) -> Compared:
 
 def least_squares_off(case: RegressionWithPrior) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
-    M, _ = with_prior_rows(case.regression, case.prior.scaling, case.prior.strength)
+    M, _ = with_prior_rows(case.regression, case.prior.scaling, case.prior.uncertainty)
     apart = solve_with_prior("none", case).pi - solve_by_reference("none", case).pi
     return float(np.linalg.norm(M @ np.linalg.solve(case.prior.scaling.L, apart)))

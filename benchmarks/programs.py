@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from testbench.identify.metric import PriorScaling, RegressionWithPrior, Strength, WeightedPrior
+from testbench.identify.metric import PriorScaling, PriorUncertainty, RegressionWithPrior, WeightedPrior
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.model.structure import Structure
 
@@ -82,5 +82,5 @@ def with_random_prior(
     L = np.zeros((s.n, s.n))
     L[s.parameter, np.arange(s.n)] = np.where(row == column, 1.0, math.sqrt(0.5)) * 10 ** rng.uniform(-1, 1)
     one = np.where(row == column, 1.0, 0.0)
-    metric = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
-    return RegressionWithPrior(regression, WeightedPrior(metric, Strength(uncertainty)))
+    scaling = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
+    return RegressionWithPrior(regression, WeightedPrior(scaling, PriorUncertainty(uncertainty)))

@@ -9,7 +9,7 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior
+from testbench.identify.metric import PriorUncertainty, RegressionWithPrior, cad_prior
 from testbench.identify.regression import reduce
 from testbench.identify.solve import solve_by_reference
 from testbench.model.structure import Structure, all153, mgco68, template56
@@ -17,7 +17,7 @@ from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.cell import Cell, build_cell
 
 ARM = "kr500_l480"
-STRENGTH = Strength(0.3)
+STRENGTH = PriorUncertainty(0.3)
 REPEATS, TIMES = 15, 10  #: So many fits in a row are timed so often.
 
 
@@ -48,15 +48,15 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
     """Ratio and time of a fit, the reduction of the dataset included."""
     structure, regression = fit.structure(cell.arm), reduce(cell.vjm, fit.structure(cell.arm), data)
     method = with_prior(gco, cad_prior(cell.arm), STRENGTH)
-    belief = method(cell.vjm, structure, data).weighted_prior
-    assert belief is not None
+    weighted_prior = method(cell.vjm, structure, data).weighted_prior
+    assert weighted_prior is not None
     own: list[float] = []
 
     def often(run: Callable[[], object]) -> Callable[[], object]:
         return lambda: [run() for _ in range(TIMES)]
 
     def alone() -> None:
-        own.append(solve_by_reference("psd", RegressionWithPrior(regression, belief)).seconds)
+        own.append(solve_by_reference("psd", RegressionWithPrior(regression, weighted_prior)).seconds)
 
     times = interleave(
         REPEATS,

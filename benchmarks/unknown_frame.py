@@ -21,7 +21,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import deflections, score
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import Strength, cad_prior, perturbed
+from testbench.identify.metric import PriorUncertainty, cad_prior, perturbed
 from testbench.identify.registered import register_dataset, transform_to_base, unloaded_series
 from testbench.identify.registration import Frame, kabsch, register
 from testbench.model.structure import mgco68
@@ -54,7 +54,7 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     off *= ROUGH / np.linalg.norm(off, axis=1, keepdims=True)
     rough = replace(cell.vjm, markers=cell.vjm.markers + off)
     prior = perturbed(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
-    fit, structure = with_prior(gco, prior, Strength(0.3)), mgco68(cell.arm)
+    fit, structure = with_prior(gco, prior, PriorUncertainty(0.3)), mgco68(cell.arm)
 
     def error(vjm: Vjm, runs: Dataset) -> float:
         return score(deflections(vjm, fit(vjm, structure, runs), truth), truth.deflection).rms

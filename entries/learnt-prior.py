@@ -3,7 +3,7 @@
 import numpy as np
 
 import testbench as tb
-from testbench.identify.posterior import linearise
+from testbench.identify.posterior import posterior_of_estimate
 
 
 def estimate(kinematics, structure, data, prior):
@@ -11,4 +11,4 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     found = tb.with_prior(tb.gco, prior)(kinematics, structure, data)
-    return found.pi, linearise(found).covariance(np.eye(structure.n))
+    return found.pi, posterior_of_estimate(found).covariance(np.eye(structure.n))

@@ -1,7 +1,7 @@
 """GCO with a log-determinant prior: no compliance becomes zero, however little the readings ask for it."""
 
 import testbench as tb
-from testbench.identify.metric import Strength, rescale_to_data, scale_by_prior
+from testbench.identify.metric import PriorUncertainty, rescale_to_data, scale_by_prior
 from testbench.studies.intervals import gco_stein
 
 
@@ -11,4 +11,4 @@ def estimate(kinematics, structure, data, prior):
         raise NotImplementedError("needs a prior")
     regression = tb.reduce(kinematics, structure, data)
     own = rescale_to_data(scale_by_prior(prior, kinematics, structure), regression)
-    return gco_stein(regression, own, Strength(0.3)).pi
+    return gco_stein(regression, own, PriorUncertainty(0.3)).pi

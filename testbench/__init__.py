@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from testbench.identify.method import robust as robust
     from testbench.identify.method import with_prior as with_prior
     from testbench.identify.metric import Prior as Prior
-    from testbench.identify.metric import Strength as Strength
+    from testbench.identify.metric import PriorUncertainty as PriorUncertainty
     from testbench.identify.metric import cad_prior as cad_prior
     from testbench.identify.posterior import ArmModel as ArmModel
     from testbench.identify.posterior import Intervals as Intervals
@@ -155,7 +155,7 @@ HOMES = {
     "DeflectionErrors": "identify.estimate",
     "SeriesExport": "files.read_series",
     "Stiffness": "correct.predicted",
-    "Strength": "identify.metric",
+    "PriorUncertainty": "identify.metric",
     "Vjm": "model.vjm",
     "JointLaw": "model.laws",
     "JointTurns": "model.laws",

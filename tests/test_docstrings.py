@@ -18,8 +18,11 @@ NO_VERBS = set(
     "flags numbers errors poses models every rms columns parameters sentences root readings 5th base "
     "cells chi draws does entry estimates follows friction gaps heading keys kinds labels legs places "
     "plain rivals real seeds shown some springs tip trials type versions weights when words workers world "
-    "yes".split()
+    "yes another covariance different frame gravity length median names orientation orthonormal other "
+    "robustly rotation size smallest symmetric unit upper usual whitened".split()
 )
+NOUN = re.compile(r"[a-z]+[^s]s|.*\W.*")
+"""A first word that is a plural, or no word at all, such as "Readings" or "R^T"."""
 ARGS = re.compile(r"^Args:\n((?:(?:    .*)?\n?)*)", re.MULTILINE)
 NAME = re.compile(r"^    \*{0,2}(\w+):", re.MULTILINE)
 GIVES = re.compile(r"^(?:Returns|Yields):$", re.MULTILINE)
@@ -35,6 +38,12 @@ def public(body, prefix=""):
             yield prefix + node.name, node
             if isinstance(node, ast.ClassDef):
                 yield from public(node.body, f"{prefix}{node.name}.")
+
+
+def every_function(tree):
+    """Every public function of a module, those within private classes and functions too."""
+    functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+    return [node for node in functions if not node.name.startswith("_")]
 
 
 @cache
@@ -93,7 +102,38 @@ def test_a_function_of_the_library_lists_what_it_raises(room):
     assert not [place for place, text in raising.items() if "\nRaises:\n" not in text]
 
 
+def _trees(room):
+    every = sorted((LIBRARY / room).rglob("*.py"))
+    return [(path.relative_to(LIBRARY), ast.parse(path.read_text(encoding="utf-8"))) for path in every]
+
+
+@pytest.mark.parametrize("room", sorted(BELOW))
+def test_a_method_of_the_library_lists_its_arguments_too(room):
+    """One argument beside `self` is enough, and functions within functions count."""
+    wrong = []
+    for path, tree in _trees(room):
+        for node in every_function(tree):
+            every = [each.arg for each in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            listed = ARGS.search(ast.get_docstring(node) or "")
+            if len(every) > 1 and (not listed or set(NAME.findall(listed[1])) != arguments(node)):
+                wrong.append(f"{path}:{node.lineno} {node.name}")
+    assert not wrong
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_docstring_begins_with_a_verb(room):
     first = {place: [*text.lower().split(), ""][0].strip(",.:") for place, _, text in documented(room)}
     assert not {place: word for place, word in first.items() if not word or word in NO_VERBS}
+
+
+@pytest.mark.parametrize("room", sorted(BELOW))
+def test_a_private_docstring_of_the_library_begins_with_a_verb_too(room):
+    wrong = []
+    for path, tree in _trees(room):
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.FunctionDef | ast.ClassDef) or not (text := ast.get_docstring(node)):
+                continue
+            word = text.lower().split()[0].strip(",.:")
+            if word in NO_VERBS or NOUN.fullmatch(word):
+                wrong.append(f"{path}:{node.lineno} {node.name}: {word}")
+    assert not wrong

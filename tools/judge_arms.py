@@ -111,7 +111,7 @@ def of_default(cell, default, readings, truth):
         "half": covered.half_mm,
         "ideal": covered.ideal_mm,
         "covered_at": covered_at(found.centre, half, truth.deflection),
-        "ties": own.average.ties_weight if own.average else 0.0,
+        "ties": own.average.joint_couplings_weight if own.average else 0.0,
         **decision(cell, truth, *steps[0]),
     }
 
@@ -125,29 +125,29 @@ def covered_at(centre, half, true):
 @contextmanager
 def watched():
     """Record what the last step of the default's fit is given, which weighs joints alone."""
-    steps, last = [], average.average_with_joints
+    steps, last = [], average.average_with_joints_only
 
     def watch(*given):
         steps.append(given)
         return last(*given)
 
-    with patch.object(average, "average_with_joints", watch):
+    with patch.object(average, "average_with_joints_only", watch):
         yield steps
 
 
 def decision(cell, truth, regression, constraint, prior, mean, _):
     """What poses left out and the evidence say of links, and errors by each answer [mm]: columns of a line.
 
-    The answers are those of `average.links_or_joints`: links passed the test, links change and are not surely
-    worse, links failed.
+    The answers are those of `average.joints_only_weight`: links passed the test, links change and are not
+    surely worse, links failed.
     """
-    rivals = average.links_and_joints(regression, mean, prior)
+    rivals = average.compare_links_and_joints(regression, mean, prior)
     changes = rivals is not None and rivals.likeliest.regression.pose_variation is not None
     weights = (
         (average.MIN_JOINTS_WEIGHT, average.JOINTS_WEIGHT_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
     )
     errors = {
-        w: error(cell, average.average_with_joints(regression, constraint, prior, mean, w), truth)
+        w: error(cell, average.average_with_joints_only(regression, constraint, prior, mean, w), truth)
         for w in {*weights}
     }
     gain = None

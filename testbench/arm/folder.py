@@ -79,17 +79,17 @@ class ArmJoint:
         return f"{self.name}_{self.unit}"
 
     @property
-    def shown_unit(self) -> Literal["deg", "mm"]:
+    def display_unit(self) -> Literal["deg", "mm"]:
         """Return the unit in which people read its coordinate, deg or mm."""
         return "mm" if self.prismatic else "deg"
 
     @property
-    def shown_column(self) -> str:
+    def display_column(self) -> str:
         """Name a column in the unit that people read, such as joint_2_deg."""
-        return f"{self.name}_{self.shown_unit}"
+        return f"{self.name}_{self.display_unit}"
 
     @property
-    def shown(self) -> float:
+    def display_factor(self) -> float:
         """Return the factor from its SI unit to the unit that people read, deg per rad or mm per m."""
         return 1e3 if self.prismatic else 180 / math.pi
 
@@ -119,21 +119,48 @@ class JointMap:
         return len(self.names) == len(self.q_0)
 
     def to_model(self, q: Array) -> Array:
-        """Convert file joints, (..., m) [rad, m], to chain joints, L q + q_0, (..., n) [rad, m]."""
+        """Convert file joints to chain joints, q_model = L q_file + q_0.
+
+        Args:
+            q: File joints, (..., m) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
         return np.asarray(q @ self.L.T + self.q_0)
 
     def to_file(self, q: Array) -> Array:
-        """Convert chain joints, (..., n) [rad, m], to file joints, (..., m), by the free joints alone."""
+        """Convert chain joints to file joints, by the free chain joints alone.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            File joints, (..., m) [rad, m].
+        """
         return self.change_to_file(q - self.q_0)
 
     def change_to_file(self, change: Array) -> Array:
-        """Convert a change of chain joints, (..., n) [rad, m], to one of file joints, (..., m)."""
+        """Convert a change of chain joints to a change of file joints; the offsets q_0 drop out.
+
+        Args:
+            change: Change of the chain joints, (..., n) [rad, m].
+
+        Returns:
+            Change of the file joints, (..., m) [rad, m].
+        """
         return np.asarray(change[..., self.free] @ self.inverse.T) + 0.0
 
     def torque_to_model(self, torque: Array) -> Array:
-        """Convert torques of file joints, (..., m) [N m, N], to torques of chain joints, (..., n) [N m, N].
+        """Convert torques of file joints to torques of chain joints.
 
         Both do the same work, so torque_file = L^T torque_model.
+
+        Args:
+            torque: Torques of the file joints, (..., m) [N m, N].
+
+        Returns:
+            Torques of the chain joints, (..., n) [N m, N].
 
         Raises:
             BenchError: When joints follow others: their torques cannot be separated.
@@ -143,11 +170,25 @@ class JointMap:
         return np.asarray(torque @ self.inverse)
 
     def torque_to_file(self, torque: Array) -> Array:
-        """Convert torques of chain joints, (..., n) [N m, N], to file joints, L^T torque, (..., m)."""
+        """Convert torques of chain joints to torques of file joints, L^T torque.
+
+        Args:
+            torque: Torques of the chain joints, (..., n) [N m, N].
+
+        Returns:
+            Torques of the file joints, (..., m) [N m, N].
+        """
         return np.asarray(torque @ self.L)
 
     def with_dependent_joints(self, q: Array) -> Array:
-        """Move the dependent joints of poses, (..., n) [rad, m], to where the free ones bring them."""
+        """Move the dependent joints of poses to where the free joints bring them.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            Chain joints that fulfil the map, (..., n) [rad, m].
+        """
         if self.square:
             return q
         moved = q.copy()
@@ -157,7 +198,10 @@ class JointMap:
         return moved
 
     def followed_joint(self, k: int) -> tuple[int, float, float] | None:
-        """Find the one free joint that chain joint k follows, q_k = c q_j + offset.
+        """Find the one free joint that a chain joint follows, q_k = c q_j + offset.
+
+        Args:
+            k: Index of the chain joint.
 
         Returns:
             Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows none or several.
@@ -169,7 +213,14 @@ class JointMap:
         return j, c, float(self.q_0[k] - c * self.q_0[j])
 
     def sum_text(self, k: int) -> str:
-        """Write chain joint k as a sum of file joints, such as "joint_3 - joint_2"; offsets in deg or mm."""
+        """Write a chain joint as a sum of file joints, such as "joint_3 - joint_2".
+
+        Args:
+            k: Index of the chain joint.
+
+        Returns:
+            The sum; its offset in degrees or millimetres.
+        """
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
             for name, c in zip(self.names, self.L[k].tolist(), strict=True)
@@ -419,29 +470,64 @@ class Arm(Displayed):
         return tuple(ArmJoint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
     def to_model(self, q: Array) -> Array:
-        """Convert file joints, (..., m) [rad, m], to chain joints, q = L q_file + q_0, (..., n) [rad, m]."""
+        """Convert file joints to chain joints, q = L q_file + q_0.
+
+        Args:
+            q: File joints, (..., m) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
         return q if self.joint_map is None else self.joint_map.to_model(q)
 
     def to_file(self, q: Array) -> Array:
-        """Convert chain joints, (..., n) [rad, m], to file joints, (..., m) [rad, m]."""
+        """Convert chain joints to file joints.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            File joints, (..., m) [rad, m].
+        """
         return q if self.joint_map is None else self.joint_map.to_file(q)
 
     def change_to_file(self, change: Array) -> Array:
-        """Convert a change of chain joints, (..., n) [rad, m], to one of file joints, (..., m)."""
+        """Convert a change of chain joints to a change of file joints.
+
+        Args:
+            change: Change of the chain joints, (..., n) [rad, m].
+
+        Returns:
+            Change of the file joints, (..., m) [rad, m].
+        """
         return change if self.joint_map is None else self.joint_map.change_to_file(change)
 
     @property
-    def scale(self) -> Array:
+    def display_factors(self) -> Array:
         """Return the factors from file joints in SI units to those that people read, (m,) [deg/rad, mm/m]."""
-        return np.array([joint.shown for joint in self.file_joints])
+        return np.array([joint.display_factor for joint in self.file_joints])
 
-    def shown(self, q: Array) -> Array:
-        """Convert chain joints, (..., n) [rad, m], to file joints as people read them, (..., m) [deg, mm]."""
-        return self.scale * self.to_file(q)
+    def to_display(self, q: Array) -> Array:
+        """Convert chain joints to file joints in degrees and millimetres.
 
-    def from_shown(self, values: Array) -> Array:
-        """Convert file joints as people write them, (..., m) [deg, mm], to chain joints, (..., n)."""
-        return self.to_model(values / self.scale)
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            File joints, (..., m) [deg, mm].
+        """
+        return self.display_factors * self.to_file(q)
+
+    def from_display(self, values: Array) -> Array:
+        """Convert file joints in degrees and millimetres to chain joints.
+
+        Args:
+            values: File joints, (..., m) [deg, mm].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
+        return self.to_model(values / self.display_factors)
 
     def limit_distance(self, q: Array) -> Array:
         """Compute how far each file joint alone may move until a chain joint reaches its limit.
@@ -459,7 +545,7 @@ class Arm(Displayed):
             slack = np.min(
                 slack[:, :, None] / np.where(L > 0, L, np.nan), axis=1, where=L > 0, initial=np.inf
             )
-        return np.asarray(self.scale * slack)
+        return np.asarray(self.display_factors * slack)
 
     def check_positions(self, q: object, what: str = "q [rad, m]") -> Array:
         """Convert joint positions to an array, and refuse degrees in place of radians.
@@ -485,11 +571,18 @@ class Arm(Displayed):
         return values
 
     def pose_text(self, q: Array) -> str:
-        """Write a pose, (n,) [rad, m], for people: file joints in degrees, slides in millimetres."""
-        values, joints = self.shown(q).round(2).tolist(), self.file_joints
+        """Write a pose for people: file joints in degrees, slides in millimetres.
+
+        Args:
+            q: Chain joints, (n,) [rad, m].
+
+        Returns:
+            The values with their units.
+        """
+        values, joints = self.to_display(q).round(2).tolist(), self.file_joints
         if not any(joint.prismatic for joint in joints):
             return f"{values} deg"
-        named = (f"{x} {joint.shown_unit}" for x, joint in zip(values, joints, strict=True))
+        named = (f"{x} {joint.display_unit}" for x, joint in zip(values, joints, strict=True))
         return f"[{', '.join(named)}]"
 
     @property
@@ -514,11 +607,25 @@ class Arm(Displayed):
         )
 
     def with_dependent_joints(self, q: Array) -> Array:
-        """Move the dependent joints of poses, (..., n) [rad, m], to where the others bring them."""
+        """Move the dependent joints of poses to where the free joints bring them.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            Chain joints that fulfil the joint map, (..., n) [rad, m].
+        """
         return q if self.joint_map is None else self.joint_map.with_dependent_joints(q)
 
     def clip_to_limits(self, q: Array) -> Array:
-        """Clip joints, (..., n) [rad, m], to their limits; dependent joints then follow the others."""
+        """Clip joints to their limits; dependent joints then follow the free ones.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            Clipped chain joints, (..., n) [rad, m].
+        """
         return self.with_dependent_joints(np.clip(q, *self.limits))
 
     def draw_poses(self, rng: np.random.Generator, count: int) -> Array:
@@ -609,7 +716,7 @@ def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
         key, wrong_key = OFFSETS[:: -1 if known[name].prismatic else 1]
         if wrong_key in row:
             raise InputError(path, place, f"expected {key} of this joint, got {wrong_key}")
-        q_0[name] = row.pop(key, 0.0) / known[name].shown
+        q_0[name] = row.pop(key, 0.0) / known[name].display_factor
         if abs(q_0[name]) > MAX_JOINT_COORDINATE:
             raise InputError(path, place, f"expected offsets up to {MAX_JOINT_COORDINATE:g} rad or m")
     place = toml_place(path, ["joints"])

@@ -180,10 +180,10 @@ def _link(link: LinkEntry) -> str:
 
 
 def _joint(joint: ArmJoint, entry: JointEntry) -> str:
-    low, high = (joint.shown * end for end in (joint.lower, joint.upper))
+    low, high = (joint.display_factor * end for end in (joint.lower, joint.upper))
     c = entry.compliance
     value = show(1e6 * c.value, ".3g")
-    return f"range {low:.0f} to {high:.0f} {joint.shown_unit}; compliance {value} u{c.unit} ({c.origin})"
+    return f"range {low:.0f} to {high:.0f} {joint.display_unit}; compliance {value} u{c.unit} ({c.origin})"
 
 
 def _place(point: Array) -> str:

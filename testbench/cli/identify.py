@@ -11,7 +11,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
 from testbench.identify.method import robust
-from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.model.laws import joint_laws
 from testbench.report import terminal
 from testbench.report.fitted_runs import badge, ratios_to_chosen, seen, warnings
@@ -108,10 +108,10 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
         prior, percent = None if asked.no_prior else cad_prior(cell.arm), asked.uncertainty_percent
         if percent is not None and not 1e-4 <= percent <= 1e8:
             raise BenchError(f"--uncertainty-percent: expected 0.0001 to 1e+08, got {percent:g}")
-        strength = None if percent is None else Strength(percent / 100)
+        uncertainty = None if percent is None else PriorUncertainty(percent / 100)
         loss = robust if asked.robust else None
         with of_flag("--model"):
-            models = asked_models(cell, asked.model or (), prior, strength, loss=loss)
+            models = asked_models(cell, asked.model or (), prior, uncertainty, loss=loss)
         models += estimator_models(tried.own)(cell, prior)
         identified = fit_models(cell, models, runs, time.perf_counter, widths=not asked.no_intervals)
         if asked.strict:

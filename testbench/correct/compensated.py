@@ -40,7 +40,7 @@ from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, tool_motion, turn_between
+from testbench.model.vjm import Vjm, rotation_vectors_between, tool_motion
 from testbench.plant.site import Site, collisions
 
 # --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
@@ -57,7 +57,7 @@ MAX_STEPS = 60  #: Most steps.
 
 
 @dataclass(frozen=True)
-class Reached:
+class InverseKinematics:
     """Hold joints, and how far the tool stays away from its poses."""
 
     q: Array  #: Joints within the limits, (poses, n) [rad, m].
@@ -70,7 +70,7 @@ class Reached:
         return np.asarray((self.distance <= POSE_TOLERANCE) & (self.angle <= POSE_TOLERANCE))
 
 
-def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
+def solve_poses(vjm: Vjm, target: Target, start: Array) -> InverseKinematics:
     """Find joints near others that put the tool's origin into poses; where none do, as near as these lead.
 
     It minimises the squared error by damped least squares, d = J^T (J J^T + weight 1)^-1 e, whose motion is
@@ -108,7 +108,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
         cost[taken] = _square(e[taken])
         damping[active] *= np.where(better, 0.2, 10.0)
         dull[active] = np.where(gain > STALLED_GAIN, 0, dull[active] + 1)
-    return Reached(q, np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / lever)
+    return InverseKinematics(q, np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / lever)
 
 
 def _square(e: Array) -> Array:
@@ -121,7 +121,7 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
     J[:, 3:] *= lever
     if vjm.arm.dependence is not None:  # joints that follow others have no column of their own
         J = J @ vjm.arm.dependence
-    return np.hstack([target.position - p, lever * turn_between(R, target.rotation)]), J
+    return np.hstack([target.position - p, lever * rotation_vectors_between(R, target.rotation)]), J
 
 
 def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
@@ -137,7 +137,7 @@ def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
 
 
 def _damped(J: Array, e: Array, weight: Array) -> Array:
-    """J^T (J J^T + weight)^-1 e, (poses, n)."""
+    """Solve the damped least squares J^T (J J^T + weight)^-1 e, (poses, n)."""
     A = J @ J.swapaxes(1, 2)
     A[:, range(6), range(6)] += weight[:, None]
     return np.asarray((J.swapaxes(1, 2) @ np.linalg.solve(A, e[..., None]))[..., 0])
@@ -164,7 +164,7 @@ HALVINGS = 20  #: Most rounds that add supports: more than the points between tw
 
 def joints_along(
     vjm: Vjm, position: Array, rotation: Array, *, start: Array | None = None, point: Array | None = None
-) -> Reached:
+) -> InverseKinematics:
     """Find joints that keep a point of the tool on a path, continuous from point to point.
 
     Supports are solved one after the other, each from the last one, and all points between them at once.
@@ -270,7 +270,7 @@ def _unwind(vjm: Vjm, q: Array, near: Array) -> Array:
     return np.where((other >= lower) & (other <= upper), other, q)
 
 
-def _follow_path(vjm: Vjm, target: Target, first: Array) -> Reached:
+def _follow_path(vjm: Vjm, target: Target, first: Array) -> InverseKinematics:
     """Follow a path from joints near its first point, and repair jumps.
 
     Where branches of the inverse kinematics nearly meet, a support may lie on another branch than the points
@@ -303,9 +303,9 @@ def _follow_path(vjm: Vjm, target: Target, first: Array) -> Reached:
     return reached
 
 
-def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
+def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[InverseKinematics, Ids]:
     """Find joints along a path once, and the points, (jumps,), behind which they jump."""
-    turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
+    turn = np.linalg.norm(rotation_vectors_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / FAR_ROTATION + 1e-9)])
     places, q = path_supports(vjm, target, _support_places(way), first)
@@ -327,7 +327,7 @@ def _support_places(way: Array) -> Ids:
     return np.array(places)
 
 
-def _retry_unreached(vjm: Vjm, target: Target, reached: Reached) -> Reached:
+def _retry_unreached(vjm: Vjm, target: Target, reached: InverseKinematics) -> InverseKinematics:
     """Try unreached points once more from the nearest points that were reached."""
     there = np.flatnonzero(reached.converged)
     lost = np.flatnonzero(~reached.converged)
@@ -340,7 +340,7 @@ def _retry_unreached(vjm: Vjm, target: Target, reached: Reached) -> Reached:
     return with_rows(reached, lost[other.converged], select_rows(other, np.flatnonzero(other.converged)))
 
 
-def solve_path(vjm: Vjm, target: Target, guess: Reached, unsolved: Ids) -> Reached:
+def solve_path(vjm: Vjm, target: Target, guess: InverseKinematics, unsolved: Ids) -> InverseKinematics:
     """Solve poses again, each from the one before, until none changes; a reached pose stays reached.
 
     Args:

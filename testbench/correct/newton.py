@@ -34,7 +34,15 @@ from testbench.data.dataset import Rows, join_rows, row_arrays, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import ArmState, joint_equilibrium, loads_at, unsprung_theta
 from testbench.model.load import Load
-from testbench.model.vjm import Chain, chain, cross, points_on_tool, tool_pose, turn_between, turn_of_axis
+from testbench.model.vjm import (
+    Chain,
+    chain,
+    cross,
+    points_on_tool,
+    rotation_vectors_between,
+    rotation_vectors_between_axes,
+    tool_pose,
+)
 from testbench.progress import stepwise
 
 POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for its cache.
@@ -84,11 +92,25 @@ class RestPoses:
     rotation: Array  #: Orientation, world from tool, (poses, 3, 3) [1].
 
     def at(self, point: Array) -> Array:
-        """Compute world positions, (poses, 3) [m], of a point of the tool, (3,), or of one per pose."""
+        """Compute world positions of one point of the tool.
+
+        Args:
+            point: Point in the tool's frame, (3,), or one per pose, (poses, 3) [m].
+
+        Returns:
+            World positions, (poses, 3) [m].
+        """
         return np.asarray(self.position + np.matvec(self.rotation, point))
 
     def points(self, points: Array) -> Array:
-        """Compute world positions, (poses, k, 3) [m], of several points of the tool, (k, 3) [m]."""
+        """Compute world positions of several points of the tool.
+
+        Args:
+            points: Points in the tool's frame, (k, 3) [m].
+
+        Returns:
+            World positions, (poses, k, 3) [m].
+        """
         return points_on_tool((self.position, self.rotation), points)
 
 
@@ -279,7 +301,11 @@ class Points:
     may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
     def select(self, points: slice | Ids) -> "Points":
-        """Take some of the points, by indices or a slice."""
+        """Select some of the points.
+
+        Args:
+            points: Indices of the points, (k,), or a slice.
+        """
         loads, target = [load.select(points) for load in self.loads], select_rows(self.target, points)
         return replace(
             self, start=self.start[points], loads=loads, target=target, may_move=self.may_move[points]
@@ -310,9 +336,9 @@ def _errors(points: Points, q: Array, theta: Array) -> _Errors:
 def _rotation_error(points: Points, rotation: Array) -> Array:
     """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
     if points.aim.hold != "axis":
-        return turn_between(rotation, points.target.rotation)
+        return rotation_vectors_between(rotation, points.target.rotation)
     spindle = np.array(points.aim.spindle)
-    return turn_of_axis(rotation @ spindle, points.target.rotation @ spindle)
+    return rotation_vectors_between_axes(rotation @ spindle, points.target.rotation @ spindle)
 
 
 def solve_inverse_statics(points: Points) -> Corrected:

@@ -35,7 +35,7 @@ from testbench.model.load import (
     on_joints,
     resultant,
 )
-from testbench.model.vjm import chain, rotation_matrices, tool_pose, turn_between
+from testbench.model.vjm import chain, rotation_matrices, rotation_vectors_between, tool_pose
 
 # --- Prediction: where the tool goes under its loads, with 95 % intervals -----------------------------------
 
@@ -117,7 +117,7 @@ def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) 
     before, after = equilibrium(model.state, loaded.q), loaded.at_rest(model.state)
     loaded, free = replace(loaded, equilibrium=after), LoadedPoses(loaded.q, equilibrium=before)
     half = half_widths(model, loaded, free, points)
-    turn, straight = turn_between(before.rotation, after.rotation), _linear(model, loaded, points)
+    turn, straight = rotation_vectors_between(before.rotation, after.rotation), _linear(model, loaded, points)
     deflection = after.points(points) - before.points(points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
     start = before.points(points)
@@ -142,7 +142,7 @@ def _linear(model: ArmModel, stand: LoadedPoses, points: Array) -> tuple[Array, 
 
 
 @dataclass(frozen=True)
-class Extent:
+class LoadExtent:
     """Hold the largest loads of some poses, and their ratios to those of the model's data."""
 
     force: float  #: Largest force in a pose, all loads together [N].
@@ -152,7 +152,7 @@ class Extent:
     payload_ratio: float | None  #: Largest force over the weight of the rated payload [1]; None if unknown.
 
 
-def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
+def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
     """Compute the largest force and moment over some poses, and their ratios to those of the model's data.
 
     Mathematics: `cor-7`.
@@ -174,7 +174,7 @@ def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
     ratios = [_over(value, most) for value, most in zip(largest, known, strict=True)]
     payload = model.arm.payload
     of_payload = largest[0] / (GRAVITY * payload) if payload else None
-    return Extent(largest[0], largest[1], ratios[0], ratios[1], of_payload)
+    return LoadExtent(largest[0], largest[1], ratios[0], ratios[1], of_payload)
 
 
 def _over(value: float, reference: float | None) -> float | None:

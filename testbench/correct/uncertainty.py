@@ -42,18 +42,32 @@ class LoadedPoses:
         object.__setattr__(self, "loads", [load.for_poses(len(self.q)) for load in self.loads])
 
     def select(self, poses: slice | Ids) -> "LoadedPoses":
-        """Take some of the poses with their loads, by indices or a slice."""
+        """Select some of the poses with their loads.
+
+        Args:
+            poses: Indices of the poses, (k,), or a slice.
+        """
         known = None if self.equilibrium is None else select_rows(self.equilibrium, poses)
         return LoadedPoses(
             self.q[poses], [load.select(poses) for load in self.loads], self.with_own_weight, known
         )
 
     def releases(self, other: "LoadedPoses") -> bool:
-        """Tell whether these poses are those of others without loads: equal joints, and no load here."""
+        """Tell whether these are the same poses as others, but without any load.
+
+        Args:
+            other: Poses under loads.
+
+        Returns:
+            True if the joints are equal and no load acts here.
+        """
         return not (self.loads or self.with_own_weight) and np.array_equal(self.q, other.q)
 
     def at_rest(self, state: ArmState) -> RestPoses:
-        """Return the equilibrium under these loads, solved if it is not known.
+        """Return the equilibrium under these loads; solve it if it is not known.
+
+        Args:
+            state: The identified arm.
 
         Raises:
             NoEquilibrium: When the arm cannot carry the loads; the message names the pose.

@@ -157,10 +157,16 @@ class Dataset(Displayed):
         trace = np.where(self.lines, np.trace(P, axis1=2, axis2=3), 1.0)[..., None, None]
         return np.where(self.lines[..., None, None], P / trace**2, covariances)
 
-    def as_read(self, vectors: Array) -> Array:
-        """Project motions of the markers, (..., runs, m, 3) [m], on what was read of them.
+    def measured_components(self, vectors: Array) -> Array:
+        """Project motions of the markers on the directions that were measured.
 
-        Positions stay unchanged; of a reading along a line the part along it is left.
+        A reading along a line keeps the component along that line; a position keeps all three.
+
+        Args:
+            vectors: Motions of the markers, (..., runs, m, 3) [m].
+
+        Returns:
+            Measured components of the motions, (..., runs, m, 3) [m].
         """
         if self.direction is None:
             return vectors

@@ -20,24 +20,24 @@ from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
-from testbench.identify.metric import PriorScaling, Strength, precision_root
+from testbench.identify.metric import PriorScaling, PriorUncertainty, precision_root
 from testbench.identify.rows import beams, series_rows
 from testbench.model.vjm import chain, translation_rows
 
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
 FRAME_DEVIATION = 1.0
 """Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
-LITTLE_INFORMATION = 1e-3
+MIN_INFORMATION = 1e-3
 """Information of a plan of average poses, over the prior's, below which a direction counts as unseen [1]."""
-LITTLE_INFORMATION_LATER = 0.5
-"""Value of `LITTLE_INFORMATION` for a plan that follows earlier readings [1].
+MIN_INFORMATION_LATER = 0.5
+"""Value of `MIN_INFORMATION` for a plan that follows earlier readings [1].
 
 It leaves about a quarter of a thousand unknowns: those about which further readings tell enough.
 """
 
 
 @dataclass(frozen=True)
-class JointUnknowns:
+class AbsoluteSetup:
     """Describe all unknowns of an absolute calibration together, and how every pose is read."""
 
     unknowns: Unknowns  #: Layout of the unknowns.
@@ -46,21 +46,21 @@ class JointUnknowns:
     #: Positions of one pose: a row per load in the order of reading, with targets and noise.
     pose: Series
     unmodelled: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
-    #: Threshold of information over the prior's, see `LITTLE_INFORMATION` [1].
-    min_information: float = LITTLE_INFORMATION
+    #: Threshold of information over the prior's, see `MIN_INFORMATION` [1].
+    min_information: float = MIN_INFORMATION
     #: Distances and heights of one pose, which are read instead of positions, for every kind of pose; each of
     #: one target. Empty if the positions are read.
     kinds: tuple[tuple[Series, ...], ...] = ()
 
 
 def expected_root(
-    unknowns: Unknowns, metric: PriorScaling, uncertainty: float, geometry: float, error: float
+    unknowns: Unknowns, scaling: PriorScaling, uncertainty: float, geometry: float, error: float
 ) -> Array:
     """Build a root of the prior's covariance: all unknowns per unit of what is expected of them.
 
     Args:
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
-        metric: Metric of the compliances' prior.
+        scaling: Metric of the compliances' prior.
         uncertainty: Relative uncertainty of that prior [1].
         geometry: Standard deviation of a geometric error along an axis and about one [m, rad].
         error: Standard deviation of a coefficient of the joints' errors [rad, m].
@@ -72,8 +72,8 @@ def expected_root(
     for name, sizes in unknowns.fixed.items():
         d[unknowns.columns(f"frame {name}")] = sizes
     d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
-    B, _ = precision_root(metric, Strength(uncertainty, SCALE_UNCERTAINTY))
-    return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, metric.L.T).T))
+    B, _ = precision_root(scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
+    return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, scaling.L.T).T))
 
 
 def series_at(pose: Series, q: Array) -> Series:
@@ -102,27 +102,27 @@ def series_at(pose: Series, q: Array) -> Series:
 
 
 def measured_rows(
-    union: JointUnknowns, q: Array, onto: Array | None = None, kind: Ids | None = None
+    union: AbsoluteSetup, q: Array, basis: Array | None = None, kind: Ids | None = None
 ) -> Array:
     """Compute whitened rows of poses per unit of x.
 
     Args:
         union: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
-        onto: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
+        basis: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
         kind: Kind of every pose, (poses,); None if there is one.
 
     Returns:
         Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
     """
     rows = (_whitened(union, *batch) for batch in _batches(q, kind))
-    if onto is None:
+    if basis is None:
         return np.concatenate([whitened @ union.L for whitened in rows])
-    scale = union.L @ onto
+    scale = union.L @ basis
     return np.concatenate([row_products(whitened, scale) for whitened in rows])
 
 
-def position_rows(union: JointUnknowns, q: Array) -> Array:
+def position_rows(union: AbsoluteSetup, q: Array) -> Array:
     """Compute positions of all targets per unit of x, under one load after the other.
 
     Positions are those in the tracker's frame. Distances and heights have none: then the arm's base is moved
@@ -151,7 +151,7 @@ def position_rows(union: JointUnknowns, q: Array) -> Array:
     return np.asarray((flat - Q @ (Q.T @ flat)).reshape(A.shape) @ union.L)
 
 
-def scale_row(union: JointUnknowns, rows: Array, q: Array) -> tuple[Array, float]:
+def scale_row(union: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
     """Compute the scale of predicted positions per unit of x: how they grow with the distance of each other.
 
     Args:
@@ -170,7 +170,7 @@ def scale_row(union: JointUnknowns, rows: Array, q: Array) -> tuple[Array, float
     )
 
 
-def realigned(union: JointUnknowns, rows: Array) -> Array:
+def realigned(union: AbsoluteSetup, rows: Array) -> Array:
     """Remove from positions what a frame and a mount, fitted to them, would take up.
 
     Args:
@@ -187,7 +187,7 @@ def realigned(union: JointUnknowns, rows: Array) -> Array:
     return np.column_stack([np.zeros_like(A[:, :first]), arm]).reshape(rows.shape)
 
 
-def realignment_loss(union: JointUnknowns, rows: Array) -> float:
+def realignment_loss(union: AbsoluteSetup, rows: Array) -> float:
     """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
 
     Args:
@@ -201,7 +201,7 @@ def realignment_loss(union: JointUnknowns, rows: Array) -> float:
     return float(np.sqrt(3 * np.square(left).sum() / left[..., 0].size))
 
 
-def unmodelled_joint_error(union: JointUnknowns, q: Array) -> Array:
+def unmodelled_joint_error(union: AbsoluteSetup, q: Array) -> Array:
     """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
 
     Args:
@@ -215,7 +215,7 @@ def unmodelled_joint_error(union: JointUnknowns, q: Array) -> Array:
     return np.asarray(np.sqrt(np.square(_joint_rows(union, union.pose, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
-def sag(union: JointUnknowns, q: Array) -> Array:
+def sag(union: AbsoluteSetup, q: Array) -> Array:
     """Compute the RMS displacement of targets by own weight and the last load, at the expected compliances.
 
     Args:
@@ -235,7 +235,7 @@ def sag(union: JointUnknowns, q: Array) -> Array:
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
 
-def candidate_set(union: JointUnknowns, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
+def candidate_set(union: AbsoluteSetup, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
     """Make poses the candidates of a plan, in the directions that such a plan can see.
 
     A direction counts as seen where `poses` average candidates tell more than `union.min_information` of it.
@@ -267,7 +267,7 @@ def candidate_set(union: JointUnknowns, q: Array, poses: int, kind: Ids | None =
     return CandidateSet(q, np.zeros(len(q), dtype=int) if kind is None else kind, problem)
 
 
-def information_of(union: JointUnknowns, q: Array) -> Array:
+def information_of(union: AbsoluteSetup, q: Array) -> Array:
     """Compute the information matrix of positions that are read in some poses, without a prior.
 
     Args:
@@ -287,7 +287,7 @@ def _batches(q: Array, kind: Ids | None) -> Iterator[tuple[Array, Ids | None]]:
     yield from zip(np.array_split(q, parts), kinds, strict=True)
 
 
-def _whitened(union: JointUnknowns, q: Array, kind: Ids | None = None) -> Array:
+def _whitened(union: AbsoluteSetup, q: Array, kind: Ids | None = None) -> Array:
     """Compute whitened rows of poses per unit of the unknowns, (poses, k, size) [1/m, 1/rad].
 
     The covariance of a pose's readings is that of the instruments plus that of joint errors beyond the model.
@@ -307,7 +307,7 @@ def _whitened(union: JointUnknowns, q: Array, kind: Ids | None = None) -> Array:
     return rows
 
 
-def _read(union: JointUnknowns, pose: Series, q: Array) -> tuple[Array, Array, Array]:
+def _read(union: AbsoluteSetup, pose: Series, q: Array) -> tuple[Array, Array, Array]:
     """Compute the readings of one instrument, k of every pose.
 
     Returns:
@@ -327,7 +327,7 @@ def _read(union: JointUnknowns, pose: Series, q: Array) -> tuple[Array, Array, A
     return A.reshape(*flat, union.unknowns.size), sigma.reshape(flat), G.reshape(*flat, G.shape[-1])
 
 
-def _joint_rows(union: JointUnknowns, pose: Series, q: Array) -> Array:
+def _joint_rows(union: AbsoluteSetup, pose: Series, q: Array) -> Array:
     """Compute positions and orientations per unit of joint errors beyond the model, (poses, 3 s, n) [m, rad].
 
     The arm is rigid: they do not depend on the load.

@@ -44,9 +44,15 @@ class DeterminantCriterion:
     """Implement the D-criterion det(M)^(1/r), which measures the volume of the confidence ellipsoid."""
 
     def information(self, M: Array) -> float:
-        """Compute Phi(M) = det(M)^(1/r), 0 where M, (r, r), is not positive definite.
+        """Compute Phi(M) = det(M)^(1/r).
 
         Mathematics: `pose-4`.
+
+        Args:
+            M: Information matrix, (r, r) [1].
+
+        Returns:
+            Phi(M) [1]; 0 if M is not positive definite.
         """
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
@@ -71,6 +77,9 @@ class DeterminantCriterion:
         """Compute the plane Z = Phi(M) M^-1 / r, from the inequality of arithmetic and geometric means.
 
         Mathematics: `pose-9`.
+
+        Args:
+            M: Information matrix, (r, r) [1].
         """
         value = self.information(M)
         return Tangent(value * np.linalg.inv(M) / len(M), value, bend=1.0)
@@ -86,9 +95,15 @@ class LinearCriterion:
     W: Array  #: Weight, symmetric, positive semi-definite, (r, r).
 
     def information(self, M: Array) -> float:
-        """Compute Phi(M) = 1 / tr(W M^-1), in the inverse unit of W.
+        """Compute Phi(M) = 1 / tr(W M^-1).
 
         Mathematics: `pose-5`.
+
+        Args:
+            M: Information matrix, (r, r) [1].
+
+        Returns:
+            Phi(M), in the inverse unit of W.
         """
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
@@ -112,6 +127,9 @@ class LinearCriterion:
         A concave and homogeneous function lies below <gradient, M'>.
 
         Mathematics: `pose-9`.
+
+        Args:
+            M: Information matrix, (r, r) [1].
         """
         return _tangent(M, self.W)
 
@@ -133,6 +151,12 @@ class LargestCriterion:
         """Compute Phi(M) = 1 / largest cost.
 
         Mathematics: `pose-6`.
+
+        Args:
+            M: Information matrix, (r, r) [1].
+
+        Returns:
+            Phi(M), in the inverse unit of the costs.
         """
         return float(1 / self.costs(M).max())
 
@@ -160,6 +184,9 @@ class LargestCriterion:
         """Compute a plane above Phi: that of 1 / the power mean of the costs, which is at most their maximum.
 
         Its height at M is 1 / the power mean, so it need not touch Phi there.
+
+        Args:
+            M: Information matrix, (r, r) [1].
         """
         costs = self.costs(M)
         most = costs.max()
@@ -222,7 +249,15 @@ def criterion_e() -> LargestCriterion:
         return np.asarray(1 / np.linalg.eigvalsh(M))
 
     def mix(M: Array, share: Array) -> Array:
-        """Make the matrix with the eigenvectors of M and other eigenvalues."""
+        """Make W of a weighted mean of the costs: eigenvectors of M with other eigenvalues.
+
+        Args:
+            M: Information matrix, (r, r) [1].
+            share: Weight of every cost, (r,) [1].
+
+        Returns:
+            V diag(share) V^T, (r, r).
+        """
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 

@@ -358,7 +358,7 @@ class Feasibility:
 
 
 @dataclass(frozen=True)
-class Search:
+class PoseSearch:
     """Describe how poses are searched for, whatever they are measured for."""
 
     measured: Measured  #: Whitened rows of poses, each under its own load, whose index is given.
@@ -384,7 +384,7 @@ class Search:
         return self.with_dependent_joints(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
 
 
-def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
+def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: PoseSearch) -> Array:
     """Improve the joint angles of every pose of a plan; no step makes the criterion worse.
 
     Args:
@@ -436,7 +436,7 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
     return np.asarray(hopeful[first[reached[first] > floor]])
 
 
-def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Array:
+def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSearch) -> Array:
     """Improve poses by a measure that judges each pose alone.
 
     Args:

@@ -26,7 +26,7 @@ from testbench.design.rows import (
 )
 from testbench.display import Displayed, span
 from testbench.errors import Array, Mask
-from testbench.identify.metric import Strength, precision_root
+from testbench.identify.metric import PriorUncertainty, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 
@@ -92,7 +92,7 @@ def unbounded_predictions(problem: DesignProblem, rows: Array) -> Mask:
     Returns:
         True where a pose's prediction error has no bound, (poses,).
     """
-    open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2))
+    open_ = np.linalg.norm(rows @ problem.unobservable, axis=(1, 2))
     return np.asarray(open_ > UNSEEN_SHARE * np.linalg.norm(rows, axis=(1, 2)))
 
 
@@ -261,7 +261,7 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     scaling = spec.experiment.scaling
     if spec.uncertainty is None:
         return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(scaling.expected))
-    B, c = precision_root(scaling, Strength(spec.uncertainty, SCALE_UNCERTAINTY))
+    B, c = precision_root(scaling, PriorUncertainty(spec.uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
 

@@ -36,8 +36,8 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 from testbench.design.criteria import Criterion, check_criterion, criterion_of, mean_square
 from testbench.design.exchange import (
     Feasibility,
+    PoseSearch,
     Relaxed,
-    Search,
     ascend_poses,
     greedy,
     refine_plan,
@@ -104,11 +104,11 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
     first = (cost == 0).argmax(axis=1)
     stops = np.unique(first)
 
-    def beyond(a: int, b: int) -> float:
-        """Compute what a motion between two stops costs beyond its length."""
-        return surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0
-
-    trip = round_trip(np.pad(cost[np.ix_(stops, stops)], (1, 0)), beyond)
+    # A round trip from an additional place 0, whose legs cost nothing, is an open path through all others.
+    trip = round_trip(
+        np.pad(cost[np.ix_(stops, stops)], (1, 0)),
+        lambda a, b: surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0,
+    )
     return np.concatenate([np.flatnonzero(first == stop) for stop in stops[trip[1:] - 1]])
 
 
@@ -203,7 +203,7 @@ class ChosenPoses(Displayed):
     q: Array  #: Actuated joints, (poses, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (poses,).
     #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
-    clear_ways: tuple[bool, ...]
+    clear_paths: tuple[bool, ...]
     examined: CandidateSet  #: All candidates examined, those of the plan among them.
     chosen: Ids  #: Indices of the plan's poses among the examined, (poses,).
     value: float  #: Phi of the plan.
@@ -237,9 +237,13 @@ class Plan(ChosenPoses):
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
     def read(self, spec: Specification) -> Array:
-        """Compute whitened rows of the plan's readings, (poses, k, n), per unit of a specification's x.
+        """Compute whitened rows of the plan's readings.
 
-        The specification is the plan's, or one with other unknowns, prior or loads.
+        Args:
+            spec: The plan's specification, or one with other unknowns, prior or loads.
+
+        Returns:
+            Rows per unit of the specification's x, (poses, k, n) [1].
         """
         read = measured_rows if self.gauges is None else self.gauges.rows
         return read(spec, self.q, self.load)
@@ -292,7 +296,7 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Feasibility, rng:
     check_criterion(name)
     examined = candidate_set(spec, q)
     arm = spec.experiment.vjm.arm
-    search = Search(
+    search = PoseSearch(
         partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
     )
     criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
@@ -320,7 +324,7 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     """
     spec, examined, criterion = plan.specification, plan.examined, plan.criterion
     problem, arm = examined.problem, spec.experiment.vjm.arm
-    search = Search(
+    search = PoseSearch(
         partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
     )
     every = gauge_rows(spec, examined.q, examined.load, gauges, problem.lift)
@@ -357,12 +361,21 @@ def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePla
 
 
 def _refine_places(
-    plan: Plan, gauges: Gauges, placed: GaugePlan, q: Array, load: Ids, search: Search
+    plan: Plan, gauges: Gauges, placed: GaugePlan, q: Array, load: Ids, search: PoseSearch
 ) -> Array:
     """Improve the joint angles of poses whose gauges and loads stay, (poses, n) [rad, m]."""
     problem = plan.examined.problem
 
     def rows(trial: Array, places: Ids) -> Array:
+        """Compute the gauges' rows at other joint angles.
+
+        Args:
+            trial: Joint angles, (trials, n) [rad, m].
+            places: Pose of the plan whose gauges and load each trial has, (trials,).
+
+        Returns:
+            Whitened rows, (trials, count, r) [1].
+        """
         touched = np.arange(len(trial))[:, None], placed.marker[places], placed.axis[places]
         return gauge_rows(plan.specification, trial, load[places], gauges, problem.lift)[touched]
 
@@ -402,7 +415,7 @@ def _gauge_bound(
     return whole, replace(relaxed, bound=float((Z * problem.prior).sum() + poses * most))
 
 
-def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
+def choose_poses(search: PoseSearch, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
     """Find the best poses by a criterion, certified against all poses examined.
 
     Args:
@@ -422,11 +435,13 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     chosen = select_poses(examined.problem, criterion, search.poses, relaxed, search.rng)
     load = examined.load[chosen]
 
-    def rows(trial: Array, places: Ids) -> Array:
-        """Compute the readings of poses in other places."""
-        return search.measured(trial, load[places], examined.problem.lift)
-
-    q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
+    q = refine_plan(
+        examined.q[chosen],
+        examined.problem.prior,
+        criterion,
+        lambda trial, places: search.measured(trial, load[places], examined.problem.lift),
+        search,
+    )
     # the order of measuring, and the bound over all poses examined, those of the plan among them
     order = _measuring_order(q, load, search.feasibility)
     extended = _add_candidates(search, examined, q[order], load[order])
@@ -436,7 +451,7 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
 
 
 def choose_greedily(
-    search: Search, criterion: Criterion, examined: CandidateSet, least: int = 0
+    search: PoseSearch, criterion: Criterion, examined: CandidateSet, least: int = 0
 ) -> ChosenPoses:
     """Choose each pose as the best next one of those examined: fast for many unknowns, with a loose bound.
 
@@ -465,7 +480,7 @@ def choose_greedily(
 
 
 def _assemble(
-    search: Search, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
+    search: PoseSearch, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
 ) -> ChosenPoses:
     """Assemble a plan from some of the poses examined, which are in the order of measuring."""
     q = examined.q[chosen]
@@ -473,7 +488,7 @@ def _assemble(
         criterion=criterion,
         q=q,
         load=examined.load[chosen],
-        clear_ways=tuple(search.feasibility.clear(start, end) for start, end in pairwise(q)),
+        clear_paths=tuple(search.feasibility.clear(start, end) for start, end in pairwise(q)),
         examined=examined,
         chosen=chosen,
         value=criterion.information(information(examined.problem, chosen)),
@@ -481,7 +496,7 @@ def _assemble(
     )
 
 
-def _improve_heaviest(search: Search, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
+def _improve_heaviest(search: PoseSearch, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
     """Improve the poses that carry most weight of the relaxed optimum, and add them as candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:POSES_PER_ASCENT]]
     load = examined.load[top]
@@ -493,7 +508,7 @@ def _improve_heaviest(search: Search, examined: CandidateSet, relaxed: Relaxed) 
     return _add_candidates(search, examined, ascend_poses(examined.q[top], usefulness, search), load)
 
 
-def _add_candidates(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
+def _add_candidates(search: PoseSearch, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
     """Add candidates; directions that only they show are left out."""
     rows = search.measured(q, load, None) @ examined.problem.lift
     problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
@@ -506,12 +521,14 @@ def _measuring_order(q: Array, load: Ids, reach: Feasibility) -> Ids:
     for kind in np.unique(load):
         poses = q[load == kind]
 
-        def detour(a: int, b: int, poses: Array = poses) -> float:
-            """Compute what a motion costs beyond its length."""
-            return 0.0 if reach.clear(poses[a], poses[b]) else COLLISION_DETOUR
-
-        order += np.flatnonzero(load == kind)[shortest_path(joint_travel(poses), detour)].tolist()
+        path = shortest_path(joint_travel(poses), partial(_collision_detour, reach, poses))
+        order += np.flatnonzero(load == kind)[path].tolist()
     return np.array(order)
+
+
+def _collision_detour(reach: Feasibility, poses: Array, a: int, b: int) -> float:
+    """Return what the motion from pose a to pose b costs beyond its length: more if it collides."""
+    return 0.0 if reach.clear(poses[a], poses[b]) else COLLISION_DETOUR
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
@@ -615,7 +632,7 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     """
     problem, M = plan.examined.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
-    W, hidden = mean_square(rows @ problem.lift), hidden_square(problem, rows)
+    W, hidden = mean_square(rows @ problem.lift), hidden_mean_square(problem, rows)
     left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
     # readings over the prior, direction by direction: generalised eigenvalues above one outweigh it
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
@@ -675,11 +692,11 @@ def error_after(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
     Returns:
         Function of a plan's indices, (poses,), to its RMS error sqrt(tr(W M^-1) + hidden) [m].
     """
-    hidden, W = hidden_square(problem, rows), mean_square(rows @ problem.lift)
+    hidden, W = hidden_mean_square(problem, rows), mean_square(rows @ problem.lift)
     return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
 
 
-def hidden_square(problem: DesignProblem, rows: Array) -> float:
+def hidden_mean_square(problem: DesignProblem, rows: Array) -> float:
     """Compute the mean square prediction error in directions that no candidate shows.
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import compliance_unknowns
-from testbench.identify.metric import PriorScaling, Strength, precision_root
+from testbench.identify.metric import PriorScaling, PriorUncertainty, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.load import Load
@@ -72,10 +72,10 @@ class DesignProblem:
     rows: Array  #: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
     prior: Array  #: Information on a before any reading, (r, r).
     lift: Array  #: x per unit of a, (n, r).
-    #: Covariance of x that stays whatever is measured, (n, n) [1]; zero without a prior, see `unseen`.
+    #: Covariance of x that stays whatever is measured, (n, n) [1]; zero without a prior, see `unobservable`.
     hidden: Array
     #: Directions of x that no candidate shows and no prior bounds, (n, n - r); none with a prior, (n, 0).
-    unseen: Array
+    unobservable: Array
 
     @property
     def r(self) -> int:
@@ -83,7 +83,7 @@ class DesignProblem:
         return int(self.prior.shape[0])
 
 
-def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, onto: Array | None = None) -> Array:
+def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, basis: Array | None = None) -> Array:
     """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
@@ -95,7 +95,7 @@ def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, onto: Array
         experiment: How every pose is measured.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
-        onto: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
+        basis: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
 
     Returns:
         Rows over sqrt(2) sigma per unit of x or a, (poses, k, n) or (poses, k, r), with k at most 6 [1].
@@ -104,7 +104,7 @@ def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, onto: Array
         BenchError: When the load has rows for another number of poses.
     """
     G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
-    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma), onto)
+    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma), basis)
 
 
 def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array:
@@ -150,34 +150,34 @@ def loads_of(spec: Specification, load: Ids) -> Load:
     return Load(wrench[load], point[load])
 
 
-def measured_rows(spec: Specification, q: Array, load: Ids, onto: Array | None = None) -> Array:
+def measured_rows(spec: Specification, q: Array, load: Ids, basis: Array | None = None) -> Array:
     """Compute whitened rows of poses, each under its own load.
 
     Args:
         spec: Specification with its loads.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Index into the specification's loads, (poses,).
-        onto: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
+        basis: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
 
     Returns:
         Rows per unit of x or a, (poses, k, n) or (poses, k, r) [1].
     """
-    return reading_rows(spec.experiment, q, loads_of(spec, load), onto)
+    return reading_rows(spec.experiment, q, loads_of(spec, load), basis)
 
 
 def _rows(
-    experiment: MeasurementSetup, q: Array, load: Load, motion: Array, onto: Array | None = None
+    experiment: MeasurementSetup, q: Array, load: Load, motion: Array, basis: Array | None = None
 ) -> Array:
     """Compute motion (k, 6) times the tool's twist per unit of x or a, in the tool's own axes, (poses, k, n).
 
     See `reading_rows`.
     """
-    equilibrium, metric = nominal_chain(experiment.vjm, q, [load.for_poses(len(q))]), experiment.scaling
-    unknowns = compliance_unknowns(experiment.vjm, metric.structure)
+    equilibrium, scaling = nominal_chain(experiment.vjm, q, [load.for_poses(len(q))]), experiment.scaling
+    unknowns = compliance_unknowns(experiment.vjm, scaling.structure)
     A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
     twist = np.einsum("rxy,sxcr->rsyc", equilibrium.chain.rotation, A, optimize=True)
     flat = twist.reshape(len(q), 6, -1)
-    return np.asarray(motion @ (flat @ metric.L if onto is None else row_products(flat, metric.L @ onto)))
+    return np.asarray(motion @ (flat @ scaling.L if basis is None else row_products(flat, scaling.L @ basis)))
 
 
 def row_products(rows: Array, X: Array) -> Array:
@@ -234,7 +234,7 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
     if uncertainty is None:
         ridge = RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
         return DesignProblem(row_products(rows, seen), ridge, seen, np.zeros((n, n)), rest)
-    B, _ = precision_root(experiment.scaling, Strength(uncertainty, SCALE_UNCERTAINTY))
+    B, _ = precision_root(experiment.scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
     # the rest follows the seen part in the prior's mean; its Schur complement is the prior on the seen part
     covariance = np.linalg.inv(rest.T @ M @ rest)

@@ -353,7 +353,7 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     if not named:
         hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
         hint = hint or "columns with other names, or a file without a header, need a map"
-        wanted = ", ".join(joint.shown_column for joint in arm.file_joints) or "mass_kg"
+        wanted = ", ".join(joint.display_column for joint in arm.file_joints) or "mass_kg"
         got = ", ".join(table.names[:3])
         raise UnknownColumns(
             table, f"no column is known, expected {wanted}, got {got} ...; {hint}", joints=False
@@ -859,8 +859,8 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
     lower, upper = arm.limits
     for i, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1]:
         joint = arm.joints[k]
-        low, high, got = (joint.shown * x for x in (joint.lower, joint.upper, q[i, k]))
-        limits = f"expected {low:.4f} to {high:.4f} {joint.shown_unit}, got {got:.4f}"
+        low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[i, k]))
+        limits = f"expected {low:.4f} to {high:.4f} {joint.display_unit}, got {got:.4f}"
         problem = f"{joint.name} of the arm, in file joints {arm.joint_map.sum_text(int(k))}: {limits}"
         raise columns.table.error(i, "", problem)
 

@@ -45,7 +45,7 @@ from testbench.files.export_own import (
 )
 from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
 from testbench.model.kinematics import body_pose, urdf_poses
-from testbench.model.laws import UNIT_COMPENSATOR, joint_laws, sizes_of
+from testbench.model.laws import UNIT_COMPENSATOR, joint_laws, law_sizes
 from testbench.model.load import Load, weight
 from testbench.runs import manifest as files
 from testbench.runs.rows import Row
@@ -381,7 +381,7 @@ def _joints(state: ArmState) -> list[dict[str, object]]:
     arm, errors = state.vjm.arm, state.errors
     first, orders = 6 * len(arm.links), len(errors.orders)
     found: list[dict[str, object]] = []
-    sizes = sizes_of(state.vjm, state.C_theta)
+    sizes = law_sizes(state.vjm, state.C_theta)
     for k, joint in enumerate(arm.joints):
         sine, cosine, single = np.split(state.n[k], [orders, 2 * orders])
         row: dict[str, object] = {

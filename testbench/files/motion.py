@@ -98,7 +98,7 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
             {
                 "name": name,
                 "title": _plain(motion.joints[k].name),
-                "joint": f"{_plain(motion.joints[k].name)} [{motion.joints[k].shown_unit}]",
+                "joint": f"{_plain(motion.joints[k].name)} [{motion.joints[k].display_unit}]",
             }
             for name, k in axes.items()
         ],
@@ -129,7 +129,7 @@ def _point_fields(language: Language, motion: Motion) -> list[dict[str, object]]
         [axes[name] for name in names if name in axes] for names in (language.axes, language.external)
     )
     flags = turn_flags(language, q[:, main]) if main else np.zeros((count, 0), dtype=int)
-    units = [motion.joints[k].shown_unit for k in axes.values()]
+    units = [motion.joints[k].display_unit for k in axes.values()]
     return [
         {
             "number": k,
@@ -234,8 +234,8 @@ def _check_moves(motion: Motion) -> Array:
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     for k, j in np.argwhere((found < lower - LIMIT_ROUNDING) | (found > upper + LIMIT_ROUNDING))[:1]:
         own = joints[j]
-        low, high, got = (own.shown * x for x in (own.lower, own.upper, found[k, j]))
-        limits = f"expected {low:.4f} to {high:.4f} {own.shown_unit}, its limits"
+        low, high, got = (own.display_factor * x for x in (own.lower, own.upper, found[k, j]))
+        limits = f"expected {low:.4f} to {high:.4f} {own.display_unit}, its limits"
         raise BenchError(f"point {k + 1}, {_plain(own.name)}: {limits}, got {got:.4f}")
     if len(labels) not in (0, len(found)):
         raise BenchError(f"labels: expected one for each of {len(found)} points, got {len(labels)}")

@@ -329,8 +329,8 @@ def _check_limits(text: ProgramText, arm: Arm, points: Sequence[PointText], q: A
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     for row, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1].tolist():
         joint, point = joints[k], points[row]
-        low, high, got = (joint.shown * x for x in (joint.lower, joint.upper, q[row, k]))
-        problem = f"{joint.name}: expected {low:.4f} to {high:.4f} {joint.shown_unit}, got {got:.4f}"
+        low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[row, k]))
+        problem = f"{joint.name}: expected {low:.4f} to {high:.4f} {joint.display_unit}, got {got:.4f}"
         raise text.sources[point.source].error(point.start, problem)
 
 
@@ -491,7 +491,7 @@ class Program(Displayed):
         """Return file and line that say that the program was corrected; None if none does."""
         if not isinstance(self.content, Columns):
             return self.content.text.mark
-        ours = {f"{CORRECTION}{joint.shown_column}" for joint in self.arm.file_joints}
+        ours = {f"{CORRECTION}{joint.display_column}" for joint in self.arm.file_joints}
         return (self.path, self.content.table.header) if ours & set(self.other) else None
 
 
@@ -652,8 +652,9 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
         joint, here = arm.file_joints[named.slot.index], in_file[:, named.slot.index]
         other = here if named.unit is None else named.unit.scale * table.numbers(k, columns.mark)
         both = f"{table.names[first[named.slot]]} and {table.names[k]}"
-        for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= UNIT_ROUNDING))[:1]:
-            got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
+        for i in np.flatnonzero(~(joint.display_factor * np.abs(here - other) <= UNIT_ROUNDING))[:1]:
+            one, two = joint.display_factor * here[i], joint.display_factor * other[i]
+            got = f"{one:.4f} and {two:g} {joint.display_unit}"
             place = f"line {table.lines[i]}, columns {both}"  # an edit of one of them counts
             raise InputError(path, place, f"expected the same twice, got {got}")
     return q
@@ -666,7 +667,7 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
         return joint_coordinates(columns, arm)
     if columns.all_of("set_point"):
         return None
-    missing = [joint.shown_column for joint in arm.file_joints]
+    missing = [joint.display_column for joint in arm.file_joints]
     hint = "; or x_mm, y_mm, z_mm and an orientation of the tool"
     raise columns.lack(missing, hint + numbered_joints(columns.ignored, len(missing)))
 
@@ -715,9 +716,9 @@ def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
     most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in joints])
     for i, k in np.argwhere(np.abs(np.diff(q, axis=0)) > most * SLACK)[:1].tolist():
         joint = joints[k]
-        here, there = (joint.shown * q[[i, i + 1], k]).tolist()
-        got = f"{joint.name} from {here:g} to {there:g} {joint.shown_unit}"
-        _refuse(path, line[i : i + 2], got, f"{joint.shown * most[k]:g} {joint.shown_unit}")
+        here, there = (joint.display_factor * q[[i, i + 1], k]).tolist()
+        got = f"{joint.name} from {here:g} to {there:g} {joint.display_unit}"
+        _refuse(path, line[i : i + 2], got, f"{joint.display_factor * most[k]:g} {joint.display_unit}")
 
 
 def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) -> None:

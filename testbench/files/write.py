@@ -255,8 +255,8 @@ def write_program(
         units = [unit.name if unit else "" for unit in table.units]
     for joint, column, own in zip(arm.file_joints, program.joints, arm.to_file(q).T, strict=True):
         if column is None:
-            names.append(joint.shown_column)
-            cells.append(_numbers(joint.shown * own, mark=mark))
+            names.append(joint.display_column)
+            cells.append(_numbers(joint.display_factor * own, mark=mark))
         else:
             scale = column.unit.scale if column.unit else 1.0
             cells[column.index] = _numbers(own / (column.sign * scale), mark=mark)

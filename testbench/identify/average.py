@@ -51,8 +51,8 @@ from testbench.identify.regression import (
     triangular_factor,
 )
 from testbench.identify.solve import solve
-from testbench.identify.trace import SELECTION_PROBABILITY, paired
-from testbench.model.laws import with_ties, without_ties
+from testbench.identify.trace import SELECTION_PROBABILITY, mean_and_standard_error
+from testbench.model.laws import with_joint_couplings, without_joint_couplings
 from testbench.model.laws import without_laws as linear
 from testbench.model.structure import Structure
 
@@ -90,14 +90,14 @@ def stiffness_scatter(r: Regression, estimate: Estimate, backoff: float = 0.0) -
 
 def _scatter_evidence(r: Regression, fit: Estimate) -> Array:
     """Compute the log evidence of every one of `TRIED_SCATTERS` under the prior of a fit."""
-    belief = fit.weighted_prior
-    assert belief is not None
+    weighted_prior = fit.weighted_prior
+    assert weighted_prior is not None
     r = restrict_to(r, fit.structure)
     poses = [_pose_variances(rows, _parameters_by_link(r, fit.pi)) for rows in r.poses]
     lost = r.equations - sum(len(w) for w, _ in poses)
     left = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in r.terms)
     left -= math.fsum(float(y @ y) for y in _readings(poses))
-    return np.array([_log_evidence(rho, belief, poses, lost, left) for rho in TRIED_SCATTERS])
+    return np.array([_log_evidence(rho, weighted_prior, poses, lost, left) for rho in TRIED_SCATTERS])
 
 
 def _uncoupled_fit(estimate: Estimate) -> Estimate:
@@ -109,7 +109,7 @@ def _uncoupled_fit(estimate: Estimate) -> Estimate:
 
 
 def _parameters_by_link(r: Regression, pi: Array) -> Array:
-    """Rows of the parameters of every link, (links, n), zero for those of all others."""
+    """Split the parameters by link, (links, n): row k keeps those of link k, all others are zero."""
     of_link = np.arange(r.structure.links)[:, None] == r.structure.a // 6
     return np.asarray(of_link * np.pad(pi, (0, r.structure.n - len(pi))))
 
@@ -125,12 +125,15 @@ def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
 
 
 def _log_evidence(
-    rho: float, belief: WeightedPrior, poses: list[tuple[Array, Array]], lost: int, left: float
+    rho: float, weighted_prior: WeightedPrior, poses: list[tuple[Array, Array]], lost: int, left: float
 ) -> float:
     """Compute the log density of the readings, up to a constant; their noise is as stated or as learnt."""
-    B, c = (part / belief.misfit for part in precision_root(belief.scaling, belief.strength))
-    prior, L, best = np.c_[B, c].T @ np.c_[B, c], belief.scaling.L, -math.inf
-    for kappa in {1.0, belief.misfit}:
+    B, c = (
+        part / weighted_prior.misfit
+        for part in precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
+    )
+    prior, L, best = np.c_[B, c].T @ np.c_[B, c], weighted_prior.scaling.L, -math.inf
+    for kappa in {1.0, weighted_prior.misfit}:
         H, spread = prior.copy(), 2 * lost * math.log(kappa)
         for values, rows in poses:
             variance = kappa**2 + rho**2 * values
@@ -166,7 +169,7 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
-    """Those of every pose that its rows can explain, (k,) each."""
+    """Select for every pose the residuals that its rows can explain, (k,) each."""
     return [rows[:, -1] for _, rows in poses]
 
 
@@ -183,7 +186,7 @@ BEAM_ODDS = 20.0
 """Odds of links as coupled as the prior's over softened ones beforehand. Coupled links and soft bearings have
 a tenth less error by these, and undisturbed arms of the family 1 % more, by odds of 3 5 %; coverage in the
 worst tenth rises by 1 to 3 points of all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-UNTIED_ODDS = 10.0
+UNCOUPLED_ODDS = 10.0
 """Odds beforehand of joints that turn each with its own torque alone. With them coupled joints weigh less
 than `MIN_LAW_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds 5000 to
 5018, 8 poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
@@ -233,8 +236,8 @@ def average_two_priors(
     Args:
         r: The reduced dataset, of a structure with laws.
         constraint: Least squares or GCO.
-        prior: Metric of the prior.
-        softened: Metric of the softened prior.
+        prior: Units of the prior.
+        softened: Units of the softened prior.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
@@ -244,10 +247,10 @@ def average_two_priors(
         return estimate
     changing = _with_changing_links(r, constraint, (prior, softened), estimate)
     mean = changing or estimate
-    rivals = links_and_joints(r, mean, prior)
+    rivals = compare_links_and_joints(r, mean, prior)
     errors = None if rivals is None or rivals.links_certain else rivals.errors
-    weight = links_or_joints(errors, changes=changing is not None)
-    return average_with_joints(r, constraint, prior, mean, weight)
+    weight = joints_only_weight(errors, changes=changing is not None)
+    return average_with_joints_only(r, constraint, prior, mean, weight)
 
 
 def _with_changing_links(
@@ -317,13 +320,13 @@ class LinksAndJoints:
         return ours, _held_out_errors(rigid, rigid, self.joints_prior)
 
 
-def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
+def compare_links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
     """Set the likeliest model of an average beside joints alone.
 
     Args:
         r: The reduced dataset, with its rows pose by pose.
         estimate: An average by evidence.
-        prior: Metric of the prior.
+        prior: Units of the prior.
 
     Returns:
         Both, or None where joints alone are no model.
@@ -334,18 +337,18 @@ def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> 
     except BenchError:  # no joint is loaded, or all turn against their loads
         return None
     likeliest = _likeliest(estimate)
-    belief = likeliest.weighted_prior
-    if belief is None or belief.log_evidence is None:
+    weighted_prior = likeliest.weighted_prior
+    if weighted_prior is None or weighted_prior.log_evidence is None:
         return None
-    over = belief.log_evidence - log_evidence
-    return LinksAndJoints(r, likeliest, belief, regression, alone, over)
+    over = weighted_prior.log_evidence - log_evidence
+    return LinksAndJoints(r, likeliest, weighted_prior, regression, alone, over)
 
 
 def _likeliest(estimate: Estimate) -> Estimate:
     """Select the model of greatest weight in an average, joints alone apart."""
     known = estimate.average
-    if known is not None and known.with_ties is not None and known.ties_weight > 0.5:
-        return known.with_ties
+    if known is not None and known.with_joint_couplings is not None and known.joint_couplings_weight > 0.5:
+        return known.with_joint_couplings
     return _uncoupled_fit(estimate)
 
 
@@ -356,9 +359,11 @@ def _weigh_pose(rows: Array, pose_variation: Array) -> Array:
     return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
 
 
-def _held_out_errors(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: WeightedPrior) -> Array:
+def _held_out_errors(
+    poses: tuple[Array, ...], weighed: tuple[Array, ...], weighted_prior: WeightedPrior
+) -> Array:
     """Compute the errors in every pose of the fit to all others, which counts their weighed rows [1]."""
-    L, (B, c) = belief.scaling.L, precision_root(belief.scaling, belief.strength)
+    L, (B, c) = weighted_prior.scaling.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
     grams = [rows.T @ rows for rows in (np.c_[rows[:, :-1] @ L, rows[:, -1]] for rows in weighed)]
     whole = np.c_[B, c].T @ np.c_[B, c] + sum(grams)
     errors = []
@@ -369,7 +374,7 @@ def _held_out_errors(poses: tuple[Array, ...], weighed: tuple[Array, ...], belie
     return np.array(errors)
 
 
-def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> float:
+def joints_only_weight(held_out: tuple[Array, Array] | None, *, changes: bool) -> float:
     """Choose the weight of joints alone by what they and links predict of poses that were left out.
 
     Mathematics: `prior-14`.
@@ -386,14 +391,14 @@ def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> f
     if held_out is None:
         return better
     likeliest, alone = np.log(np.maximum(held_out, TINY))
-    gain, error = paired(alone - likeliest)
+    gain, error = mean_and_standard_error(alone - likeliest)
     sure = float(stdtrit(len(likeliest) - 1, SELECTION_PROBABILITY)) * error
     if gain > sure:
         return better
     return JOINTS_WEIGHT_IF_UNSURE if changes and gain > -sure else 1.0
 
 
-def average_with_joints(
+def average_with_joints_only(
     r: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate, weight: float
 ) -> Estimate:
     """Average a fit with joints alone; laws and coupled joints keep their weight unless these weigh one.
@@ -404,13 +409,13 @@ def average_with_joints(
     Args:
         r: The reduced dataset, with its rows pose by pose.
         constraint: Least squares or GCO.
-        prior: Metric of the prior.
+        prior: Units of the prior.
         estimate: An average by evidence.
-        weight: Weight of joints alone, by `links_or_joints` [1].
+        weight: Weight of joints alone, by `joints_only_weight` [1].
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:
-        weight *= (1 - known.laws_weight) * (1 - known.ties_weight)
+        weight *= (1 - known.laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
     # Joints alone, fitted with their wide prior, and the average of both.
@@ -433,10 +438,10 @@ def _average_priors(
     r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
 ) -> Estimate:
     """Average the fits under both priors, for readings with given weights."""
-    first, log_evidence = _average_ties(r, constraint, prior, widths=True)
+    first, log_evidence = _average_joint_couplings(r, constraint, prior, widths=True)
     if log_evidence is None:
         return first
-    second, log_other = _average_ties(r, constraint, softened, widths=True)
+    second, log_other = _average_joint_couplings(r, constraint, softened, widths=True)
     assert log_other is not None
     # Weights by evidence: for the mean, and for intervals.
     odds = log_other - log_evidence
@@ -454,8 +459,10 @@ def _average_priors(
         laws_weight=sum(weight * model.laws_weight for weight, model in known),
         laws_probability=sum(weight * model.laws_probability for weight, model in known),
         with_laws=next((model.with_laws for _, model in known if model.with_laws is not None), None),
-        ties_weight=sum(weight * model.ties_weight for weight, model in known),
-        with_ties=next((model.with_ties for _, model in known if model.with_ties is not None), None),
+        joint_couplings_weight=sum(weight * model.joint_couplings_weight for weight, model in known),
+        with_joint_couplings=next(
+            (model.with_joint_couplings for _, model in known if model.with_joint_couplings is not None), None
+        ),
         parts=((1 - likely, first), (likely, second)),
     )
     return _average(widest.regression, weighed, likelier.weighted_prior, average)
@@ -498,37 +505,43 @@ def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.
     """
-    return _average_ties(r, constraint, prior, widths=widths)[0]
+    return _average_joint_couplings(r, constraint, prior, widths=widths)[0]
 
 
-def _average_ties(
+def _average_joint_couplings(
     r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Fit under one prior and average with simpler models; also return the evidence, None without one."""
-    if not prior.ties.any():
+    if not prior.joint_couplings.any():
         return _average_laws(r, constraint, prior, widths=widths)
     # Both models: without and with couplings between joints.
     bare, tied = (
         restrict_scaling(prior, structure)
-        for structure in (without_ties(prior.structure), with_ties(linear(prior.structure)))
+        for structure in (
+            without_joint_couplings(prior.structure),
+            with_joint_couplings(linear(prior.structure)),
+        )
     )
     mean, log_evidence = _average_laws(restrict_to(r, bare.structure), constraint, bare, widths=widths)
     if log_evidence is None:
         return mean, None
     coupled = restrict_to(r, tied.structure)
-    belief = learn_prior(coupled, tied, widths=widths)
-    assert belief.log_evidence is not None
+    weighted_prior = learn_prior(coupled, tied, widths=widths)
+    assert weighted_prior.log_evidence is not None
     # Their odds by evidence; a model that hardly counts is left out.
-    odds = belief.log_evidence - log_evidence - math.log(UNTIED_ODDS)
+    odds = weighted_prior.log_evidence - log_evidence - math.log(UNCOUPLED_ODDS)
     together, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
     if share < MIN_LAW_PROBABILITY:
         return mean, together
     share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
-    estimate, known = solve(coupled, constraint, belief), mean.average or ModelAverage(0.0, mean)
+    estimate, known = solve(coupled, constraint, weighted_prior), mean.average or ModelAverage(0.0, mean)
     average = replace(
-        known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
+        known,
+        laws_weight=(1 - share) * known.laws_weight,
+        joint_couplings_weight=share,
+        with_joint_couplings=estimate,
     )
-    likelier = belief if share > 0.5 else mean.weighted_prior
+    likelier = weighted_prior if share > 0.5 else mean.weighted_prior
     return _average(r, ((1 - share, mean), (share, estimate)), likelier, average), together
 
 
@@ -542,67 +555,71 @@ def _average_laws(
     if plain is prior or log_evidence is None:
         return straight, log_evidence
     # Odds of joint laws, and the mean by them.
-    belief = learn_prior(r, prior, widths=widths)
-    assert belief.log_evidence is not None
-    odds = belief.log_evidence - log_evidence
+    weighted_prior = learn_prior(r, prior, widths=widths)
+    assert weighted_prior.log_evidence is not None
+    odds = weighted_prior.log_evidence - log_evidence
     together = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR_JOINTS_ODDS)))
     weight, likely = _logistic(odds - math.log(LINEAR_JOINTS_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
     if likely < MIN_LAW_PROBABILITY:
         return straight, together
-    lawful = solve(r, constraint, belief)
+    lawful = solve(r, constraint, weighted_prior)
     if likely > 1 - MIN_LAW_PROBABILITY:
         weight = likely = 1.0
     elif weight < MIN_LAW_PROBABILITY:
         weight = 0.0
     known = straight.average or ModelAverage(0.0, straight)
     average = replace(known, laws_weight=weight, laws_probability=likely, with_laws=lawful)
-    likelier = belief if weight > 0.5 else known.all_parts.weighted_prior
+    likelier = weighted_prior if weight > 0.5 else known.all_parts.weighted_prior
     return _average(r, ((1 - weight, straight), (weight, lawful)), likelier, average), together
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
-def scaling_without_laws(metric: PriorScaling) -> PriorScaling:
+def scaling_without_laws(scaling: PriorScaling) -> PriorScaling:
     """Return the scaling of the prior of compliances alone, without joint laws."""
-    return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
+    return scaling if not scaling.law.any() else restrict_scaling(scaling, linear(scaling.structure))
 
 
-def restrict_scaling(metric: PriorScaling, structure: Structure) -> PriorScaling:
+def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScaling:
     """Restrict a metric to a structure without some joint laws or couplings, which a prior expects to be 0.
 
     Args:
-        metric: The metric of the prior.
+        scaling: Units of the prior.
         structure: Some of its unknowns.
 
     Returns:
         The metric of these unknowns.
     """
-    places = structure.places_in(metric.structure)
-    row, column = metric.structure.triangles
+    places = structure.indices_in(scaling.structure)
+    row, column = scaling.structure.triangles
     wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
     in_structure = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
     keep = np.flatnonzero(in_structure)
     sizes = tuple(len(block) for block in structure.blocks)
-    return PriorScaling(metric.prior, structure, metric.L[np.ix_(places, keep)], metric.expected[keep], sizes)
+    return PriorScaling(
+        scaling.prior, structure, scaling.L[np.ix_(places, keep)], scaling.expected[keep], sizes
+    )
 
 
 def _average_joints(
     r: Regression, constraint: Constraint, prior: PriorScaling, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Average links and joints with joints only, without laws; also return the evidence, None without one."""
-    belief, joints = learn_prior(r, prior, widths=widths), joint_columns(prior)
-    whole = solve(r, constraint, belief)
-    if belief.log_evidence is None or len(joints) < prior.structure.links - 1:  # of links or joints alone
+    weighted_prior, joints = learn_prior(r, prior, widths=widths), joint_columns(prior)
+    whole = solve(r, constraint, weighted_prior)
+    if (
+        weighted_prior.log_evidence is None or len(joints) < prior.structure.links - 1
+    ):  # of links or joints alone
         return whole, None
     regression, bare = _joints_only(r, prior)
     try:
         log_evidence, alone = log_evidence_alone(regression, bare)
     except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
-        return whole, belief.log_evidence
-    odds = log_evidence - belief.log_evidence + math.log(JOINTS_ONLY_ODDS)
+        return whole, weighted_prior.log_evidence
+    odds = log_evidence - weighted_prior.log_evidence + math.log(JOINTS_ONLY_ODDS)
     weight = _logistic(odds)
-    together = belief.log_evidence + float(np.logaddexp(0, odds))
+    together = weighted_prior.log_evidence + float(np.logaddexp(0, odds))
     if weight < NEGLIGIBLE_WEIGHT:
         return whole, together
     rigid = solve(regression, constraint, alone)
@@ -611,11 +628,11 @@ def _average_joints(
         for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
     )
     average = ModelAverage(weight, whole, joints_probability=probability, joints_only=rigid)
-    return _average(r, ((1 - weight, whole), (weight, rigid)), belief, average), together
+    return _average(r, ((1 - weight, whole), (weight, rigid)), weighted_prior, average), together
 
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
-    """A dataset, and the metric of its prior, of joints alone."""
+    """Restrict a dataset, and the scaling of its prior, to joint compliances alone."""
     joints = joint_columns(prior)
     regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
@@ -623,9 +640,9 @@ def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorS
     return regression, PriorScaling(prior.prior, regression.structure, L, prior.expected[entries], sizes)
 
 
-def joint_columns(metric: PriorScaling) -> Ids:
+def joint_columns(scaling: PriorScaling) -> Ids:
     """Find the places of the parameters that are compliances of joints, (joints,)."""
-    s = metric.structure
+    s = scaling.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
 
 

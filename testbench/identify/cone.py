@@ -159,7 +159,7 @@ def svec(X: Array) -> Array:
 
 @cache
 def _packed(n: int) -> tuple[Ids, Array]:
-    """Where the entries of a svec stand in its matrix, and their size per unit of that, (t,) each."""
+    """Locate the entries of a svec in its matrix, with their size per unit of the svec, (t,) each."""
     row, column = upper_indices(n)
     return n * row + column, np.where(row == column, 1.0, math.sqrt(2))
 
@@ -172,7 +172,7 @@ def smat(x: Array) -> Array:
 
 @cache
 def _unpacked(n: int) -> tuple[Ids, Array]:
-    """Where the entries of a matrix stand in its svec, and their size per unit of that, (n, n) each."""
+    """Locate the entries of a matrix in its svec, with their size per unit of the svec, (n, n) each."""
     row, column = upper_indices(n)
     places = np.zeros((n, n), int)
     places[row, column] = places[column, row] = np.arange(len(row))
@@ -215,7 +215,7 @@ def congruence(A: Array) -> Array:
 
 @cache
 def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
-    """Places of the factors of two products in a matrix of order n, and the weight of their sum, (t, t)."""
+    """Locate the factors of both products in a matrix of order n, with the weight of their sum, (t, t)."""
     i, j = upper_indices(n)
     row, column = n * i[:, None], n * j[:, None]
     weight = np.where(i == j, 1.0, math.sqrt(2))[:, None] * np.where(i == j, 0.5, math.sqrt(0.5))

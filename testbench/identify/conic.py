@@ -30,8 +30,7 @@ import numpy as np
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify import cone
 from testbench.identify.estimate import Certificate, Dual, Estimate, Penalty, make_estimate
-from testbench.identify.interior import TINY, interior
-from testbench.identify.interior import BlockProgram as Norms
+from testbench.identify.interior import TINY, BlockProgram, solve_program
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import PAPER_GCO, Structure
 
@@ -112,7 +111,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
 
 
 def _checked_dual(regression: Regression, dual: Dual) -> Dual:
-    """A dual from outside: refused unless its vectors are of length one at most but for rounding."""
+    """Check a dual from outside: its vectors may be longer than one only by rounding."""
     terms = len(regression.terms)
     y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
     rest = check_array(dual.y_rest, (terms,), "dual.y_rest")
@@ -187,7 +186,15 @@ def lower_bound_certificate(
     cost, free = f_m(regression, pi), np.zeros(s.n)
 
     def over(cost: float, trace_gradient: Array) -> float:
-        """Bound how far a cost, which includes a trace term of this gradient, lies above the least."""
+        """Bound how far a cost lies above the least value of its program.
+
+        Args:
+            cost: F_M, or F_M with the trace term [1].
+            trace_gradient: Gradient of the trace term that the cost includes, (n,).
+
+        Returns:
+            Upper bound of the distance [1].
+        """
         # A negative eigenvalue of S_i can lower the cost by at most -lambda_min t_i.
         least = constant - float(np.maximum(0, -_smallest_eigenvalues(regression, g, trace_gradient)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
@@ -201,10 +208,7 @@ def lower_bound_certificate(
 
 
 def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Array) -> Array:
-    """Smallest eigenvalue of every S_i + w W_i in scaled units, less its rounding, (blocks,).
-
-    `g` is the gradient of S_i, `trace_gradient` that of the trace term, (n,) each.
-    """
+    """Compute the smallest eigenvalue of every S_i + w W_i in scaled units, less its rounding, (blocks,)."""
     s, unit = regression.structure, scaled_units(regression.structure)
     scale = np.outer(unit, unit)
     S, size = (
@@ -367,7 +371,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         solver_seconds=answer.seconds,
         penalty=penalty,
         split=pi,
-        held_by_trace_weight=bool(
+        bounded_by_tie_break=bool(
             papers and cost > REPORTED_PENALTY * left > REPORTED_PENALTY * EXACT_FIT * program.unit
         ),
     )
@@ -401,8 +405,10 @@ def solve_interior_point(regression: Regression, program: ConicProgram) -> Conic
     start, order = time.perf_counter(), s.parameter
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
-    norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
-    x[order] = unit * interior(norms).x
+    norms = BlockProgram(
+        program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes
+    )
+    x[order] = unit * solve_program(norms).x
     pi = program.parameters(x, n)
     dual = gradient_dual(regression, pi)
     gap = lower_bound_certificate(regression, pi, dual, penalty=program.penalty).duality_gap / program.unit
@@ -496,7 +502,7 @@ def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
 
 @lru_cache(maxsize=64)
 def _restricted(structure: Structure, columns: bytes) -> Structure:
-    """The structure with these parameters only: what follows from it is found once, not once a fit."""
+    """Restrict a structure to some parameters; cached, because its properties are computed only once."""
     return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
 
 

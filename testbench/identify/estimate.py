@@ -69,7 +69,14 @@ class Penalty:
         return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
 
     def lifted(self, regression: Regression) -> Regression:
-        """Return the same equations, of n parameters, as a function of the k parameters of C'."""
+        """Rewrite the equations as a function of the k parameters of C'.
+
+        Args:
+            regression: Equations in the n parameters pi of the model.
+
+        Returns:
+            The same equations in the parameters of C'.
+        """
         terms = (replace(term, R=term.R @ self.lift) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
 
@@ -119,9 +126,9 @@ class ModelAverage:
     laws_weight: float = 0.0  #: Weight of the model with joint laws in the mean [1].
     laws_probability: float = 0.0  #: Probability of that model that intervals use [1].
     with_laws: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
-    ties_weight: float = 0.0  #: Weight and probability of the model with coupled joints [1].
+    joint_couplings_weight: float = 0.0  #: Weight and probability of the model with coupled joints [1].
     #: The model with coupled joints, without laws; None where its weight is zero.
-    with_ties: "Estimate | None" = None
+    with_joint_couplings: "Estimate | None" = None
     #: Averaged estimate under each of two priors, and its probability; empty where one prior has all weight.
     parts: "tuple[tuple[float, Estimate], ...]" = ()
 
@@ -152,7 +159,7 @@ class Estimate(Displayed):
     penalty: Penalty | None = None  #: Trace term of GCO without a prior; None for none.
     split: Array | None = None  #: Parameters of the penalty's C', (k,); None without a penalty.
     #: Whether only the tie-break of `paper_gco` keeps an unobservable compliance finite.
-    held_by_trace_weight: bool = False
+    bounded_by_tie_break: bool = False
     weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.
     rejected: tuple[Rejected, ...] = ()  #: Readings that a robust fit left out, in the order of the dataset.
     lost_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
@@ -183,7 +190,9 @@ class Estimate(Displayed):
     @property
     def compliance_regression(self) -> Regression:
         """Return the equations of links and joints alone, without joint laws or coupled joints."""
-        if self.average is None or (self.average.with_laws is None and self.average.with_ties is None):
+        if self.average is None or (
+            self.average.with_laws is None and self.average.with_joint_couplings is None
+        ):
             return self.regression
         return self.average.all_parts.regression
 

@@ -1,24 +1,23 @@
-"""Empirical Bayes for a linear model: sizes of unknowns, and noise of equations, learnt from the readings.
+"""Empirical Bayes: the readings determine the sizes of unknowns and the noise of a linear model.
 
-Of c unknowns some are drawn from N(m(h), d(h)^2), with one size d for all unknowns of a part. The others are
-free, or held by equations that count as exact. With y_k = A_k x + noise of deviation s_k(h) for each kind k,
-the hyperparameters h, all logarithms, maximise the evidence (MacKay 1992, The evidence framework):
+Some of the c unknowns have a prior N(m(h), d(h)^2), with one deviation d for all unknowns of a group. The
+others are free, or determined by equations that count as exact. With y_k = A_k x + noise of deviation s_k(h)
+for each kind k of equations, the hyperparameters h, all logarithms, maximise the evidence (MacKay 1992):
 
     -log p(y, h) = sum_k (|y_k - A_k x|^2 / s_k^2 + 2 n_k log s_k) / 2
-                   + sum_i ((x_i - m_i)^2 / d_i^2 + log d_i^2) / 2 + log det P / 2 - log p(h),
+                   + sum_i ((x_i - m_i)^2 / d_i^2 + log d_i^2) / 2 + log det P / 2 - log p(h)
 
-P = sum_k A_k^T A_k / s_k^2 + diag(d^-2), x the most probable unknowns, and P their precision. Only the Gram
+with the most probable unknowns x and their precision P = sum_k A_k^T A_k / s_k^2 + diag(d^-2). Only the Gram
 matrices of the equations are needed.
 
-A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used.
-
-In the metric of the prior a block is x_k = s_k (e_k + d xi). It has a scale s_k, and entries that scatter
-about their expectation: by u those of a straight beam, by c the couplings that no straight beam has. Scales
-of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
-similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
-hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
-value, maximise the evidence of `evidence_model`. So a CAD model whose joints, or one of whose links, are
-wrong by a factor of ten costs little if the readings show it.
+`learn_prior` applies this to a hierarchical prior of the compliances. In units of the prior a block is
+x_k = s_k (e_k + d xi): it has a scale s_k, and entries that scatter about their expectation e_k. The relative
+deviation d is u for the entries of a straight beam, and c for couplings that no straight beam has; in the
+block of a whole link it is multiplied by w. The scales of links, and those of joints, have a Student
+distribution about a common factor of their kind: most are similar, a few differ much. The hyperparameters
+h = (log s, factors, log w, log u, log c, log kappa), with kappa the factor of the noise, maximise the
+evidence. So if the CAD model of the joints, or of one link, is wrong by a factor of ten, the readings correct
+it.
 """
 
 import math
@@ -33,7 +32,7 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.metric import (
     LearntScale,
     PriorScaling,
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     precision_root,
     rescale_to_data,
@@ -57,8 +56,8 @@ MIN_CURVATURE, MAX_STEP = 1e-3, 2.0
 class Hyperprior:
     """Hold the densities of linear functions z of the hyperparameters, one per row."""
 
-    rows: Array  #: Of z, (k, m).
-    middle: Array  #: h of z = 0 along the rows, (k,).
+    rows: Array  #: Rows R of z = R h - centre, (k, m).
+    centre: Array  #: Value of R h at z = 0, (k,).
     #: -log p(z), each, and its first and second derivatives, (k,).
     density: Callable[[Array], tuple[Array, Array, Array]]
 
@@ -83,25 +82,27 @@ class EvidenceModel:
     """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
     gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
-    counts: Array  #: Equations of every kind, (kinds,).
+    counts: Array  #: Number of equations of every kind, (kinds,).
     exact_gram: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
-    drawn: Array  #: log d of every unknown per unit of h, zero for unknowns without a prior, (c, m).
-    expected: Array  #: m_i over its scale, (c,).
-    scale: Array  #: Logarithm of that scale per unit of h, (c, m).
-    priors: tuple[Hyperprior, ...]  #: Of the hyperparameters.
+    #: Rows D of log d = D h, zero for unknowns without a prior, (c, m).
+    log_deviation_rows: Array
+    expected: Array  #: Prior means m_i over their scale, (c,).
+    log_scale_rows: Array  #: Rows S of the logarithm of that scale, S h, (c, m).
+    priors: tuple[Hyperprior, ...]  #: Priors of the hyperparameters.
     bounds: Array  #: Least and largest value of every hyperparameter, (2, m).
 
 
 @dataclass(frozen=True)
-class Normal:
-    """Hold the solution of normal equations."""
+class NormalSolution:
+    """Hold the solution of normal equations: the most probable unknowns and their precision P."""
 
-    x: Array  #: Most likely unknowns, (c,).
-    root: tuple[Array, bool]  #: Cholesky's, of the precision scaled to unit diagonal.
-    size: Array  #: Roots of its diagonal before, (c,).
+    x: Array  #: Most probable unknowns, (c,).
+    #: Cholesky factor of P scaled to unit diagonal, (c, c), and whether it is lower.
+    root: tuple[Array, bool]
+    size: Array  #: Square roots of the diagonal of P, (c,).
 
     @property
-    def log_size(self) -> float:
+    def log_determinant(self) -> float:
         """Return the logarithm of the determinant of the precision."""
         return 2 * float(np.log(np.diag(self.root[0]) * self.size).sum())
 
@@ -113,13 +114,23 @@ class Normal:
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Compute the variances of some unknowns, (k,)."""
+        """Compute the variances of some unknowns.
+
+        Args:
+            columns: Indices of the unknowns, (k,).
+
+        Returns:
+            Variances, (k,).
+        """
         unit = np.eye(len(self.size))[:, columns]
         return np.asarray((unit * cho_solve(self.root, unit)).sum(axis=0) / self.size[columns] ** 2)
 
 
-def normal(H: Array) -> Normal:
-    """Solve for the most probable unknowns by the Gram matrix of the whitened [A | y], (c + 1, c + 1).
+def solve_normal_equations(H: Array) -> NormalSolution:
+    """Solve the normal equations for the most probable unknowns.
+
+    Args:
+        H: Gram matrix of the whitened [A | y], prior included, (c + 1, c + 1).
 
     Raises:
         BenchError: If an unknown is undetermined: only frames and targets have no prior.
@@ -131,21 +142,21 @@ def normal(H: Array) -> Normal:
         raise BenchError(
             "calibration: the readings leave a frame or target open; expected more poses"
         ) from None
-    return Normal(cho_solve(root, H[:-1, -1] / size) / size, root, size)
+    return NormalSolution(cho_solve(root, H[:-1, -1] / size) / size, root, size)
 
 
 @dataclass(frozen=True)
 class EvidencePosterior:
     """Hold the unknowns and the loss at given hyperparameters."""
 
-    normal: Normal
-    covariance: Array  #: V = P^-1, (c, c).
-    deviation: Array  #: d, infinite for unknowns without a prior, (c,).
-    mean: Array  #: m, (c,).
+    solution: NormalSolution  #: Most probable unknowns x.
+    covariance: Array  #: Covariance V = P^-1, (c, c).
+    deviation: Array  #: Prior deviations d, infinite for unknowns without a prior, (c,).
+    mean: Array  #: Prior means m, (c,).
     residual_squares: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
     spent_equations: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
     loss: float  #: -log p(y, h).
-    gradient: Array  #: Of that, (m,).
+    gradient: Array  #: Gradient of the loss, (m,).
 
 
 def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
@@ -163,24 +174,24 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     Raises:
         BenchError: When the equations leave an unknown undetermined, or rounding leaves P no root.
     """
-    kinds, D = len(problem.counts), problem.drawn
+    kinds, D = len(problem.counts), problem.log_deviation_rows
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
-    mean = np.exp(problem.scale @ h) * problem.expected
+    mean = np.exp(problem.log_scale_rows @ h) * problem.expected
     # Gram matrix of readings and prior, and the most probable unknowns.
     H = problem.exact_gram + sum(gram / variance for gram, variance in zip(problem.gram, s2, strict=True))
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
-    solved = normal(H)
+    solved = solve_normal_equations(H)
     V, v, off = solved.covariance, np.r_[solved.x, -1.0], (solved.x - mean) / d
     left = problem.gram @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
     # -log p, its derivative, and the hyperpriors.
-    value = (left.sum() + off @ off + v @ problem.exact_gram @ v + solved.log_size) / 2
+    value = (left.sum() + off @ off + v @ problem.exact_gram @ v + solved.log_determinant) / 2
     value += problem.counts @ h[-kinds:] + (D @ h).sum()
-    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.scale.T @ (mean * off / d)
+    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.log_scale_rows.T @ (mean * off / d)
     g[-kinds:] += problem.counts - left - spent
     for prior in problem.priors:
-        of, slope, _ = prior.density(prior.rows @ h - prior.middle)
+        of, slope, _ = prior.density(prior.rows @ h - prior.centre)
         value, g = value + of.sum(), g + prior.rows.T @ slope
     return EvidencePosterior(solved, V, d, mean, left, spent, float(value), g)
 
@@ -188,8 +199,9 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
 def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
     """Compute the second derivatives of the loss by the hyperparameters, with implicit differentiation.
 
-    With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U. The loss at the best x bends by U^T V U less
-    than at a fixed x; the determinant of P bends by tr(V P' V P') less than by its own P''.
+    With w = d^-2 and U = -d^2 loss / dx dh, the unknowns move by dx/dh = V U. The second derivative of the
+    loss at the optimal x is smaller by U^T V U than at a fixed x; that of log det P is smaller by
+    tr(V P' V P') than tr(V P'').
 
     Mathematics: `prior-9`.
 
@@ -201,11 +213,16 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
     Returns:
         Hessian, (m, m), and dx/dh, (c, m).
     """
-    D, S, V, kinds = problem.drawn, problem.scale, posterior.covariance, len(posterior.residual_squares)
-    w, off = posterior.deviation**-2, (posterior.normal.x - posterior.mean) / posterior.deviation
+    D, S, V, kinds = (
+        problem.log_deviation_rows,
+        problem.log_scale_rows,
+        posterior.covariance,
+        len(posterior.residual_squares),
+    )
+    w, off = posterior.deviation**-2, (posterior.solution.x - posterior.mean) / posterior.deviation
     a, K, s2 = off / posterior.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
     # U: derivative of the gradient in x by h; J = V U is how x moves.
-    pulls = (problem.gram @ np.r_[posterior.normal.x, -1.0])[:, :-1] / s2[:, None]
+    pulls = (problem.gram @ np.r_[posterior.solution.x, -1.0])[:, :-1] / s2[:, None]
     U = 2 * a[:, None] * D + (w * posterior.mean)[:, None] * S + 2 * pulls.T @ K
     J = V @ U
     shares = _shares(problem, V, w, s2)
@@ -218,7 +235,7 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
     H += S.T @ ((posterior.mean**2 * w - posterior.mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
     H += 2 * K.T @ (np.diag(posterior.residual_squares + posterior.spent_equations) - traces) @ K
     for prior in problem.priors:
-        bend = prior.density(prior.rows @ h - prior.middle)[2]
+        bend = prior.density(prior.rows @ h - prior.centre)[2]
         H += prior.rows.T @ (bend[:, None] * prior.rows)
     return H, J
 
@@ -265,7 +282,7 @@ def maximise_evidence(problem: EvidenceModel, start: Array, fixed: int | None = 
 def _halved_step(
     problem: EvidenceModel, h: Array, posterior: EvidencePosterior, step: Array
 ) -> tuple[Array, EvidencePosterior]:
-    """Where a step, or a part of it, lowers the loss; where it starts if none does."""
+    """Find the point where a step, or a part of it, lowers the loss; the start if none does."""
     step = step * min(1.0, MAX_STEP / np.abs(step).max(initial=MAX_STEP))
     for _ in range(MAX_HALVINGS):
         there = np.clip(h + step, *problem.bounds)
@@ -284,7 +301,7 @@ def _halved_step(
 JOINT_LINK_GAP = 1.5
 """Standard deviation of the log factor of the joints over the links [1]."""
 SHAPE_PRIOR = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
-COUPLING_PRIOR = 0.15, 0.7
+LINK_COUPLING_PRIOR = 0.15, 0.7
 """Median of c, and standard deviation of its logarithm [1]."""
 JOINTS_ONLY_SIZE = math.hypot(STUDENT_SCALE, SHAPE_PRIOR[0])
 """Standard deviation of a joint's log compliance from a common scale if links are rigid [1]: scale and
@@ -294,11 +311,11 @@ JOINTS_ONLY_FIT = 3.0
 JOINTS_ONLY_SIZE loses more than 5 % to least squares in 15 % of arms whose links are 100 times stiffer than
 the folder's, this in 5 % (`kr500_l480`, seeds 1 to 40, 11 poses)."""
 MISFIT_DEVIATION = 0.7  #: Standard deviation of log kappa above zero [1].
-OWN_SCALE_DEVIATION = 0.5
+LINK_WIDTH_DEVIATION = 0.5
 """Standard deviation of log w [1]. With it errors of arms with coupled links fall by 2 % in the median and by
 20 % in the best twentieth, and coverage in the worst tenth of arms of all kinds rises by 1 to 3 points;
 0.8 loses more than 5 % on a quarter of undisturbed arms (`kr500_l480`, seeds 1 to 40, 11 poses)."""
-TIE_PRIOR = 0.2, 0.7
+JOINT_COUPLING_PRIOR = 0.2, 0.7
 """Median of the couplings of joints over the root of what both turn, and standard deviation of its logarithm
 [1]; they are looked for in a model of its own, which counts as its evidence says (`identify.average`)."""
 ALL_JOINTS = "joints"
@@ -307,7 +324,7 @@ MAX_LOG_SCALE, MAX_MISFIT = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa, since misfits have no bound."""
 MAX_HYPER_DEVIATION = 1.5
 """Largest standard deviation of a hyperparameter that intervals use: beyond it the model is not linear."""
-Sizes = tuple[tuple[float, float], ...]
+SizePriors = tuple[tuple[float, float], ...]
 """Median of the sizes of a kind of joint law, and deviation of its logarithm [1], by kind."""
 MAX_SIGNAL_TO_NOISE = 1e6
 """Readings over their noise beyond which their squares have no digits left for the noise [1]."""
@@ -320,31 +337,38 @@ class LearntPriorModel:
     They are log s, factors, log w, log t, log u, log c and log kappa.
     """
 
-    scaling: PriorScaling  #: Of the prior, in the scale of the data.
-    problem: EvidenceModel  #: The readings.
-    scale_shares: Array  #: Of every scale in the logarithm of the size of every entry of x, (n, K).
-    kind: Ids  #: Of every scale: 0 for the first of links and joints that there is, (K,).
-    link_scales: Ids  #: Scales of whole links, (W,).
-    has_ties: bool  #: Whether there are couplings of joints, of the size t.
-    start: Array  #: The medians of all hyperparameters.
+    scaling: PriorScaling  #: Units of the prior, at the common scale that fits the data.
+    problem: EvidenceModel  #: Evidence of the readings.
+    scale_shares: Array  #: Exponent of every scale in the size of every entry of x, (n, K).
+    kind: Ids  #: Kind of every scale: 0 for links if there are some, then joints, then laws, (K,).
+    link_scales: Ids  #: Indices of the scales of whole links, (W,).
+    has_joint_couplings: bool  #: Whether joints are coupled, by compliances of relative size t.
+    start: Array  #: Medians of all hyperparameters.
 
     @property
-    def blocks(self) -> int:
+    def n_scales(self) -> int:
         """Count the scales, K."""
         return len(self.kind)
 
     @property
-    def last_hyperparameters(self) -> int:
-        """Count the hyperparameters behind log w, T + 3."""
-        return 3 + self.has_ties
+    def n_after_link_widths(self) -> int:
+        """Count the hyperparameters after log w, T + 3."""
+        return 3 + self.has_joint_couplings
 
     def scale(self, h: Array) -> Array:
-        """Compute the prior scale of every entry of x, (n,) [1]; the first K hyperparameters are log s."""
-        return np.asarray(np.exp(self.scale_shares @ h[: self.blocks]))
+        """Compute the prior scale of every entry of x from the hyperparameters.
+
+        Args:
+            h: Hyperparameters; the first K are the logarithms of the scales s.
+
+        Returns:
+            Scale of every entry, (n,) [1].
+        """
+        return np.asarray(np.exp(self.scale_shares @ h[: self.n_scales]))
 
 
 def evidence_model(
-    regression: Regression, metric: PriorScaling, *, shared_width: bool = False
+    regression: Regression, scaling: PriorScaling, *, shared_width: bool = False
 ) -> LearntPriorModel:
     """Evaluate the evidence of a dataset for a prior, as a function of the prior's hyperparameters.
 
@@ -352,7 +376,7 @@ def evidence_model(
 
     Args:
         regression: The reduced dataset.
-        metric: Metric of the structure and the prior.
+        scaling: Units of the prior.
         shared_width: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an
             error in few readings.
 
@@ -360,28 +384,28 @@ def evidence_model(
         BenchError: If the data require a common scale of the prior that is not above 0, or no load deflects
             the prior.
     """
-    metric = rescale_to_data(metric, regression)
-    gram = gram_matrix(regression, metric)
+    scaling = rescale_to_data(scaling, regression)
+    gram = gram_matrix(regression, scaling)
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
-        raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
+        raise BenchError(f"prior {scaling.prior}: expected runs under load, none moves the model")
     # Places of the hyperparameters in h: K scales, factors of the kinds, widths of whole links, ties, and the
     # last three for the widths of shapes and couplings and for the misfit.
-    shares, kinds, _ = metric.scaled
-    kind, tied = np.unique(kinds, return_inverse=True)[1], bool(metric.ties.any())
-    K, whole = len(kind), np.flatnonzero((np.array(metric.sizes) == 6) & (metric.kinds == 0))
+    shares, kinds, _ = scaling.entry_scales
+    kind, tied = np.unique(kinds, return_inverse=True)[1], bool(scaling.joint_couplings.any())
+    K, whole = len(kind), np.flatnonzero((np.array(scaling.sizes) == 6) & (scaling.kinds == 0))
     first = K + kind.max() + 1
     last = first + len(whole)
     m = last + tied + 3
     # Which of them scale each entry of x, and which widen it.
-    of_kind = np.where(metric.ties, last, np.where(metric.couplings, m - 2, m - 3))
+    of_kind = np.where(scaling.joint_couplings, last, np.where(scaling.link_couplings, m - 2, m - 3))
     start, scale, drawn = np.zeros(m), np.zeros((len(shares), m)), np.eye(m)[of_kind]
     scale[:, :K], drawn[:, first:last] = shares, shares[:, whole]
     # Start at their medians, within bounds.
-    start[last : last + tied] = math.log(TIE_PRIOR[0])
+    start[last : last + tied] = math.log(JOINT_COUPLING_PRIOR[0])
     start[-3:] = (
         math.log(SHAPE_PRIOR[0]),
-        math.log(COUPLING_PRIOR[0]),
+        math.log(LINK_COUPLING_PRIOR[0]),
         max(0.0, math.log(size / MAX_SIGNAL_TO_NOISE)),
     )
     bounds = np.array([-MAX_LOG_SCALE, MAX_LOG_SCALE])[:, None] * np.ones(m)
@@ -391,119 +415,126 @@ def evidence_model(
         gram=gram[None],
         counts=np.array([regression.equations]),
         exact_gram=np.zeros_like(gram),
-        drawn=scale + drawn,
-        expected=metric.expected,
-        scale=scale,
-        priors=_priors(kind, m, tied, _law_sizes(metric)),
+        log_deviation_rows=scale + drawn,
+        expected=scaling.expected,
+        log_scale_rows=scale,
+        priors=_priors(kind, m, tied, _law_sizes(scaling)),
         bounds=bounds,
     )
-    return LearntPriorModel(metric, problem, shares, kind, whole, tied, start)
+    return LearntPriorModel(scaling, problem, shares, kind, whole, tied, start)
 
 
-def _priors(kind: Ids, m: int, tied: bool, laws: Sizes) -> tuple[Hyperprior, ...]:
+def _priors(kind: Ids, m: int, tied: bool, laws: SizePriors) -> tuple[Hyperprior, ...]:
     """Make the prior densities of the hyperparameters."""
     K, unit = len(kind), np.eye(m)
     of_tie = unit[m - 4 : m - 3] if tied else unit[:0]
-    widths = np.array([SHAPE_PRIOR[1], COUPLING_PRIOR[1], MISFIT_DEVIATION])
-    rows, medians = unit[-3:] / widths[:, None], np.log([SHAPE_PRIOR[0], COUPLING_PRIOR[0], 1.0]) / widths
+    widths = np.array([SHAPE_PRIOR[1], LINK_COUPLING_PRIOR[1], MISFIT_DEVIATION])
+    rows, medians = (
+        unit[-3:] / widths[:, None],
+        np.log([SHAPE_PRIOR[0], LINK_COUPLING_PRIOR[0], 1.0]) / widths,
+    )
     if kind.any():
         rows, medians = np.vstack([rows, (unit[K + 1] - unit[K]) / JOINT_LINK_GAP]), np.r_[medians, 0]
     for k, (median, width) in enumerate(laws, start=2):
         rows, medians = np.vstack([rows, unit[K + k] / width]), np.r_[medians, math.log(median) / width]
-    link_widths, tie = unit[K + kind.max() + 1 : m - 3 - tied] / OWN_SCALE_DEVIATION, of_tie / TIE_PRIOR[1]
+    link_widths, tie = (
+        unit[K + kind.max() + 1 : m - 3 - tied] / LINK_WIDTH_DEVIATION,
+        of_tie / JOINT_COUPLING_PRIOR[1],
+    )
     rows = np.vstack([rows, link_widths, tie])
     medians = np.r_[
-        medians, np.zeros(len(link_widths)), np.full(len(tie), math.log(TIE_PRIOR[0]) / TIE_PRIOR[1])
+        medians,
+        np.zeros(len(link_widths)),
+        np.full(len(tie), math.log(JOINT_COUPLING_PRIOR[0]) / JOINT_COUPLING_PRIOR[1]),
     ]
     scales = (unit[:K] - unit[K + kind]) / STUDENT_SCALE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
 
-def _law_sizes(metric: PriorScaling) -> Sizes:
-    """Return the priors of the sizes of every kind of joint law, the kinds of `metric.kinds` from 2 on."""
-    return tuple(size_prior(kind) for kind in law_kinds(metric.structure))
+def _law_sizes(scaling: PriorScaling) -> SizePriors:
+    """Return the priors of the sizes of every kind of joint law, the kinds of `scaling.kinds` from 2 on."""
+    return tuple(size_prior(kind) for kind in law_kinds(scaling.structure))
 
 
-def gram_matrix(regression: Regression, metric: PriorScaling) -> Array:
+def gram_matrix(regression: Regression, scaling: PriorScaling) -> Array:
     """Compute the Gram matrix of the weighted equations in a metric, readings last.
 
     Args:
         regression: The reduced dataset.
-        metric: The metric of the prior.
+        scaling: Units of the prior.
 
     Returns:
         [A | y]^T [A | y], (n + 1, n + 1) [1].
     """
-    rows = np.column_stack(weighted_rows(regression, metric))
+    rows = np.column_stack(weighted_rows(regression, scaling))
     gram = rows.T @ rows
     gram[-1, -1] += math.fsum(term.equations / 3 * term.unexplained for term in regression.terms)
     return np.asarray(gram)
 
 
-def learn_prior(regression: Regression, metric: PriorScaling, *, widths: bool = True) -> WeightedPrior:
+def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool = True) -> WeightedPrior:
     """Learn the prior from a dataset: its scales, its uncertainty, and what the dataset leaves undetermined.
 
     Mathematics: `int-4`, `prior-10`.
 
     Args:
         regression: The reduced dataset.
-        metric: Metric of the structure and the prior.
+        scaling: Units of the prior.
         widths: Whether the uncertainty of the hyperparameters is computed, which intervals need.
 
     Returns:
-        The metric with the scale of every block, the uncertainty of each entry and of that uncertainty, and
-        the change of the parameters with the hyperparameters.
+        The prior with the learnt scale of every block, the uncertainty of its entries, and the change of the
+        parameters with the hyperparameters.
 
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0.
     """
-    model = evidence_model(regression, metric)
+    model = evidence_model(regression, scaling)
     h = maximise_evidence(model.problem, model.start)
     u, c, kappa = np.exp(h[-3:])
-    shares, first = np.ones(len(metric.sizes)), len(h) - model.last_hyperparameters - len(model.link_scales)
+    shares, first = np.ones(len(scaling.sizes)), len(h) - model.n_after_link_widths - len(model.link_scales)
     shares[model.link_scales] = np.exp(h[first : first + len(model.link_scales)])
-    tie = float(np.exp(h[-4]) / kappa) if model.has_ties else None
-    belief = WeightedPrior(
+    tie = float(np.exp(h[-4]) / kappa) if model.has_joint_couplings else None
+    weighted_prior = WeightedPrior(
         scaling=replace(model.scaling, L=model.scaling.L * model.scale(h)),
-        strength=Strength(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
+        uncertainty=PriorUncertainty(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
         misfit=float(kappa),
     )
-    has_both_kinds = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
+    has_both_kinds = 0 < (scaling.kinds == 1).sum() < len(scaling.kinds)
     if not (has_both_kinds or widths):
-        return belief
+        return weighted_prior
     posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays where it is best
     H, J = evidence_hessian(model.problem, h, posterior)
     values, Q = np.linalg.eigh(H[:m, :m])
     values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear
     if has_both_kinds:
-        belief = replace(belief, log_evidence=_log_evidence(model, posterior.loss, values))
+        weighted_prior = replace(weighted_prior, log_evidence=_log_evidence(model, posterior.loss, values))
     if not widths:
-        return belief
+        return weighted_prior
     root = Q / np.sqrt(values)
     moves = (model.scaling.L @ J[:, :m] @ root).T
     # of a size d whose logarithm is normal of variance v the mean of d^2 is exp(2 v) times its median
-    unsure = np.exp(((model.problem.drawn[:, :m] @ root) ** 2).sum(axis=1))
+    unsure = np.exp(((model.problem.log_deviation_rows[:, :m] @ root) ** 2).sum(axis=1))
     return replace(
-        belief, hyperparameter_effect=moves, size_uncertainty=unsure, scales=_scales(model, h, root @ root.T)
+        weighted_prior,
+        hyperparameter_effect=moves,
+        size_uncertainty=unsure,
+        scales=_scales(model, h, root @ root.T),
     )
 
 
 def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
-    """Laplace's logarithm of the density of the readings, of links and joints.
-
-    The densities of the hyperparameters are normalised by Laplace too, so that readings which say nothing
-    of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
-    """
-    prior = model.blocks * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
-    prior -= math.log(JOINT_LINK_GAP * SHAPE_PRIOR[1] * COUPLING_PRIOR[1]) + len(
+    """Compute Laplace's approximation of the log-evidence of links and joints."""
+    prior = model.n_scales * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
+    prior -= math.log(JOINT_LINK_GAP * SHAPE_PRIOR[1] * LINK_COUPLING_PRIOR[1]) + len(
         model.link_scales
-    ) * math.log(OWN_SCALE_DEVIATION)
-    prior -= model.has_ties * math.log(TIE_PRIOR[1])
+    ) * math.log(LINK_WIDTH_DEVIATION)
+    prior -= model.has_joint_couplings * math.log(JOINT_COUPLING_PRIOR[1])
     prior -= sum(math.log(width) for _, width in _law_sizes(model.scaling))
     return prior - loss - float(np.log(values).sum()) / 2
 
 
-def log_evidence_alone(regression: Regression, metric: PriorScaling) -> tuple[float, WeightedPrior]:
+def log_evidence_alone(regression: Regression, scaling: PriorScaling) -> tuple[float, WeightedPrior]:
     """Compute the log evidence of joints only: a normal prior of `JOINTS_ONLY_SIZE` about a common scale.
 
     The scale is integrated out: the readings determine it.
@@ -512,39 +543,39 @@ def log_evidence_alone(regression: Regression, metric: PriorScaling) -> tuple[fl
 
     Args:
         regression: The reduced dataset of joints only.
-        metric: The metric of the prior on these joints.
+        scaling: Units of the prior on these joints.
 
     Returns:
         Log evidence [1], and the loose prior with which joints are then fitted.
     """
-    metric, n = rescale_to_data(metric, regression), regression.structure.n
+    scaling, n = rescale_to_data(scaling, regression), regression.structure.n
     # The prior of the compliances is fixed, so that kappa is the only hyperparameter.
-    B = np.column_stack(precision_root(metric, Strength(JOINTS_ONLY_SIZE)))
+    B = np.column_stack(precision_root(scaling, PriorUncertainty(JOINTS_ONLY_SIZE)))
     problem = EvidenceModel(
-        gram=gram_matrix(regression, metric)[None],
+        gram=gram_matrix(regression, scaling)[None],
         counts=np.array([regression.equations]),
         exact_gram=B.T @ B,
-        drawn=np.zeros((n, 1)),
+        log_deviation_rows=np.zeros((n, 1)),
         expected=np.zeros(n),
-        scale=np.zeros((n, 1)),
+        log_scale_rows=np.zeros((n, 1)),
         priors=(Hyperprior(np.array([[1 / MISFIT_DEVIATION]]), np.zeros(1), normal_density),),
         bounds=np.array([[0.0], [MAX_MISFIT]]),
     )
     h = maximise_evidence(problem, np.zeros(1))
     # Its determinant, the common scale integrated out.
     size = 2 * n * math.log(JOINTS_ONLY_SIZE) + math.log(
-        metric.expected @ metric.expected / JOINTS_ONLY_SIZE**2
+        scaling.expected @ scaling.expected / JOINTS_ONLY_SIZE**2
     )
     kappa = math.exp(h[0])
     return -evidence_posterior(problem, h).loss - size / 2, WeightedPrior(
-        metric, Strength(JOINTS_ONLY_FIT / kappa), misfit=kappa
+        scaling, PriorUncertainty(JOINTS_ONLY_FIT / kappa), misfit=kappa
     )
 
 
 def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[LearntScale, ...]:
     """Compute the factor of every link or joint over others of its kind, and of the joints over the links."""
-    K, m = model.blocks, len(h) - 1
-    _, kinds, called = model.scaling.scaled
+    K, m = model.n_scales, len(h) - 1
+    _, kinds, called = model.scaling.entry_scales
     compliance_scales = np.flatnonzero(kinds < 2)
     rows, names = np.zeros((len(compliance_scales), m)), [called[k] for k in compliance_scales]
     rows[range(len(compliance_scales)), compliance_scales] = 1
@@ -563,7 +594,7 @@ LOG_TENFOLD, REFUSING_LOSS = math.log(10), 2.0
 """Logarithm of a scale that the readings must be able to reject, and the loss of evidence that rejects it."""
 
 
-def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
+def contradicted_scales(weighted_prior: WeightedPrior) -> tuple[LearntScale, ...]:
     """List the scales of a learnt prior that the readings contradict: far from 1 by size and by deviation.
 
     Mathematics: `prior-15`.
@@ -573,7 +604,7 @@ def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
         size = abs(math.log(scale.factor))
         return size > math.log(CONTRADICTED_FACTOR) and size > CONTRADICTED_BY * scale.deviation
 
-    return tuple(filter(wrong, belief.scales))
+    return tuple(filter(wrong, weighted_prior.scales))
 
 
 @dataclass(frozen=True)
@@ -584,24 +615,24 @@ class UndeterminedParts:
     softer: tuple[str, ...] = ()  #: Those that may be ten times softer.
 
 
-def undetermined_parts(regression: Regression, metric: PriorScaling) -> UndeterminedParts:
+def undetermined_parts(regression: Regression, scaling: PriorScaling) -> UndeterminedParts:
     """Find the links and joints whose prior scale the readings leave undetermined.
 
     Mathematics: `prior-16`.
 
     Args:
         regression: The reduced dataset.
-        metric: Metric of the structure and the prior.
+        scaling: Units of the prior.
 
     Returns:
         Names of links and joints. With a tenfold scale of each, and the best scales of all others, the log
         evidence falls by less than `REFUSING_LOSS`.
     """
-    model = evidence_model(regression, metric)
+    model = evidence_model(regression, scaling)
     best = maximise_evidence(model.problem, model.start)
-    whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.kinds[k] == 1]
+    whole = [k for k, size in enumerate(scaling.sizes) if size == 6 or scaling.kinds[k] == 1]
     stiffer, softer = (
-        tuple(metric.names[k] for k in whole if _loss_at(model, best, k, sign * LOG_TENFOLD) < REFUSING_LOSS)
+        tuple(scaling.names[k] for k in whole if _loss_at(model, best, k, sign * LOG_TENFOLD) < REFUSING_LOSS)
         for sign in (-1, 1)
     )
     return UndeterminedParts(stiffer, softer)
@@ -609,7 +640,7 @@ def undetermined_parts(regression: Regression, metric: PriorScaling) -> Undeterm
 
 def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float:
     """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
-    start, kind = best.copy(), model.blocks + model.kind[k]
+    start, kind = best.copy(), model.n_scales + model.kind[k]
     start[k] = best[kind] + size
     h = maximise_evidence(model.problem, start, fixed=k)
     penalty, penalty_before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))

@@ -1,24 +1,25 @@
-"""Sums of norms, or of squares, over positive semi-definite blocks: a dense interior-point method.
+"""Interior-point methods over positive semi-definite blocks: one program of norms, or many of squares.
+
+`solve_program` minimises a sum of norms, as in F_M of Eq. (19), or half the sum of their squares,
 
     minimise   sum_k |(R_k x - z_k, rest_k)| + c . x   over   x, svec of positive semi-definite blocks
 
-or half the squares of these norms, with a barrier or without. Mehrotra's predictor and corrector along the
-direction of Nesterov and Todd (Todd, Toh and Tutuncu 1998), but that the last step's length, not the
-predicted one, says how much smaller a gap to aim at; to a barrier a step is Newton's. The norms are not
-cones here: away from zero they are smooth, and their tangent enters Newton's matrix. Where they change much
-from step to step the residuals are weighted by the last ones instead (Weiszfeld), which never overshoots.
+with a barrier or without. It takes Mehrotra's predictor and corrector steps along the direction of Nesterov
+and Todd (Todd, Toh and Tutuncu 1998), with two changes. The length of the last step, not of the predicted
+one, determines the gap to aim at; with a barrier, each step is Newton's. The norms are not treated as cones:
+away from zero they are smooth, and their tangent enters Newton's matrix. If they change much from step to
+step, the residuals are weighted by the last norms instead (Weiszfeld), which never overshoots.
 
-Least squares with a trace term over positive semi-definite blocks: many similar problems at once.
+`solve_batch` solves many similar least-squares problems with a trace term at once,
 
     minimise   |R_f x|^2 / 2 - g_f . x + l c . x   over   x, svec of positive semi-definite blocks
 
-for every fold f of the readings and every weight l. The step is that of the method above: Mehrotra's
-predictor and corrector along the direction of Nesterov and Todd. Held-out errors distinguish weights at a
-precision of per cents, so a hundredth of the cost is accurate enough, and so few steps need no warm start.
+for every fold f of the readings and every weight l, by the same steps. Held-out errors distinguish weights to
+a few per cent, so a hundredth of the cost is accurate enough, and no warm start is needed.
 
-Steps are taken in the scaled coordinates y of Nesterov and Todd, dx = K y with K = svec(G . G^T). There
+Its steps are taken in the scaled coordinates y of Nesterov and Todd, dx = K y with K = svec(G . G^T). There
 Newton's matrix is 1 + S^T S with S = R K. Readings determine fewer directions than there are unknowns, so
-that Woodbury's identity solves it: y = u - S^T t, (1 + S S^T) t = S u. The step of the residuals is R dx = t.
+Woodbury's identity solves it: y = u - S^T t, (1 + S S^T) t = S u. The step of the residuals is R dx = t.
 """
 
 from dataclasses import dataclass, replace
@@ -31,29 +32,29 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 from testbench.errors import Array, Ids, Mask
 from testbench.identify import cone
 
-# --- Sums of norms, or of squares, over positive semi-definite blocks: a dense interior-point method --------
+# --- One program of norms or squares ------------------------------------------------------------------------
 
-ITERATIONS = 40
-CENTRED = 0.1
-"""Least first gap, as a share of the objective."""
+ITERATIONS = 40  #: Most steps.
+MIN_FIRST_GAP = 0.1
+"""Least duality gap at the start, as a share of the cost [1]."""
 INITIAL_SIZE = 1e-3
-"""Size of the first x if the data fit best at zero."""
+"""Size of the first x if the data fit best at zero [1]."""
 STOP_DISTANCE = 1e-11
 """Distance from the optimum at which the method ends, in units in which the data are of order one."""
 STOP_DISTANCE_OF_SQUARES = 1e-14
 """That distance for squares, whose unit is that of the noise."""
 ZERO_RESIDUAL = 1e-9
-"""Norm of a residual below which it has no direction, so that nothing can be proven."""
+"""Norm of a residual below which it has no direction: no dual proves the optimum there."""
 MIN_STEP = 1e-6
 """Step length below which the method ends."""
 STALL_DISTANCE = 1e-7
 """Distance below which an iteration that gains less than half is the last one."""
-STEADY_CHANGE = 0.3  #: Relative change of the norms below which their tangent is trusted.
+MAX_STEADY_CHANGE = 0.3  #: Relative change of the norms below which their tangent is trusted.
 MIN_AIM = 1e-6
-"""Least share of the gap at which a step aims."""
+"""Least share of the present gap at which a step aims [1]."""
 MIN_BOUNDARY_SHARE = 0.9
-"""Least share of the way to the boundary that a step goes."""
-SINGULAR = 3e-6
+"""Least share of the distance to the boundary of the cone that a step takes [1]."""
+SINGULAR_PIVOT = 3e-6
 """Least pivot of a matrix over its largest [1]: the root of the rounding of a Cholesky factorisation."""
 TRACE_ROUNDING = 1e-12
 """Share of a trace by which an eigenvalue may be negative [1]."""
@@ -64,10 +65,10 @@ TINY = 1e-300
 class BlockProgram:
     """Hold a program of norms or squares over positive semi-definite blocks, data of order one."""
 
-    R: Array  #: (K, rows, n).
-    z: Array  #: (K, rows).
-    rest: Array  #: (K,).
-    c: Array  #: (n,).
+    R: Array  #: Rows of the residuals r_k = R_k x - z_k, (K, rows, n).
+    z: Array  #: Right-hand sides, (K, rows).
+    rest: Array  #: Part of every residual that no x changes, (K,).
+    c: Array  #: Linear cost, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     squares: bool = False  #: Whether half the squares of the norms count.
     barrier: float = 0.0  #: Weight of -log det of every block.
@@ -77,16 +78,30 @@ class BlockProgram:
         """Return R_k^T R_k, (K, n, n)."""
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
-    def share(self, norms: Array) -> Array:
-        """Compute the weight of every residual in the gradient from its norm: 1 / |r_k|, 1 for squares."""
+    def residual_weights(self, norms: Array) -> Array:
+        """Compute the weight of every residual r_k in the gradient: 1 / |r_k|, or 1 for squares.
+
+        Args:
+            norms: Norms |r_k| of the residuals, (K,).
+
+        Returns:
+            Weights, (K,).
+        """
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
-    def fit(self, norms: Array) -> float:
-        """Compute the sum of norms, (K,), or of half their squares."""
+    def misfit(self, norms: Array) -> float:
+        """Compute the misfit: the sum of the norms, or half the sum of their squares.
+
+        Args:
+            norms: Norms |r_k| of the residuals, (K,).
+
+        Returns:
+            The misfit, in units of the cost.
+        """
         return float((norms**2 / 2 if self.squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
-        """Compute the cost of x: fit, linear term and barrier.
+        """Compute the cost of x: misfit, linear term and barrier.
 
         Args:
             x: svec of all blocks, (n,).
@@ -95,35 +110,49 @@ class BlockProgram:
         Returns:
             The cost.
         """
-        cost = self.fit(norms) + float(x @ self.c)
+        cost = self.misfit(norms) + float(x @ self.c)
         if self.barrier:
             blocks = (cone.smat(x[at]) for at in cone.groups_of(self.sizes))
             cost -= self.barrier * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
         return cost
 
-    def at(self, x: Array) -> tuple[Array, Array]:
-        """Compute the norms at x, (K,), and the gradients of their contributions, (K, n)."""
+    def norms_and_gradients(self, x: Array) -> tuple[Array, Array]:
+        """Compute the norms of the residuals at a point, and the gradients of their parts of the cost.
+
+        Args:
+            x: The point, (n,).
+
+        Returns:
+            Norms, (K,), and gradients, (K, n).
+        """
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
-        return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
+        return norms, np.vecmat(left, self.R) * self.residual_weights(norms)[:, None]
 
 
 @dataclass(frozen=True)
 class Iterate:
     """Hold one iterate: x, multipliers s, norms and gradients."""
 
-    x: Array  #: Coordinates of the blocks, positive definite, (n,).
-    s: Array  #: Those of their multipliers, positive definite, (n,).
-    norms: Array  #: (K,).
-    gradients: Array  #: Their gradients, (K, n).
+    x: Array  #: svec of the blocks, positive definite, (n,).
+    s: Array  #: svec of their multipliers, positive definite, (n,).
+    norms: Array  #: Norms of the residuals, (K,).
+    gradients: Array  #: Gradients of their parts of the cost, (K, n).
     dual_residual: Array  #: Gradient of the cost minus the multipliers, (n,).
     step: float = 0.5  #: Length of the last step, 1 for a full one.
-    steady: bool = False  #: Whether the tangent of the norms is accurate enough.
+    #: Whether the norms change little from step to step, so that their tangent is accurate.
+    norms_are_steady: bool = False
 
     def distance_from_optimum(self, program: BlockProgram) -> float:
-        """Bound the distance from the optimum in units of the cost: the duality gap plus |x| |gradient - s|.
+        """Bound the distance of the cost from its optimum: the duality gap plus |x| |gradient - s|.
 
         With a barrier, the distance of the products X S from the barrier replaces the gap.
+
+        Args:
+            program: The program that is solved.
+
+        Returns:
+            The bound, in units of the cost.
         """
         gap = float(self.x @ self.s)
         if program.barrier:
@@ -139,13 +168,13 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
     Mathematics: `est-15`.
 
     Args:
-        M: (rows, n), of rank n.
-        r: (rows,).
-        sizes: Orders of the blocks; none for no cone.
+        M: Rows, (rows, n), of rank n.
+        r: Right-hand sides, (rows,).
+        sizes: Orders of the blocks; () for no cone.
 
     Returns:
-        x, (n,), and what its cost is at most above the least: |x . s| + F H^-1 F / 2 for any s in the cone,
-        F what the gradient is more than s, H = M^T M. Infinite where nothing is proven.
+        x, (n,), and an upper bound of its cost above the least: |x . s| + F H^-1 F / 2 for any s in the cone,
+        with F the gradient minus s and H = M^T M. The bound is infinite where nothing is proven.
     """
     H, n = M.T @ M, M.shape[1]
     try:
@@ -153,15 +182,15 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
     except np.linalg.LinAlgError:
         return np.zeros(n), np.inf
     pivots = np.diag(root[0])
-    if pivots.min() <= SINGULAR * pivots.max():
+    if pivots.min() <= SINGULAR_PIVOT * pivots.max():
         return np.zeros(n), np.inf
     x, s = np.zeros(n), np.zeros(n)
-    for _ in range(2):  # the second takes back the rounding of the first
+    for _ in range(2):  # the second step removes the rounding of the first
         x -= cho_solve(root, M.T @ (M @ x - r))
     if not is_semidefinite(x, sizes, 0.0):
         unit = max(float(np.linalg.norm(r)), TINY)
         R = np.asarray(np.linalg.qr(np.c_[M, r] / unit, mode="r"))[:n]
-        iterate = interior(
+        iterate = solve_program(
             BlockProgram(R[None, :, :n], R[None, :, n], np.zeros(1), np.zeros(n), sizes, squares=True)
         )
         x, s = iterate.x, unit**2 * iterate.s
@@ -185,12 +214,16 @@ def is_semidefinite(x: Array, sizes: tuple[int, ...], share: float) -> bool:
     return all((np.linalg.eigvalsh(B)[:, 0] >= -share * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
-def interior(program: BlockProgram) -> Iterate:
-    """Minimise the program by the predictor and corrector method, as far as rounding allows.
-
-    It returns the best iterate; the caller proves how near the optimum that is.
+def solve_program(program: BlockProgram) -> Iterate:
+    """Minimise a program by predictor and corrector steps, as far as rounding allows.
 
     Mathematics: `est-11`.
+
+    Args:
+        program: The program.
+
+    Returns:
+        The best iterate; the caller proves how near the optimum it is.
     """
     state = _initial_iterate(program)
     iterate, best = state, program.cost(state.x, state.norms)
@@ -221,11 +254,11 @@ def _initial_iterate(program: BlockProgram) -> Iterate:
     size = max(
         np.vdot(moved, program.z) / square, INITIAL_SIZE * float(np.linalg.norm(program.z)) / square**0.5
     )
-    norms, pulls = program.at(size * identity)
+    norms, pulls = program.norms_and_gradients(size * identity)
     gradient = pulls.sum(axis=0) + program.c
     matrices = (cone.smat(gradient[at]) for at in cone.groups_of(program.sizes))
     large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
-    s = max(CENTRED * program.fit(norms) / sum(program.sizes) / size, large) * identity
+    s = max(MIN_FIRST_GAP * program.misfit(norms) / sum(program.sizes) / size, large) * identity
     return Iterate(size * identity, s, norms, pulls, gradient - s)
 
 
@@ -238,10 +271,11 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
         LinAlgError, ValueError: If the system has no solution.
     """
     x, s, missing = state.x, state.s, state.dual_residual
-    share = program.share(state.norms)
+    share = program.residual_weights(state.norms)
     # Hessian of the norms: Weiszfeld's majorant, minus the tangent term where the norms are steady.
     hessian = (
-        np.tensordot(share, program.gram, 1) - state.steady * (state.gradients.T * share) @ state.gradients
+        np.tensordot(share, program.gram, 1)
+        - state.norms_are_steady * (state.gradients.T * share) @ state.gradients
     )
     # E, the scaling of Nesterov and Todd, block by block.
     scalings = [Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
@@ -265,9 +299,9 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     step = min(1.0, *(float(scaling.longest_step(scaling.scaled(dx), total)) for scaling, total in pairs))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
-    norms, pulls = program.at(x)
-    steady = not program.squares and np.abs(norms * share - 1).max() < STEADY_CHANGE
-    return Iterate(x, s, norms, pulls, pulls.sum(axis=0) + program.c - s, step, steady=bool(steady))
+    norms, pulls = program.norms_and_gradients(x)
+    steady = not program.squares and np.abs(norms * share - 1).max() < MAX_STEADY_CHANGE
+    return Iterate(x, s, norms, pulls, pulls.sum(axis=0) + program.c - s, step, norms_are_steady=bool(steady))
 
 
 @dataclass(frozen=True)
@@ -308,7 +342,14 @@ class Scaling:
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scaled(self, x: Array) -> Array:
-        """Scale a direction of x, (..., n): G^-1 X G^-T, (..., blocks, m, m)."""
+        """Scale a direction of x: G^-1 X G^-T of every block.
+
+        Args:
+            x: Directions svec(X), (..., n).
+
+        Returns:
+            Scaled directions, (..., blocks, m, m).
+        """
         return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected(self, aim: float | Array, X: Array) -> Array:
@@ -344,7 +385,7 @@ class Scaling:
         return np.asarray(1 / np.maximum(-least, TINY))
 
 
-# --- Least squares with a trace term over positive semi-definite blocks: many similar problems at once ------
+# --- Least squares with a trace term: many similar problems at once -----------------------------------------
 
 COST_TOLERANCE = 1e-2
 """Distance from the optimum at which a problem is solved, as a share of its cost [1]."""
@@ -355,12 +396,12 @@ FIRST_GAP = 0.1
 
 
 @dataclass(frozen=True)
-class Problems:
-    """Hold folds of readings, in units in which x and the readings are of order one."""
+class BatchedProblems:
+    """Hold least-squares problems, one per fold, in units in which x and the readings are of order one."""
 
     R: Array  #: Root of the Gram matrix of every fold, (folds, rank, n).
-    g: Array  #: (folds, n).
-    half: Array  #: Half the squares of the readings, (folds,).
+    g: Array  #: Product of the rows with the readings, R^T y, (folds, n).
+    half_squares: Array  #: Half the sum of squares of the readings, (folds,).
     c: Array  #: Cost per unit of x, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
 
@@ -370,25 +411,29 @@ class _State:
     """Hold the problems that are not solved yet."""
 
     at: Ids  #: Their places among all problems, (problems,).
-    R: Array  #: (problems, rank, n).
+    R: Array  #: Root of the Gram matrix, (problems, rank, n).
     linear: Array  #: Gradient at x = 0, (problems, n).
-    half: Array  #: Cost at x = 0, (problems,).
-    x: Array  #: (problems, n).
+    half_squares: Array  #: Cost at x = 0, (problems,).
+    x: Array  #: svec of the blocks, (problems, n).
     s: Array  #: Multipliers, (problems, n).
-    gradient: Array  #: (problems, n).
+    gradient: Array  #: Gradient of the cost, (problems, n).
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def select(self, mask: Mask) -> "_State":
-        """Select some of the problems, by a mask, (problems,)."""
+        """Select some of the problems.
+
+        Args:
+            mask: True for each problem to keep, (problems,).
+        """
         return self if mask.all() else _State(*(values[mask] for values in vars(self).values()))
 
 
-def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
+def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array]:
     """Solve all folds with all weights.
 
     Args:
         problems: The folds.
-        weights: Of the trace term, (weights,).
+        weights: Weights of the trace term, (weights,).
 
     Returns:
         x and its multipliers, (folds, weights, n) each, NaN where none was found.
@@ -398,7 +443,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):  # a problem that is not finite is given up
         state = _start_problems(problems, weights, groups)
         for _ in range(MAX_BATCH_STEPS):
-            cost = np.vecdot(state.x, state.gradient + state.linear) / 2 + state.half
+            cost = np.vecdot(state.x, state.gradient + state.linear) / 2 + state.half_squares
             missing = np.linalg.norm(state.gradient - state.s, axis=1)
             left = np.vecdot(state.x, state.s) + np.linalg.norm(state.x, axis=1) * missing
             done = left <= COST_TOLERANCE * cost
@@ -419,7 +464,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
     return x, s
 
 
-def effective_parameters(problems: Problems, x: Array, s: Array) -> Array:
+def effective_parameters(problems: BatchedProblems, x: Array, s: Array) -> Array:
     """Compute the effective number of parameters of each fit.
 
     It is the trace of the derivative of the predicted readings with respect to the readings.
@@ -475,25 +520,25 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     )
 
 
-def _start_problems(problems: Problems, weights: Array, groups: list[Ids]) -> _State:
+def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]) -> _State:
     """Start with equal blocks that fit the readings best, and multipliers of the gradient's size."""
     fold = np.repeat(np.arange(len(problems.g)), len(weights))
     linear = np.tile(weights, len(problems.g))[:, None] * problems.c - problems.g[fold]
     identity = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
     moved = np.vecmat(problems.R @ identity, problems.R)
     square = np.maximum(moved @ identity, TINY)
-    size = np.maximum(problems.g @ identity / square, INITIAL_SIZE * np.sqrt(2 * problems.half / square))[
-        fold
-    ]
+    size = np.maximum(
+        problems.g @ identity / square, INITIAL_SIZE * np.sqrt(2 * problems.half_squares / square)
+    )[fold]
     gradient = size[:, None] * moved[fold] + linear
-    fit = size**2 * square[fold] / 2 - size * (problems.g @ identity)[fold] + problems.half[fold]
+    fit = size**2 * square[fold] / 2 - size * (problems.g @ identity)[fold] + problems.half_squares[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
     s = np.maximum(FIRST_GAP * fit / sum(problems.sizes) / size, np.max(large, axis=0))
     return _State(
         at=np.arange(len(fold)),
         R=problems.R[fold],
         linear=linear,
-        half=problems.half[fold],
+        half_squares=problems.half_squares[fold],
         x=size[:, None] * identity,
         s=s[:, None] * identity,
         gradient=gradient,
@@ -537,21 +582,42 @@ class _Newton:
         return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
 
     def scaled_back(self, v: Array) -> Array:
-        """Scale gradients: svec(G^T V G) of svec(V), (problems, n)."""
+        """Scale gradients: svec(G^T V G) of svec(V).
+
+        Args:
+            v: Gradients svec(V), (problems, n).
+
+        Returns:
+            Scaled gradients, (problems, n).
+        """
         u = np.empty_like(v)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
             u[:, scaling.at] = np.vecmat(v[:, scaling.at], maps)
         return u
 
     def unscaled(self, y: Array) -> Array:
-        """Return steps of x from scaled ones: svec(G Y G^T) of svec(Y), (problems, n)."""
+        """Convert scaled steps to steps of x: svec(G Y G^T) of svec(Y).
+
+        Args:
+            y: Scaled steps svec(Y), (problems, n).
+
+        Returns:
+            Steps of x, (problems, n).
+        """
         x = np.empty_like(y)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
             x[:, scaling.at] = np.matvec(maps, y[:, scaling.at])
         return x
 
     def solve(self, u: Array) -> tuple[Array, Array]:
-        """Solve for scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank)."""
+        """Solve the scaled Newton equations.
+
+        Args:
+            u: Right-hand sides in scaled coordinates, (problems, n).
+
+        Returns:
+            Scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank).
+        """
         right = np.matvec(self.S, u)
         t = np.array([dpotrs(L, row, lower=1)[0] for L, row in zip(self.roots, right, strict=True)])
         return u - np.vecmat(t, self.S), t

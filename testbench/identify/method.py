@@ -16,7 +16,7 @@ from testbench.identify.average import average_models, average_two_priors
 from testbench.identify.estimate import Constraint, Estimate, Estimator, Penalty
 from testbench.identify.metric import (
     Prior,
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     rescale_to_data,
     scale_by_prior,
@@ -31,7 +31,7 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 ROBUST_UNCERTAINTY = 0.3
-"""Relative standard deviation [1] of a prior that `robust` uses where the user gives no strength."""
+"""Relative standard deviation [1] of a prior that `robust` uses if the user states none."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Method:
     prior: Prior | None = None  #: Expected compliances; the data set their common scale. None for no prior.
     #: Relative uncertainty of the prior. None to learn it from the readings, with a scale per link and joint;
     #: with a robust loss None means `ROBUST_UNCERTAINTY`, since outliers would distort what is learnt.
-    strength: Strength | None = None
+    uncertainty: PriorUncertainty | None = None
     #: "robust" finds outliers by Huber's loss and fits without them.
     loss: Literal["plain", "robust"] = "plain"
     #: Weight w of the trace term added to F_M in GCO without a prior [N m/rad]: F_M + w <W, C> is least, see
@@ -133,7 +133,7 @@ class Method:
                 return average_models(regression, self.constraint, scaling, widths=widths)
             other = scale_by_prior(with_weaker_coupling(self.prior), vjm, regression.structure)
             return average_two_priors(regression, self.constraint, scaling, other)
-        # A prior of fixed strength, or none: laws of joints need evidence, so that they are left out.
+        # With a stated uncertainty, or no prior, there is no evidence for joint laws: they are left out.
         if regression.structure.laws:
             reduced = regression = restrict_to(regression, without_laws(regression.structure))
         held = self.scaled_prior(vjm, regression) or self.penalty(vjm, reduced)
@@ -141,8 +141,8 @@ class Method:
 
     @property
     def learns(self) -> bool:
-        """Tell whether the strength of the prior and the weight of joint laws are learnt from readings."""
-        return self.prior is not None and self.strength is None and self.loss == "plain"
+        """Tell whether the readings determine the uncertainty of the prior and the weight of joint laws."""
+        return self.prior is not None and self.uncertainty is None and self.loss == "plain"
 
     @property
     def learns_trace_weight(self) -> bool:
@@ -167,7 +167,7 @@ class Method:
         return trace_penalty(vjm, reduced.structure, self.trace_weight)
 
     def scaled_prior(self, vjm: Vjm, regression: Regression) -> WeightedPrior | None:
-        """Return the prior, scaled to the data by their best common factor, with its strength.
+        """Return the prior, scaled to the data by their best common factor, with its uncertainty.
 
         Args:
             vjm: The arm's virtual joint model.
@@ -183,7 +183,7 @@ class Method:
             return None
         scaling = scale_by_prior(self.prior, vjm, regression.structure)
         return WeightedPrior(
-            rescale_to_data(scaling, regression), self.strength or Strength(ROBUST_UNCERTAINTY)
+            rescale_to_data(scaling, regression), self.uncertainty or PriorUncertainty(ROBUST_UNCERTAINTY)
         )
 
 
@@ -212,24 +212,24 @@ paper_gco = Method("psd", trace_weight=0.0)
 """GCO as in the paper: min F_M, Eq. (19), over conservative compliances; of equal fits the least trace."""
 
 
-def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = None) -> Method:
+def with_prior(estimator: Estimator, prior: Prior, uncertainty: PriorUncertainty | None = None) -> Method:
     """Make a method that uses a prior along the directions that the data do not observe.
 
     Args:
         estimator: A `Method`, such as `gco`; an estimator of your own takes no prior.
         prior: Expected compliances, such as `cad_prior(arm)`.
-        strength: Relative uncertainty of the prior; None to learn it from the readings, see `hierarchy`.
+        uncertainty: Relative uncertainty of the prior; None to learn it from the readings, see `hierarchy`.
 
     Returns:
         A new method; call it as any other.
 
     Raises:
-        BenchError: When the estimator is not a `Method`, or the prior or its strength has another type.
+        BenchError: When the estimator is not a `Method`, or the prior or its uncertainty has another type.
     """
     if not isinstance(prior, Prior):
         raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
-    check_type(strength, (Strength, NoneType), "strength")
-    return replace(_as_method(estimator, "prior"), prior=prior, strength=strength)
+    check_type(uncertainty, (PriorUncertainty, NoneType), "uncertainty")
+    return replace(_as_method(estimator, "prior"), prior=prior, uncertainty=uncertainty)
 
 
 def robust(estimator: Estimator) -> Method:

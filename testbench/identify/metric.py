@@ -1,13 +1,11 @@
-"""The metric of a prior, in which all compliances are of order one.
+"""Priors: compliances that are expected before any reading, with their relative uncertainty.
 
-A prior names a positive definite compliance P for every block. In its metric a compliance is
-C = P^1/2 X P^1/2, and X = 1 is what was expected. x is svec(X): distances in x are Frobenius distances of X,
-and C is positive semi-definite where X is.
+`cad_prior` makes a prior from the arm's folder. `hierarchy` learns its scales and uncertainties from the
+readings.
 
-Priors: compliances expected before any reading, and their relative uncertainty.
-
-`cad_prior` makes one from the arm's folder. The metric turns it into rows that are added to those of the
-data, and `hierarchy` learns its scales and uncertainties from the readings.
+A prior states a positive definite compliance P for every block. In units of the prior a compliance is
+C = P^1/2 X P^1/2, and X = 1 is the expected one. The coordinates x = svec(X) are of order one; C is positive
+semi-definite if and only if X is. In these units the prior is a few more rows of the least-squares problem.
 """
 
 import math
@@ -28,14 +26,14 @@ from testbench.model.vjm import Vjm
 # --- Priors: compliances expected before any reading, and their relative uncertainty ------------------------
 
 UNCERTAINTY_RANGE = 1e-6, 1e6
-"""Range of accepted relative uncertainties of a prior [1]; `Strength` refuses others."""
+"""Range of accepted relative uncertainties of a prior [1]; `PriorUncertainty` refuses others."""
 SOFTENING = 0.5
 """Share of the couplings (off-diagonal compliances) that `with_weaker_coupling` removes from every link [1].
 
 It stands for bearings and flanges that are elastic in addition to the beam between them.
 """
 CACHED_PRIORS = 32
-"""Number of softened priors that are cached, so that their metrics are found again."""
+"""Number of softened priors that are cached, so that their scalings are found again."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,35 +50,36 @@ class Prior(Displayed):
         return {"name": self.name}
 
     def __post_init__(self) -> None:
-        """Keep a read-only copy, so that cached metrics stay valid; BenchError if it is no finite matrix."""
+        """Keep a read-only copy, so that cached scalings stay valid; BenchError if it is no finite matrix."""
         C = np.array(check_array(self.C_theta, (None, None), f"prior {self.name} [m/N, rad/(N m)]"))
         C.setflags(write=False)
         object.__setattr__(self, "C_theta", C)
 
 
 @dataclass(frozen=True)
-class Strength:
-    """Hold the relative uncertainty of a prior; `metric.precision_root` turns it into weights."""
+class PriorUncertainty:
+    """Hold the relative uncertainty of a prior; `precision_root` makes its weights from it."""
 
-    uncertainty: float  #: Relative standard deviation u of an entry of x around its expectation [1].
+    relative: float  #: Relative standard deviation u of an entry of x around its expectation [1].
     #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to
     #: the data.
-    scale_uncertainty: float = np.inf
-    #: u of the entries inside a link that no straight beam has [1]; None for `uncertainty`.
-    coupling: float | None = None
+    scale: float = np.inf
+    #: u of the entries inside a link that couple axes that a straight beam does not couple [1]; None for
+    #: `relative`.
+    link_coupling: float | None = None
     #: Factor on u of every block, (blocks,) [1]; None for 1 everywhere.
-    shares: tuple[float, ...] | None = None
-    tie: float | None = None  #: u of the entries that couple two joints [1]; None for `uncertainty`.
+    block_factors: tuple[float, ...] | None = None
+    joint_coupling: float | None = None  #: u of the entries that couple two joints [1]; None for `relative`.
 
     def __post_init__(self) -> None:
         """Refuse by BenchError an uncertainty outside `UNCERTAINTY_RANGE`, or below zero of the scale."""
         low, high = UNCERTAINTY_RANGE
-        coupling = self.uncertainty if self.coupling is None else self.coupling
-        for name, value in (("uncertainty", self.uncertainty), ("coupling", coupling)):
+        coupling = self.relative if self.link_coupling is None else self.link_coupling
+        for name, value in (("relative", self.relative), ("link_coupling", coupling)):
             if not (isinstance(value, Real) and low <= value <= high):
                 raise BenchError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r}")
-        if not self.scale_uncertainty >= 0:
-            raise BenchError(f"scale_uncertainty: expected 0 or more, got {self.scale_uncertainty}")
+        if not self.scale >= 0:
+            raise BenchError(f"scale: expected 0 or more, got {self.scale}")
 
 
 def cad_prior(arm: Arm) -> Prior:
@@ -155,9 +154,9 @@ def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
     return C
 
 
-# --- The metric of a prior, in which all compliances are of order one ---------------------------------------
+# --- Compliances in units of a prior ------------------------------------------------------------------------
 
-CACHED_SCALINGS = 32  #: How many metrics are remembered: many datasets are fitted with few.
+CACHED_SCALINGS = 32  #: Number of scalings that are cached: many datasets are fitted with few.
 MAX_ASYMMETRY = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
 #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
 MIN_EIGENVALUE = 1e-9
@@ -165,33 +164,35 @@ MIN_EIGENVALUE = 1e-9
 
 @dataclass(frozen=True)
 class PriorScaling:
-    """Hold a structure in the units of a prior: pi = L x, x of order one."""
+    """Hold the unknowns of a structure in units of a prior: pi = L x, x of order one."""
 
-    prior: str  #: Its name.
-    structure: Structure  #: The unknowns.
-    L: Array  #: pi = L x, (n, n), block by block.
-    expected: Array  #: x of X = 1, (n,).
+    prior: str  #: Name of the prior.
+    structure: Structure  #: The unknowns, n of them.
+    L: Array  #: Parameters pi per unit of x, block diagonal, (n, n) [m/N, rad/N, rad/(N m)].
+    expected: Array  #: Expected x, svec of X = 1, (n,) [1].
     sizes: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
 
     @cached_property
-    def couplings(self) -> Mask:
-        """Return which entries of x couple axes of a link that a straight beam does not couple, (n,)."""
+    def link_couplings(self) -> Mask:
+        """Tell which entries of x couple axes of a link that a straight beam does not couple, (n,)."""
         row, column = self.structure.triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
         return np.asarray((row < 6 * self.structure.links) & ~beam)
 
     @cached_property
-    def ties(self) -> Mask:
-        """Return which entries of x couple two joints, (n,)."""
+    def joint_couplings(self) -> Mask:
+        """Tell which entries of x couple two joints, (n,)."""
         row, column = self.structure.triangles
         return np.asarray((row >= 6 * self.structure.links) & (row != column))
 
     @cached_property
-    def scaled(self) -> tuple[Array, Ids, tuple[str, ...]]:
-        """Return the scales of entries: one per link, one per joint; a coupling has the root of two.
+    def entry_scales(self) -> tuple[Array, Ids, tuple[str, ...]]:
+        """Return the K scales that entries of x have: one per link, one per joint.
+
+        A coupling of two joints has the geometric mean of both scales.
 
         Returns:
-            Share of every scale in the logarithm of an entry's, (n, K), and its kind and name, K each.
+            Exponent of every scale in that of an entry, (n, K) [1]; kind and name of every scale, K each.
         """
         owner = np.repeat(np.arange(len(self.sizes)), [cone.triangle(n) for n in self.sizes])
         row, column = self.structure.triangles
@@ -216,7 +217,7 @@ class PriorScaling:
 
     @cached_property
     def law(self) -> Mask:
-        """Return which entries of x are sizes of joint laws, (n,)."""
+        """Tell which entries of x are sizes of joint laws, (n,)."""
         return np.asarray(self.structure.triangles[0] >= self.structure.n_compliance_rows)
 
     @property
@@ -230,12 +231,26 @@ class PriorScaling:
         )
 
     def matrices(self, x: Array) -> list[Array]:
-        """Return the matrix X of every block from x, (n,)."""
+        """Unpack the matrix X of every block from x = svec(X).
+
+        Args:
+            x: Entries of all blocks, (n,) [1].
+
+        Returns:
+            One symmetric matrix per block.
+        """
         ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def project(self, x: Array) -> Array:
-        """Set the negative eigenvalues of every block of x, (n,), to zero: the solver's last digits."""
+        """Set the negative eigenvalues of every block to zero, to remove the solver's rounding.
+
+        Args:
+            x: Entries of all blocks, (n,) [1].
+
+        Returns:
+            Entries of positive semi-definite blocks, (n,) [1].
+        """
         projected = x.copy()
         for at in cone.groups_of(self.sizes):
             projected[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
@@ -253,20 +268,20 @@ class LearntScale:
 
 @dataclass(frozen=True)
 class WeightedPrior:
-    """Hold a prior in the metric of a structure, with its strength."""
+    """Hold a prior in its own units for one structure, with its relative uncertainty."""
 
-    scaling: PriorScaling
-    strength: Strength
-    #: Noise, and what the model cannot explain, over the noise of the readings [1]; `strength` is over it.
+    scaling: PriorScaling  #: Units of the prior.
+    uncertainty: PriorUncertainty  #: Relative uncertainty, divided by `misfit`.
+    #: Factor kappa of the noise over its stated value, model error included [1].
     misfit: float = 1.0
-    #: By how much the parameters move with what is left open of the prior, a standard deviation a row,
-    #: (k, n); None where the prior is not learnt from the readings.
+    #: Change of the parameters per standard deviation of each learnt hyperparameter, one per row, (k, n);
+    #: None where the prior is not learnt from the readings.
     hyperparameter_effect: Array | None = None
-    #: Root of the mean square of an entry's size over the one of `strength`, as the readings tell sizes only
-    #: roughly, (n,) [1]; None where the prior is not learnt from the readings.
+    #: Root mean square of the uncertain size of every entry, over the size in `uncertainty`, (n,) [1]; None
+    #: where the prior is not learnt from the readings.
     size_uncertainty: Array | None = None
-    scales: tuple[LearntScale, ...] = ()  #: What the readings say of the prior's scales.
-    #: Log density of the readings, up to what all models share; None if it was not requested.
+    scales: tuple[LearntScale, ...] = ()  #: Scales of links and joints that the readings determine.
+    #: Log density of the readings, without the constant that all models share; None if it was not requested.
     log_evidence: float | None = None
 
 
@@ -274,13 +289,13 @@ class WeightedPrior:
 class RegressionWithPrior:
     """Hold a reduced dataset and its prior."""
 
-    regression: Regression
-    prior: WeightedPrior
+    regression: Regression  #: The weighted equations.
+    prior: WeightedPrior  #: The prior of its unknowns.
 
 
 @lru_cache(maxsize=CACHED_SCALINGS)
 def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
-    """Compute the metric of a prior for a structure of whole blocks, C = P^1/2 X P^1/2; cached.
+    """Compute the units of a prior for a structure of whole blocks, C = P^1/2 X P^1/2; cached.
 
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
     paper's aggregation. A link that it leaves out is rigid. Joint laws have the expected size one.
@@ -293,7 +308,7 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
         structure: The unknowns, n of them.
 
     Returns:
-        The metric, L of (n, n) block by block.
+        The scaling, with L block by block.
 
     Raises:
         BenchError: When the prior has another size, is not symmetric or not positive definite in a block, or
@@ -318,11 +333,11 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
 
 
 def weighted_rows(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:
-    """Compute the weighted equations in the metric: |A x - y|^2 is chi squared without its constant.
+    """Compute the weighted equations in units of the prior: |A x - y|^2 is chi squared without its constant.
 
     Args:
         regression: The reduced dataset.
-        scaling: The metric of the prior.
+        scaling: Units of the prior.
 
     Returns:
         A, (r, n) [1], and y, (r,) [1].
@@ -331,7 +346,7 @@ def weighted_rows(regression: Regression, scaling: PriorScaling) -> tuple[Array,
     return A @ scaling.L, y
 
 
-def precision_root(scaling: PriorScaling, strength: Strength) -> tuple[Array, Array]:
+def precision_root(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tuple[Array, Array]:
     """Compute the rows B, c of a prior: |B x - c|^2 is its penalty added to chi squared.
 
     With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
@@ -340,56 +355,58 @@ def precision_root(scaling: PriorScaling, strength: Strength) -> tuple[Array, Ar
     Mathematics: `prior-2`.
 
     Args:
-        scaling: The metric of the prior.
-        strength: Its relative uncertainty.
+        scaling: Units of the prior.
+        uncertainty: Its relative uncertainty.
 
     Returns:
         B, (n, n) [1], and c, (n,) [1].
     """
-    d = np.full(len(scaling.expected), strength.uncertainty)
-    if strength.coupling is not None:  # of a structure of whole blocks
-        d[scaling.couplings] = strength.coupling
-    if strength.tie is not None:
-        d[scaling.ties] = strength.tie
-    if strength.shares is not None:
-        d = d * np.repeat(strength.shares, [cone.triangle(n) for n in scaling.sizes])
+    d = np.full(len(scaling.expected), uncertainty.relative)
+    if uncertainty.link_coupling is not None:  # of a structure of whole blocks
+        d[scaling.link_couplings] = uncertainty.link_coupling
+    if uncertainty.joint_coupling is not None:
+        d[scaling.joint_couplings] = uncertainty.joint_coupling
+    if uncertainty.block_factors is not None:
+        d = d * np.repeat(uncertainty.block_factors, [cone.triangle(n) for n in scaling.sizes])
     e = scaling.expected / d
     size = np.linalg.norm(e)
-    e, along = e / size, 1 / np.hypot(1, size * strength.scale_uncertainty)
+    e, along = e / size, 1 / np.hypot(1, size * uncertainty.scale)
     B = (np.eye(len(e)) - (1 - along) * np.outer(e, e)) / d
     return B, along * size * e
 
 
-def with_prior_rows(regression: Regression, scaling: PriorScaling, strength: Strength) -> tuple[Array, Array]:
+def with_prior_rows(
+    regression: Regression, scaling: PriorScaling, uncertainty: PriorUncertainty
+) -> tuple[Array, Array]:
     """Stack the rows of data and prior: weighted least squares with a prior minimises |M x - r|^2.
 
     Mathematics: `prior-4`.
 
     Args:
         regression: The reduced dataset.
-        scaling: The metric of the prior.
-        strength: Its relative uncertainty.
+        scaling: Units of the prior.
+        uncertainty: Its relative uncertainty.
 
     Returns:
         M, (rows, n) [1], and r, (rows,) [1].
     """
-    (A, y), (B, c) = weighted_rows(regression, scaling), precision_root(scaling, strength)
+    (A, y), (B, c) = weighted_rows(regression, scaling), precision_root(scaling, uncertainty)
     return np.vstack([A, B]), np.r_[y, c]
 
 
 def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScaling:
-    """Scale the metric of a prior by the one factor that fits the data best.
+    """Scale a prior by the one factor that fits the data best.
 
-    A relative uncertainty then refers to compliances of the right size, however wrong the prior's scale is.
+    A relative uncertainty then refers to compliances of the right size, even if the prior's scale is wrong.
 
     Mathematics: `prior-3`.
 
     Args:
-        scaling: The metric of the prior.
+        scaling: Units of the prior.
         regression: The reduced dataset.
 
     Returns:
-        The metric with L scaled; joint laws keep their scale.
+        The scaling with another L; joint laws keep their scale.
 
     Raises:
         BenchError: When the best factor is not above 0.
@@ -406,13 +423,10 @@ def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScali
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:
-    """Symmetric square root of a prior in every block, refused if not symmetric positive definite there."""
+    """Compute the symmetric square root of every block of a prior.
 
-    def refused(row: int, problem: str) -> BenchError:
-        """Make the error about a block of the prior."""
-        label = structure.labels[structure.blocks[structure.block_of[row]][0]]
-        return BenchError(f"prior {prior.name}, {label} ...: expected a {problem}")
-
+    BenchError when a block is not symmetric positive definite.
+    """
     # Each block is scaled to unit diagonal, because metres and radians differ in size.
     d = np.sqrt(np.maximum(np.diag(P), 0))
     safe = np.where(d > 0, d, 1.0)
@@ -420,19 +434,26 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     row, column = structure.triangles
     bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > MAX_ASYMMETRY)
     if bad.any():
-        raise refused(row[np.argmax(bad)], "symmetric block with a positive diagonal")
+        raise _prior_error(prior, structure, row[np.argmax(bad)], "symmetric block with a positive diagonal")
     for group in structure.groups:
         values, Q = np.linalg.eigh(unit[group.index])
         if values.min() <= MIN_EIGENVALUE:
             k = np.argmin(values[:, 0])
             problem = f"positive definite block, got smallest eigenvalue {values[k, 0]:.3g}"
-            raise refused(group.rows[k, 0], f"{problem} (of the block scaled to unit diagonal)")
+            problem += " (of the block scaled to unit diagonal)"
+            raise _prior_error(prior, structure, group.rows[k, 0], problem)
         root[group.index] = d[group.rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
     return root
 
 
+def _prior_error(prior: Prior, structure: Structure, row: int, expected: str) -> BenchError:
+    """Make the error about the block of a prior that holds a row of C_theta."""
+    label = structure.labels[structure.blocks[structure.block_of[row]][0]]
+    return BenchError(f"prior {prior.name}, {label} ...: expected a {expected}")
+
+
 def _congruences(roots: Array) -> Array:
-    """Upper triangles of C = root X root^T per unit of each entry of x = svec(X), (k, entries, entries)."""
+    """Compute upper triangles of root X root^T per unit of each entry of svec(X), (k, entries, entries)."""
     row, column = cone.upper_indices(roots.shape[1])
     a, b = roots[:, row], roots[:, column]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))

@@ -27,7 +27,7 @@ from testbench.errors import Array, Ids, Mask
 from testbench.identify.metric import (
     Prior,
     PriorScaling,
-    Strength,
+    PriorUncertainty,
     aggregate,
     precision_root,
     scale_by_prior,
@@ -56,7 +56,7 @@ MIN_NEW_SHARE = 1e-5
 """Share of a direction outside those found before from which it counts as new [1]."""
 NEIGHBOURS = (1, 2, 3, 5)
 """Numbers of neighbouring links and joints that are searched together, before all are."""
-OPEN_SHARE = 0.5
+UNDETERMINED_SHARE = 0.5
 """Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
 CONFOUNDED_SHARE = 0.5
 """Share of the remaining variance, once all others or the confounded ones were known, below which a quantity
@@ -88,11 +88,11 @@ class ObservedQuantity:
     name: str  #: Name, such as "joint_3's offset".
     H: Array  #: Its numbers per unit of every unknown, (k, size).
     #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
-    of_the_arm: bool = True
+    belongs_to_arm: bool = True
 
 
 @dataclass(frozen=True)
-class HiddenQuantity:
+class UndeterminedQuantity:
     """Describe a quantity that the readings leave undetermined."""
 
     name: str  #: Name of the quantity.
@@ -223,9 +223,13 @@ def participation(N: Array, within: Array, unit: Array) -> Array:
     return np.asarray((more**2).sum(axis=1))
 
 
-def hidden_quantities(
-    quantities: Sequence[ObservedQuantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
-) -> tuple[HiddenQuantity, ...]:
+def undetermined_quantities(
+    quantities: Sequence[ObservedQuantity],
+    L: Array,
+    M: Array,
+    structural: Array,
+    further: Sequence[Array] = (),
+) -> tuple[UndeterminedQuantity, ...]:
     """Find the quantities that the readings leave undetermined, the most uncertain first.
 
     Mathematics: `obs-8`.
@@ -234,7 +238,7 @@ def hidden_quantities(
         quantities: Quantities that may be named.
         L: Root of the prior's covariance L L^T, (size, size).
         M: Information of the readings in units of the prior, L^T A^T A L, (size, size).
-        never: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
+        structural: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
         further: Information that further readings would add: one joint turned after the other, then all of
             them.
 
@@ -245,33 +249,33 @@ def hidden_quantities(
     ends = np.cumsum([len(quantity.H) for quantity in quantities])
     parts = [np.arange(end - len(quantity.H), end) for end, quantity in zip(ends, quantities, strict=True)]
     # Covariance of all quantities, structural directions held.
-    pins = STRUCTURAL_INFORMATION * never @ never.T
+    pins = STRUCTURAL_INFORMATION * structural @ structural.T
     K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
     hidden = []
     # Of every quantity of the arm that is left open: what hides it, and which joint helps.
     for k, (quantity, at) in enumerate(zip(quantities, parts, strict=True)):
-        unit = _unit_combinations(H[at], never)
-        if not quantity.of_the_arm or not len(unit):
+        unit = _unit_combinations(H[at], structural)
+        if not quantity.belongs_to_arm or not len(unit):
             continue
         share = _mean_variance(unit, K[np.ix_(at, at)])
-        if share < OPEN_SHARE:
+        if share < UNDETERMINED_SHARE:
             continue
         helps = _joint_to_turn(unit @ H[at], after, share)
         confounded = _share_if_all_known(quantity.H, L, M) < CONFOUNDED_SHARE * share
         behind, rest = _confounders(K, parts, k, unit) if confounded else ([], share)
         if rest > CONFOUNDED_SHARE * share:
-            hidden.append(HiddenQuantity(quantity.name, share=share, joint_to_turn=helps))
+            hidden.append(UndeterminedQuantity(quantity.name, share=share, joint_to_turn=helps))
             continue
         correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
         names = tuple(quantities[i].name for i in behind)
-        hidden.append(HiddenQuantity(quantity.name, names, share, correlation, helps))
+        hidden.append(UndeterminedQuantity(quantity.name, names, share, correlation, helps))
     return _most_uncertain(hidden)
 
 
-def _most_uncertain(hidden: Sequence[HiddenQuantity]) -> tuple[HiddenQuantity, ...]:
+def _most_uncertain(hidden: Sequence[UndeterminedQuantity]) -> tuple[UndeterminedQuantity, ...]:
     """Keep the most uncertain one of quantities that hide behind each other."""
-    kept: dict[frozenset[str], HiddenQuantity] = {}
+    kept: dict[frozenset[str], UndeterminedQuantity] = {}
     for quantity in sorted(hidden, key=lambda quantity: (not quantity.confounded_with, -quantity.share)):
         kept.setdefault(frozenset((quantity.name, *quantity.confounded_with)), quantity)
     return tuple(kept.values())
@@ -281,9 +285,9 @@ def _covariance(M: Array) -> Array:
     return np.asarray(np.linalg.inv(np.eye(len(M)) + M))
 
 
-def _unit_combinations(H: Array, never: Array) -> Array:
+def _unit_combinations(H: Array, structural: Array) -> Array:
     """Combine a quantity's numbers to unit prior variance, outside structural directions."""
-    free = H - (H @ never) @ never.T
+    free = H - (H @ structural) @ structural.T
     values, V = np.linalg.eigh(free @ free.T)
     kept = values > NEGLIGIBLE_OUTSIDE * np.square(H).sum() / len(H)
     return np.asarray((V[:, kept] / np.sqrt(values[kept])).T)
@@ -381,7 +385,7 @@ class Identifiability:
 
 
 def of_regression(
-    vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
+    vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, uncertainty: PriorUncertainty
 ) -> Identifiability:
     """Describe what a reduced dataset can tell of its structure; only poses, loads and sigmas count.
 
@@ -390,7 +394,7 @@ def of_regression(
         regression: The reduced dataset.
         data: Its runs, or some of them, evenly out of all.
         prior: The prior.
-        strength: Strength of the prior.
+        uncertainty: PriorUncertainty of the prior.
 
     Returns:
         The description.
@@ -408,18 +412,18 @@ def of_regression(
     to_loads = directions(loads, unit, groups, to_structure)
     wanted = sampled_tasks(vjm, data, structure)
     moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected), axis=-1)
-    known = _known(scaled, strength, regression)
+    known = _known(scaled, uncertainty, regression)
     component, entry = _places(vjm, structure)
     proposals = []
     for words, more in _measured_otherwise(vjm, data, regression):
-        error = expected_error(_known(scaled, strength, regression, more), wanted)
+        error = expected_error(_known(scaled, uncertainty, regression, more), wanted)
         proposals.append(MeasurementProposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
     return Identifiability(
         structure=structure,
         component=component,
         entry=entry,
         prior=prior.name,
-        uncertainty=strength.uncertainty,
+        uncertainty=uncertainty.relative,
         rank=structure.n - null_space(own).shape[1],
         rank_of_loads=structure.n - len(to_structure) - len(to_loads),
         rank_of_structure=structure.n - len(to_structure),
@@ -429,7 +433,7 @@ def of_regression(
         not_loaded=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
         lost_to_loads=tuple(map(participants, to_loads)),
         spread=participation(null_space(own), null_space(loads), unit),
-        share=_share(known, scaled, strength),
+        share=_share(known, scaled, uncertainty),
         error=expected_error(known, wanted),
         deflection=math.sqrt(np.square(moved).mean()),
         proposals=_placed(sorted(proposals, key=lambda p: (p.error, -p.rank))),
@@ -437,7 +441,7 @@ def of_regression(
 
 
 def explained_variance(
-    vjm: Vjm, regression: Regression, prior: Prior, strength: Strength
+    vjm: Vjm, regression: Regression, prior: Prior, uncertainty: PriorUncertainty
 ) -> tuple[tuple[str, ...], Array]:
     """Compute what the data take off the prior's variance of every parameter.
 
@@ -445,14 +449,14 @@ def explained_variance(
         vjm: Kinematics of the arm.
         regression: The reduced dataset.
         prior: The prior.
-        strength: Strength of the prior.
+        uncertainty: PriorUncertainty of the prior.
 
     Returns:
         Link or joint of every parameter, and the share of its variance, (n,) [1].
     """
     scaled = any_metric(prior, vjm, regression.structure)
     return _places(vjm, regression.structure)[0], _share(
-        _known(scaled, strength, regression), scaled, strength
+        _known(scaled, uncertainty, regression), scaled, uncertainty
     )
 
 
@@ -482,16 +486,16 @@ def expected_error(known: Posterior, wanted: Array) -> float:
     Returns:
         Error [m]; infinite if nothing fixes the scale.
     """
-    if len(known.unseen):
+    if len(known.unobservable):
         return math.inf
     deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
     return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
 
 
-def _known(scaled: PriorScaling, strength: Strength, *data: Regression) -> Posterior:
+def _known(scaled: PriorScaling, uncertainty: PriorUncertainty, *data: Regression) -> Posterior:
     """Parameters by a prior and by what the rows of data would tell, their readings aside."""
     rows = [weighted_rows(regression, scaled)[0] for regression in data]
-    M = np.vstack([*rows, precision_root(scaled, strength)[0]])
+    M = np.vstack([*rows, precision_root(scaled, uncertainty)[0]])
     return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
 
 
@@ -576,14 +580,14 @@ def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
     return [np.flatnonzero(place == k) for k in np.unique(place)]
 
 
-def _share(known: Posterior, scaled: PriorScaling, strength: Strength) -> Array:
+def _share(known: Posterior, scaled: PriorScaling, uncertainty: PriorUncertainty) -> Array:
     """What the data take off the prior's variance of every parameter, (n,).
 
     The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
     the scale is not counted as seeing one of them.
     """
-    before = strength.uncertainty**2 * (scaled.L**2).sum(axis=1)
-    if len(known.unseen):  # nothing fixes the common scale
+    before = uncertainty.relative**2 * (scaled.L**2).sum(axis=1)
+    if len(known.unobservable):  # nothing fixes the common scale
         return np.zeros(len(before))
     after = known.deviations(np.eye(len(before))) ** 2
     return np.asarray(np.clip(1 - after / before, 0, 1))

@@ -74,11 +74,11 @@ class Posterior(Displayed):
 
     x: Array  #: Its centre, (n,).
     root: Array  #: Covariance of x is root^T root along the seen directions, (r, n).
-    unseen: Array  #: Rows whose product with a functional is zero where it is seen, (f, n).
+    unobservable: Array  #: Rows whose product with a functional is zero where it is seen, (f, n).
     scale: Array  #: Of each unknown, for what counts as zero, (n,).
     #: Degrees of freedom of the Student distribution of what the prior puts in; infinite for a normal one.
-    tail: float = math.inf
-    heavy_rows: int = 0  #: How many rows of the root, its last ones, are what the prior puts in.
+    student_dof: float = math.inf
+    prior_rows: int = 0  #: How many rows of the root, its last ones, are what the prior puts in.
     #: Distance between the estimate and the optimum without a cone [standard deviations].
     cone_distance: float = 0.0
     on_boundary: bool = False  #: Whether the cone holds the estimate.
@@ -107,15 +107,19 @@ class Posterior(Displayed):
         Returns:
             The posterior; directions that M does not observe have infinite deviation.
         """
-        back, unseen = _inverse(M)
-        return cls(x, back @ L.T, unseen @ L.T, np.linalg.norm(L, axis=1))
+        back, unobservable = _inverse(M)
+        return cls(x, back @ L.T, unobservable @ L.T, np.linalg.norm(L, axis=1))
 
     def deviations(self, functionals: Array) -> Array:
-        """Compute standard deviations, (k,), of linear functionals, one per row, (k, n).
-
-        They are infinite where a functional is unobservable.
+        """Compute the standard deviations of linear functionals of x.
 
         Mathematics: `int-2`.
+
+        Args:
+            functionals: One per row, (k, n).
+
+        Returns:
+            Standard deviations, (k,); infinite for a functional that the data do not determine.
 
         Raises:
             BenchError: When a functional has another length or is not finite.
@@ -123,16 +127,16 @@ class Posterior(Displayed):
         return self._deviations(functionals)[0]
 
     def _deviations(self, functionals: Array) -> tuple[Array, Array]:
-        """The same, and of them what the prior puts in, (k,) each."""
+        """Compute standard deviations, and the part of them that is due to the prior, (k,) each."""
         a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
         white = a @ self.root.T
-        heavy = white[:, len(self.root) - self.heavy_rows :]
+        heavy = white[:, len(self.root) - self.prior_rows :]
         seen, prior = (np.sqrt(np.vecdot(part, part)) for part in (white, heavy))
-        if not len(self.unseen):
+        if not len(self.unobservable):
             return seen, prior
         size = np.linalg.norm(a * self.scale, axis=1)
-        unseen = np.linalg.norm(a @ self.unseen.T, axis=1) > UNSEEN_SHARE * size
-        return np.where(unseen, np.inf, seen), prior
+        unobservable = np.linalg.norm(a @ self.unobservable.T, axis=1) > UNSEEN_SHARE * size
+        return np.where(unobservable, np.inf, seen), prior
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
         """Compute half widths of intervals of functionals: noise and prior in quadrature.
@@ -151,7 +155,9 @@ class Posterior(Displayed):
         """
         check_confidence(confidence)
         whole, prior = self._deviations(functionals)
-        normal, student = (quantile(tail, (1 + confidence) / 2) for tail in (math.inf, self.tail))
+        normal, student = (
+            quantile(student_dof, (1 + confidence) / 2) for student_dof in (math.inf, self.student_dof)
+        )
         return np.asarray(np.hypot(normal * whole, math.sqrt(max(0, student**2 - normal**2)) * prior))
 
     def intervals(self, functionals: Array, confidence: float = CONFIDENCE) -> Intervals:
@@ -172,7 +178,14 @@ class Posterior(Displayed):
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute covariances, (..., k, k), of groups of k observable functionals, (..., k, n)."""
+        """Compute the covariances of groups of functionals that the data determine.
+
+        Args:
+            functionals: Groups of k functionals, (..., k, n).
+
+        Returns:
+            Covariances, (..., k, k).
+        """
         white = functionals @ self.root.T
         return np.asarray(white @ white.swapaxes(-1, -2))
 
@@ -201,7 +214,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     check_type(estimate, Estimate, "estimate")
     check_type(data, Dataset, "data")
     vjm = model_for(vjm, estimate.structure)
-    posterior, points = linearise(estimate), marker_points(vjm, data.markers)
+    posterior, points = posterior_of_estimate(estimate), marker_points(vjm, data.markers)
     together, ends = max(1, INTERVAL_BATCH // len(points)), []
     for first in range(0, data.runs, together):
         block = select_rows(data, np.arange(first, min(first + together, data.runs)))
@@ -240,7 +253,7 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
     return loaded_deflection(vjm, data.q, again, points) - displacement(where, theta, points)
 
 
-def linearise(estimate: Estimate) -> Posterior:
+def posterior_of_estimate(estimate: Estimate) -> Posterior:
     """Compute the posterior of an estimate's parameters, Eq. (14)-(15); its prior counts as data.
 
     Mathematics: `int-1`, `int-3`, `int-5`.
@@ -253,35 +266,35 @@ def linearise(estimate: Estimate) -> Posterior:
     """
     if estimate.average is not None:
         return _averaged(estimate, estimate.average)
-    regression, belief = estimate.regression, estimate.weighted_prior
-    L = np.diag(sensitivity_units(regression)) if belief is None else belief.scaling.L
+    regression, weighted_prior = estimate.regression, estimate.weighted_prior
+    L = np.diag(sensitivity_units(regression)) if weighted_prior is None else weighted_prior.scaling.L
     blocks = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
-    if belief is not None:
-        blocks.append(np.column_stack(precision_root(belief.scaling, belief.strength)))
+    if weighted_prior is not None:
+        blocks.append(np.column_stack(precision_root(weighted_prior.scaling, weighted_prior.uncertainty)))
     x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [block[:, :-1] for block in blocks]
-    back, unseen = _inverse(np.vstack(rows))
+    back, unobservable = _inverse(np.vstack(rows))
     pull = _distance_without_cone(estimate, rows, back, [block @ x for block in blocks])
-    learnt = belief is not None and belief.hyperparameter_effect is not None
-    if belief is not None and learnt:
-        root, heavy = _noise_and_prior_roots(rows, back, belief, L)
+    learnt = weighted_prior is not None and weighted_prior.hyperparameter_effect is not None
+    if weighted_prior is not None and learnt:
+        root, heavy = _noise_and_prior_roots(rows, back, weighted_prior, L)
     else:
-        root, heavy = (1.0 if belief is None else belief.misfit) * back @ L.T, 0
+        root, heavy = (1.0 if weighted_prior is None else weighted_prior.misfit) * back @ L.T, 0
     if regression.pose_variation is not None:  # in new poses links are others again: a scatter of its own
         root = np.vstack([regression.pose_variation, root])
     return Posterior(
         x=estimate.pi,
         root=root,
-        unseen=unseen @ L.T,
+        unobservable=unobservable @ L.T,
         scale=np.linalg.norm(L, axis=1),
-        tail=PRIOR_STUDENT_DOF if learnt else math.inf,
-        heavy_rows=heavy,
+        student_dof=PRIOR_STUDENT_DOF if learnt else math.inf,
+        prior_rows=heavy,
         cone_distance=pull,
         on_boundary=estimate.conservative and pull > BINDING_DISTANCE,
     )
 
 
 def _inverse(M: Array) -> tuple[Array, Array]:
-    """Root of (M^T M)^+, (r, n), and the directions that rows M do not see, (n - r, n)."""
+    """Compute a root of (M^T M)^+, (r, n), and the directions that rows M do not observe, (n - r, n)."""
     _, s, Vt = np.linalg.svd(np.linalg.qr(M, mode="r"))
     r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
     return Vt[:r] / s[:r, None], Vt[r:]
@@ -306,10 +319,14 @@ def conditional_covariance(K: Array, variables: Ids, given: Ids) -> Array:
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
     if average.parts:
-        parts = [(p, linearise(model)) for p, model in average.parts]
-    elif average.with_ties is not None:
-        p = average.ties_weight
-        tied = _embed(linearise(average.with_ties), average.with_ties.structure, estimate.structure)
+        parts = [(p, posterior_of_estimate(model)) for p, model in average.parts]
+    elif average.with_joint_couplings is not None:
+        p = average.joint_couplings_weight
+        tied = _embed(
+            posterior_of_estimate(average.with_joint_couplings),
+            average.with_joint_couplings.structure,
+            estimate.structure,
+        )
         others = [] if p == 1 else [((1 - p) * q, posterior) for q, posterior in _uncoupled_parts(average)]
         parts = [(p, tied), *others]
     else:
@@ -323,13 +340,15 @@ def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
 def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
     """Select the models with uncoupled joints, and their relative probabilities."""
     p, q = average.laws_probability, average.joints_probability
-    lawful = [] if average.with_laws is None else [(p, linearise(average.with_laws))]
+    lawful = [] if average.with_laws is None else [(p, posterior_of_estimate(average.with_laws))]
     if p == 1:
         return lawful
-    parts = [*lawful, ((1 - p) * (1 - q), linearise(average.all_parts))]
+    parts = [*lawful, ((1 - p) * (1 - q), posterior_of_estimate(average.all_parts))]
     if average.joints_only is not None:
         alone = _embed(
-            linearise(average.joints_only), average.joints_only.structure, average.all_parts.structure
+            posterior_of_estimate(average.joints_only),
+            average.joints_only.structure,
+            average.all_parts.structure,
         )
         parts.append(((1 - p) * q, alone))
     return parts
@@ -337,29 +356,29 @@ def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
 
 def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
     """Embed a posterior in the unknowns of a wider structure; all others are zero."""
-    x, root, unseen, scale = (
+    x, root, unobservable, scale = (
         scatter_to(numbers, structure, widest)
-        for numbers in (posterior.x, posterior.root, posterior.unseen, posterior.scale)
+        for numbers in (posterior.x, posterior.root, posterior.unobservable, posterior.scale)
     )
-    return replace(posterior, x=x, root=root, unseen=unseen, scale=scale)
+    return replace(posterior, x=x, root=root, unobservable=unobservable, scale=scale)
 
 
 def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
     """Mix posteriors by probability about a common mean; some lack the last unknowns, sizes of joint laws."""
     noise, heavy = [], []
     for p, posterior in parts:
-        rows, first = np.zeros((len(posterior.root) + 1, len(pi))), len(posterior.root) - posterior.heavy_rows
+        rows, first = np.zeros((len(posterior.root) + 1, len(pi))), len(posterior.root) - posterior.prior_rows
         rows[:-1, : len(posterior.x)], rows[-1] = posterior.root, pi
         rows[-1, : len(posterior.x)] -= posterior.x
         noise.append(math.sqrt(p) * rows[:first])
         heavy.append(math.sqrt(p) * rows[first:])
     widest = max((member for _, member in parts), key=lambda member: len(member.x))
     root, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
-    return replace(widest, x=pi, root=np.vstack([root, prior]), heavy_rows=len(prior))
+    return replace(widest, x=pi, root=np.vstack([root, prior]), prior_rows=len(prior))
 
 
 def _noise_and_prior_roots(
-    rows: list[Array], back: Array, belief: WeightedPrior, L: Array
+    rows: list[Array], back: Array, weighted_prior: WeightedPrior, L: Array
 ) -> tuple[Array, int]:
     """Compute the root of the covariance: the part of noise, and rows of the part of the prior's error.
 
@@ -368,22 +387,27 @@ def _noise_and_prior_roots(
     errors are uncertain: by the law of total variance their mean squares count, rows of B times
     `size_uncertainty`. The changes of the estimate with the sizes are further rows.
     """
-    assert belief.hyperparameter_effect is not None
-    assert belief.size_uncertainty is not None
-    *readings, prior = (row @ back.T for row in [*rows[:-1], belief.size_uncertainty[:, None] * rows[-1]])
+    assert weighted_prior.hyperparameter_effect is not None
+    assert weighted_prior.size_uncertainty is not None
+    *readings, prior = (
+        row @ back.T for row in [*rows[:-1], weighted_prior.size_uncertainty[:, None] * rows[-1]]
+    )
     noise = np.linalg.qr(np.vstack(readings), mode="r") @ back
     open_ = np.linalg.qr(prior, mode="r") @ back
-    root = np.vstack([belief.misfit * noise @ L.T, belief.misfit * open_ @ L.T, belief.hyperparameter_effect])
-    return root, len(open_) + len(belief.hyperparameter_effect)
+    root = np.vstack(
+        [
+            weighted_prior.misfit * noise @ L.T,
+            weighted_prior.misfit * open_ @ L.T,
+            weighted_prior.hyperparameter_effect,
+        ]
+    )
+    return root, len(open_) + len(weighted_prior.hyperparameter_effect)
 
 
 def _distance_without_cone(
     estimate: Estimate, rows: list[Array], back: Array, residuals: list[Array]
 ) -> float:
-    """Length of the step to the optimum without a cone, Eq. (14) or (19), whichever is nearer.
-
-    Every term asks for a step along the seen directions; rows and residuals are in standard deviations.
-    """
+    """Compute the length of the step to the nearer optimum without the cone, of Eq. (14) or Eq. (19)."""
     steps = [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)]
     pull = float(np.linalg.norm(sum(steps)))
     if estimate.weighted_prior is None and len(steps) > 1:  # F_M weights its terms by their residuals
@@ -393,21 +417,21 @@ def _distance_without_cone(
     return pull
 
 
-def quantile(tail: float, p: float) -> float:
+def quantile(student_dof: float, p: float) -> float:
     """Compute a quantile of Student's distribution, or of the normal one.
 
     Args:
-        tail: Degrees of freedom; infinite for the normal distribution.
+        student_dof: Degrees of freedom; infinite for the normal distribution.
         p: Probability, in (0, 1) [1].
 
     Returns:
         The quantile in standard deviations of the normal limit [1].
     """
-    if math.isinf(tail):
+    if math.isinf(student_dof):
         return NormalDist().inv_cdf(p)
     from scipy.special import stdtrit  # here: importing it takes longer than most fits
 
-    return float(stdtrit(tail, p))
+    return float(stdtrit(student_dof, p))
 
 
 def check_confidence(confidence: float) -> None:
@@ -471,7 +495,7 @@ class ArmModel:
     @property
     def scatter(self) -> float:
         """Return the standard deviation of a position about an absolute model beyond its unknowns [m]."""
-        return 0.0 if self.noise is None else self.noise.open_position * float(self.noise.factor[0])
+        return 0.0 if self.noise is None else self.noise.position_model_error * float(self.noise.factor[0])
 
     @property
     def unknowns(self) -> Unknowns:
@@ -488,7 +512,9 @@ def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmMode
         weights: Weights of the links, such as `read_weights`.
     """
     state = elastic_state(model_for(vjm, estimate.structure), estimate.C_theta, weights)
-    return model_of_compliances(state, estimate.structure, linearise(estimate), ModelOrigin(estimate.method))
+    return model_of_compliances(
+        state, estimate.structure, posterior_of_estimate(estimate), ModelOrigin(estimate.method)
+    )
 
 
 def elastic_state(vjm: Vjm, C_theta: Array, weights: Weights) -> ArmState:

@@ -97,7 +97,7 @@ def frame_and_target_names(series: Sequence[Series]) -> tuple[tuple[str, ...], t
 
 
 def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ...]:
-    """Frame, target, joints, position and covariance of every mean of a series."""
+    """Compute frame, target, joints, position and covariance of every mean reading of a series."""
     row, column = np.nonzero(series.seen)
     target = np.array([targets.index(name) for name in series.markers])[column]
     keys = np.column_stack([series.q[row], target])
@@ -132,9 +132,9 @@ def initial_layouts(readings: MeanReadings, start: FrameLayout) -> Iterator[Fram
 
 
 def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
-    """Targets by the linear form in the frame with most readings, (targets, 3) [m]; NaN for all others.
+    """Solve the linear form for the targets in the frame with most readings, (targets, 3) [m].
 
-    Its equations are R_s^T p_rk - R_s^T t_s - R_r m_k = p_r.
+    A target that this frame did not read is NaN.
     """
     positions = np.full((targets, 3), np.nan)
     in_frame = readings.frame == np.bincount(readings.frame).argmax()
@@ -154,7 +154,7 @@ def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
 
 
 def _complete_layout(readings: MeanReadings, layout: FrameLayout) -> FrameLayout:
-    """Frames by the known targets and targets by the known frames, in turn, until neither finds more."""
+    """Find frames from known targets and targets from known frames, in turn, until neither finds more."""
     rotation, translation, targets = (part.copy() for part in vars(layout).values())
     while True:
         missing = np.isnan(translation).sum() + np.isnan(targets).sum()
@@ -248,9 +248,15 @@ class Loss:
     mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
 
     def influence(self, length: Array) -> Array:
-        """Compute the robust weight of a reading, 0 to 1, from the length of its whitened residual [1].
+        """Compute the robust weight of a reading, min(1, threshold / length).
 
         Mathematics: `est-16`.
+
+        Args:
+            length: Length of the whitened residual, (...) [1].
+
+        Returns:
+            Weight from 0 to 1, (...) [1].
         """
         return np.asarray(np.minimum(1.0, self.threshold / np.maximum(length, self.threshold)))
 
@@ -573,7 +579,7 @@ def _jacobian(readings: MeanReadings, layout: FrameLayout, free: Mask) -> Array:
 
 
 def _moved(layout: FrameLayout, free: Mask, step: Array) -> FrameLayout:
-    """Frames turned about their own axes and shifted, targets shifted, by a step of the free unknowns."""
+    """Apply a step of the free unknowns: turn frames about their own axes, shift frames and targets."""
     frames, targets = np.split(step, [6 * free.sum()])
     rotation, translation = layout.rotation.copy(), layout.translation.copy()
     rotation[free] = rotation[free] @ rotation_matrices(frames.reshape(-1, 6)[:, :3])
@@ -582,7 +588,7 @@ def _moved(layout: FrameLayout, free: Mask, step: Array) -> FrameLayout:
 
 
 def _inverse(information: Array) -> Array | None:
-    """Covariance of the unknowns; None where one of their directions is not seen."""
+    """Compute the covariance of the unknowns; None if one of their directions is not observed."""
     size = np.sqrt(np.diag(information))
     if not size.all():
         return None

@@ -163,7 +163,7 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
     Returns:
         The regression of the same readings in these unknowns.
     """
-    columns = structure.places_in(regression.structure)
+    columns = structure.indices_in(regression.structure)
     parts = ((triangular_factor(np.c_[term.R[:, columns], term.z]), term) for term in regression.terms)
     restricted = regression_of(
         structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
@@ -185,7 +185,7 @@ def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
         The numbers, zero for all other parameters, (..., N).
     """
     every = np.zeros((*values.shape[:-1], widest.n))
-    every[..., structure.places_in(widest)] = values
+    every[..., structure.indices_in(widest)] = values
     return every
 
 
@@ -339,7 +339,11 @@ class TriangularFactors:
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
     def join(self, other: "TriangularFactors") -> None:
-        """Add all rows of another set of factors with the same columns."""
+        """Add all rows of another set of factors.
+
+        Args:
+            other: Factors with the same columns.
+        """
         for at, T in other.factors.items():
             self.add(*at, T.T.copy())
             self.equations[at] += other.equations[at]
@@ -376,14 +380,22 @@ class PartitionedRegression:
         return np.unique([part for _, part in self.factors.factors])
 
     def some_parts(self, parts: Ids) -> "PartitionedRegression":
-        """Return the equations of some parts only, by their numbers, (parts,)."""
+        """Select the equations of some parts.
+
+        Args:
+            parts: Numbers of the parts, (parts,), out of `all_parts`.
+        """
         kept, wanted = TriangularFactors(self.factors.columns), set(parts.tolist())
         kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in wanted}
         kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in wanted})
         return replace(self, factors=kept)
 
     def joined(self, parts: Ids | None = None) -> Regression:
-        """Make one regression of some parts, None for all: rows over sqrt(N), as in F_M, Eq. (19)."""
+        """Make one regression of some parts: rows over sqrt(N), as in F_M, Eq. (19).
+
+        Args:
+            parts: Numbers of the parts, (parts,); None for all.
+        """
         terms, chosen = [], (self.all_parts if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.factors.factors}):
             equations = sum(self.factors.equations[kind, k] for k in chosen)
@@ -489,7 +501,7 @@ def reduce_parts(
 
 
 def _blocks_of(part: Ids, pose: Ids) -> Iterator[Ids]:
-    """Places of runs in batches of about BLOCK_RUNS, part by part of some thousand runs after the other."""
+    """Divide the runs into batches of about BLOCK_RUNS, in one part of some thousand runs after the other."""
     for first in range(0, len(part), SORTED_RUNS):
         block = slice(first, first + SORTED_RUNS)
         for these in pose_batches(part[block], pose[block], BLOCK_RUNS):
@@ -516,11 +528,11 @@ def pose_batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
 
 
 def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
-    """Where a structure's parameters and the readings are among those of another; None where one is not."""
+    """Locate a structure's parameters, and the readings, among those of another; None if one is missing."""
     if structure is widest:
         return slice(None)
     alike = (structure.symmetric, structure.n_compliance_rows) == (widest.symmetric, widest.n_compliance_rows)
-    places = structure.places_in(widest)
+    places = structure.indices_in(widest)
     return np.append(places, widest.n) if alike and (places >= 0).all() else None
 
 
@@ -547,8 +559,15 @@ class ReducedReadings:
         """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
         return sum_gram(self.parts)
 
-    def turned(self, basis: csr_array) -> "ReducedReadings":
-        """Return the equations of z in another basis of the unknowns, x = basis @ z, (size, size)."""
+    def in_basis(self, basis: csr_array) -> "ReducedReadings":
+        """Transform the equations to other unknowns z, x = basis @ z.
+
+        Args:
+            basis: Basis of the unknowns, (size, size) [1].
+
+        Returns:
+            The equations in z.
+        """
         B = block_diag((basis, 1.0), format="csr").T
         grams = [np.array([B @ np.asarray(B @ rotated).T for rotated in block.gram]) for block in self.parts]
         parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))

@@ -368,8 +368,8 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
         turns.append(by_part[1])
     D, W = np.concatenate(parts, axis=1), np.concatenate(turns, axis=1)
     seen = data.seen
-    read = np.array([data.as_read(motion)[seen] for motion in D]).reshape(len(D), -1)
-    y = data.as_read(data.deflection)[seen].ravel()
+    read = np.array([data.measured_components(motion)[seen] for motion in D]).reshape(len(D), -1)
+    y = data.measured_components(data.deflection)[seen].ravel()
     rough = MODEL_ERROR * float(np.sqrt((y**2).mean())) or 1.0
     rows = np.vstack([read.T / rough, np.eye(len(D)) / SCALE_DEVIATION])
     from scipy.optimize import nnls  # here: it takes long to import, and few readings are along lines

@@ -1,6 +1,6 @@
 """Solve least squares or GCO on a reduced dataset, with a prior or without.
 
-With a prior both minimise chi^2 + |x - s e|^2 / u^2 in the metric of the prior. There x is the compliance in
+With a prior both minimise chi^2 + |x - s e|^2 / u^2 in units of the prior. There x is the compliance in
 units of its expectation, e that expectation and u the relative uncertainty; GCO keeps every block positive
 semi-definite. The data determine the common scale s: a CAD model that is wrong by one factor costs nothing.
 Every method (`Method`) ends here.
@@ -43,8 +43,8 @@ from testbench.identify.conic import EXACT_FIT, clip_eigenvalues, psd_entries, s
 from testbench.identify.estimate import TOOL_MARKER, Constraint, Estimate, Penalty, Rejected, make_estimate
 from testbench.identify.interior import least_squares
 from testbench.identify.metric import (
+    PriorUncertainty,
     RegressionWithPrior,
-    Strength,
     WeightedPrior,
     cad_prior,
     scale_by_prior,
@@ -224,7 +224,7 @@ METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GC
 
 
 def solve(
-    regression: Regression, constraint: Constraint, belief: WeightedPrior | Penalty | None = None
+    regression: Regression, constraint: Constraint, prior_or_penalty: WeightedPrior | Penalty | None = None
 ) -> Estimate:
     """Solve least squares or GCO on weighted equations, with a prior or without.
 
@@ -234,8 +234,8 @@ def solve(
         regression: The reduced dataset: F_M of n parameters, as triangular factors.
         constraint: "none" for least squares, "psd" for GCO, "free" for least squares made conservative along
             its unobservable directions, which takes no prior.
-        belief: The prior with its strength, or the trace term of GCO without a prior; None for neither, as in
-            the paper.
+        prior_or_penalty: The prior with its uncertainty, or the trace term of GCO without a prior; None for
+            neither, as in the paper.
 
     Returns:
         The estimate; its status says whether it is proven to be the optimum.
@@ -243,15 +243,18 @@ def solve(
     Raises:
         BenchError: When GCO gets a structure that is not symmetric.
     """
-    if not isinstance(belief, WeightedPrior):
+    if not isinstance(prior_or_penalty, WeightedPrior):
         if constraint == "psd":
-            return solve_gco(regression, belief)
+            return solve_gco(regression, prior_or_penalty)
         return (complete_conservatively if constraint == "free" else minimum_norm)(regression)
-    # With a prior: minimise chi^2 and penalty in the metric of the prior, then map x back to pi.
-    prior_solution = solve_with_prior(constraint, RegressionWithPrior(regression, belief))
+    # With a prior: minimise chi^2 and penalty in units of the prior, then map x back to pi.
+    prior_solution = solve_with_prior(constraint, RegressionWithPrior(regression, prior_or_penalty))
     estimate = make_estimate(regression, prior_solution.pi, method=METHODS[constraint], constraint=constraint)
     return replace(
-        estimate, weighted_prior=belief, status=prior_solution.status, solver_seconds=prior_solution.seconds
+        estimate,
+        weighted_prior=prior_or_penalty,
+        status=prior_solution.status,
+        solver_seconds=prior_solution.seconds,
     )
 
 
@@ -277,12 +280,12 @@ def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> Prior
         The answer of Newton's or our interior-point method if it is proven optimal; else that of
         `solve_by_reference`.
     """
-    start, metric = time.perf_counter(), case.prior.scaling
-    M, r = with_prior_rows(case.regression, metric, case.prior.strength)
-    x = certified_solution(M, r, metric.sizes if constraint == "psd" else ())
+    start, scaling = time.perf_counter(), case.prior.scaling
+    M, r = with_prior_rows(case.regression, scaling, case.prior.uncertainty)
+    x = certified_solution(M, r, scaling.sizes if constraint == "psd" else ())
     if x is None:
         return solve_by_reference(constraint, case)
-    return PriorSolution(metric.L @ x, time.perf_counter() - start, "solved", by_our_solver=True)
+    return PriorSolution(scaling.L @ x, time.perf_counter() - start, "solved", by_our_solver=True)
 
 
 def certified_solution(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | None:
@@ -311,14 +314,14 @@ def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> Pri
     Returns:
         The answer, its status as the solver reports it.
     """
-    start, metric = time.perf_counter(), case.prior.scaling
-    M, r = with_prior_rows(case.regression, metric, case.prior.strength)
+    start, scaling = time.perf_counter(), case.prior.scaling
+    M, r = with_prior_rows(case.regression, scaling, case.prior.uncertainty)
     if constraint == "none":
-        pi = metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
+        pi = scaling.L @ np.linalg.lstsq(M, r, rcond=None)[0]
         return PriorSolution(pi, time.perf_counter() - start, "solved", by_our_solver=False)
-    solution = solve_by_clarabel(M, r, metric.sizes)
+    solution = solve_by_clarabel(M, r, scaling.sizes)
     return PriorSolution(
-        metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status, by_our_solver=False
+        scaling.L @ scaling.project(solution.x[1:]), solution.seconds, solution.status, by_our_solver=False
     )
 
 
@@ -386,8 +389,8 @@ def without_outliers(
     """
     readings = single_readings(vjm, regression.structure, data)
     start = time.perf_counter()
-    belief = prior_or_penalty if isinstance(prior_or_penalty, WeightedPrior) else None
-    length, status = reject_iteratively(vjm, readings, regression, constraint, belief)
+    weighted_prior = prior_or_penalty if isinstance(prior_or_penalty, WeightedPrior) else None
+    length, status = reject_iteratively(vjm, readings, regression, constraint, weighted_prior)
     limit = np.where(readings.numbers == 1, LINE_THRESHOLD, REJECTION_THRESHOLD)
     seconds, keep = time.perf_counter() - start, length <= limit
     left, equations = int(keep.sum()), int(readings.numbers[keep].sum())
@@ -415,7 +418,7 @@ def reject_iteratively(
     readings: WeightedReadings,
     regression: Regression,
     constraint: Constraint,
-    belief: WeightedPrior | None,
+    weighted_prior: WeightedPrior | None,
 ) -> tuple[Array, str]:
     """Minimise Huber's loss by reweighting, and return the residuals.
 
@@ -429,22 +432,24 @@ def reject_iteratively(
         readings: Readings one by one.
         regression: All readings, reduced.
         constraint: "none" for least squares, "psd" for GCO.
-        belief: The prior; None for none.
+        weighted_prior: The prior; None for none.
 
     Returns:
         Length of every residual in standard deviations, (readings,) [1], and the status, "solved" if good.
     """
     s = regression.structure
-    if constraint == "psd" and belief is None:
-        belief = WeightedPrior(scale_by_prior(cad_prior(vjm.arm), vjm, s), Strength(WEAK_UNCERTAINTY))
+    if constraint == "psd" and weighted_prior is None:
+        weighted_prior = WeightedPrior(
+            scale_by_prior(cad_prior(vjm.arm), vjm, s), PriorUncertainty(WEAK_UNCERTAINTY)
+        )
     every = np.ones(len(readings.y), dtype=bool)
     length, status = np.zeros(len(every)), "solved"
     for _ in range(MAX_REWEIGHTINGS):
         weighted = _accepted(s, readings, every, np.sqrt(PAIRS.influence(length)))
-        if belief is None:
+        if weighted_prior is None:
             pi = minimum_norm(weighted).pi
         else:
-            prior_solution = solve_with_prior(constraint, RegressionWithPrior(weighted, belief))
+            prior_solution = solve_with_prior(constraint, RegressionWithPrior(weighted, weighted_prior))
             pi, status = prior_solution.pi, prior_solution.status
         before, length = length, np.linalg.norm(readings.y - readings.A @ pi, axis=1)
         if np.abs(length - before).max() < CONVERGED_CHANGE:
@@ -453,7 +458,7 @@ def reject_iteratively(
 
 
 def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weight: Array) -> Regression:
-    """The regression of these readings alone, weighted; a term that lost all of its own is left out."""
+    """Select the equations of some readings; a term without any reading is left out."""
     rows, terms = weight[:, None, None] * np.concatenate([readings.A, readings.y[..., None]], axis=2), []
     for kind in (readings.marker >= 0, readings.marker < 0):
         of_kind = keep & kind
@@ -465,7 +470,7 @@ def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weig
 
 
 def _rejected(data: Dataset, readings: WeightedReadings, keep: Mask, pi: Array) -> tuple[Rejected, ...]:
-    """The readings left out, with their distance from the estimate that does without them."""
+    """List the readings that were left out, with their distance from the estimate without them."""
     length = np.linalg.norm(readings.y - readings.A @ pi, axis=1)
     names = (*data.markers, TOOL_MARKER)
     return tuple(

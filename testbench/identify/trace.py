@@ -71,12 +71,12 @@ class Candidate:
     @property
     def error(self) -> float:
         """Return the mean F_M over the folds [1]."""
-        return paired(self.errors)[0]
+        return mean_and_standard_error(self.errors)[0]
 
     @property
     def standard_error(self) -> float:
         """Return the standard error of that mean over folds [1]."""
-        return paired(self.errors)[1]
+        return mean_and_standard_error(self.errors)[1]
 
 
 def divide_poses(data: Dataset) -> Ids:
@@ -149,7 +149,7 @@ def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
     return Grams(totals.sum(axis=0), totals[several], counts[several], int(counts.sum()), len(kinds))
 
 
-def paired(difference: Array) -> tuple[float, float]:
+def mean_and_standard_error(difference: Array) -> tuple[float, float]:
     """Compute mean and standard error over folds [1] of one model's errors, or of differences, (folds,).
 
     The standard error is infinite for a single fold.
@@ -180,7 +180,9 @@ def prefer_first(candidates: Sequence[Candidate], first: str) -> Comparison:
     """
     [candidate] = [c for c in candidates if c.name == first]
     duels = [
-        Comparison(c.name, *paired(c.errors - candidate.errors)) for c in candidates if c is not candidate
+        Comparison(c.name, *mean_and_standard_error(c.errors - candidate.errors))
+        for c in candidates
+        if c is not candidate
     ]
     better = [d for d in duels if d.difference < -CLEAR_STANDARD_ERRORS * d.standard_error]
     return min(better, key=lambda d: d.difference, default=Comparison(first, 0.0, 0.0))
@@ -266,20 +268,33 @@ class _ScaledFolds:
 
     H: Array  #: Gram matrices of all readings, then of those that every fold fits, (1 + folds, n, n).
     g: Array  #: Their products with the readings, (1 + folds, n).
-    half: Array  #: Half the squares of the readings, (1 + folds,).
+    half_squares: Array  #: Half the sum of squares of the readings, (1 + folds,).
     trace_gradient: Array  #: Trace per unit of the coordinates, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     order: Ids  #: Parameters in the order of the coordinates, (n,).
     scale: Array  #: Parameters per unit of the coordinates and of `unit`, (n,) [m/N, rad/(N m)].
     unit: float  #: Size of all readings together [1].
 
-    def problems(self, folds: slice) -> interior.Problems:
-        """Make the least-squares problems of some folds."""
+    def problems(self, folds: slice) -> interior.BatchedProblems:
+        """Make the least-squares problems of some folds.
+
+        Args:
+            folds: Rows of `H`: the fit of all readings, then one per fold.
+        """
         R = _roots(self.H[folds], _span(self.H[0]))
-        return interior.Problems(R, self.g[folds], self.half[folds], self.trace_gradient, self.sizes)
+        return interior.BatchedProblems(
+            R, self.g[folds], self.half_squares[folds], self.trace_gradient, self.sizes
+        )
 
     def parameters(self, x: Array) -> Array:
-        """Convert coordinates x, (..., n), to parameters, (..., n)."""
+        """Convert scaled coordinates to parameters.
+
+        Args:
+            x: Coordinates, (..., n) [1].
+
+        Returns:
+            Parameters, (..., n) [m/N, rad/N, rad/(N m)].
+        """
         pi = np.empty_like(x)
         pi[..., self.order] = x * self.scale * self.unit
         return pi
@@ -296,7 +311,7 @@ def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
     return _ScaledFolds(
         H=G[:, order][:, :, order] * np.outer(scale, scale),
         g=G[:, order, -1] * scale / unit,
-        half=G[:, -1, -1] / unit**2 / 2,
+        half_squares=G[:, -1, -1] / unit**2 / 2,
         trace_gradient=penalty.gradient[order] * scale / unit,
         sizes=tuple(len(block) for block in s.blocks),
         order=order,
@@ -313,13 +328,15 @@ def _by_held_out_poses(
     Returns:
         Place of the weight, and the squared residuals of all readings [1].
     """
-    x, _ = interior.solve(scaled.problems(slice(1, None)), weights[1:])
+    x, _ = interior.solve_batch(scaled.problems(slice(1, None)), weights[1:])
     fits = np.concatenate([rigid[1:, None], scaled.parameters(x)], axis=1)
     squares = np.array([_squared_residuals(*pair) for pair in zip(readings.held_out, fits, strict=True)])
     k = _strongest_weight(np.sqrt(squares / (readings.equations[:, None] / 3)))
     best = rigid[0]
     if k:
-        best = scaled.parameters(interior.solve(scaled.problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
+        best = scaled.parameters(interior.solve_batch(scaled.problems(slice(0, 1)), weights[k : k + 1])[0])[
+            0, 0
+        ]
     return k, float(_squared_residuals(readings.total, best))
 
 
@@ -328,7 +345,7 @@ def _by_generalised_cross_validation(
 ) -> tuple[int, float]:
     """Choose a weight by all readings; place and squared residuals as of `_by_held_out_poses`."""
     whole = scaled.problems(slice(0, 1))
-    x, multipliers = interior.solve(whole, weights[1:])
+    x, multipliers = interior.solve_batch(whole, weights[1:])
     errors = _squared_residuals(readings.total, np.concatenate([rigid[:1], scaled.parameters(x[0])]))
     spent = np.r_[np.count_nonzero(rigid[0]), interior.effective_parameters(whole, x, multipliers)[0]]
     k = int(np.nanargmin(errors / (readings.all_equations - spent) ** 2))
@@ -336,13 +353,13 @@ def _by_generalised_cross_validation(
 
 
 def _span(H: Array) -> Array:
-    """Orthonormal directions that a Gram matrix spans, (n, rank)."""
+    """Compute orthonormal directions that a Gram matrix spans, (n, rank)."""
     values, V = np.linalg.eigh(H)
     return np.asarray(V[:, values > GRAM_ROUNDING * values[-1]])
 
 
 def _roots(H: Array, V: Array) -> Array:
-    """Roots R of Gram matrices, R^T R = H, (folds, rank, n), inside the span of V, (n, k)."""
+    """Compute roots R of Gram matrices, R^T R = H, (folds, rank, n), within the span of V, (n, k)."""
     values, Q = np.linalg.eigh(V.T @ H @ V)
     kept = (values > ROOT_ROUNDING * values[:, -1:]).any(axis=0)
     return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, kept])
@@ -385,7 +402,7 @@ def _strongest_weight(errors: Array) -> int:
     best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_PROBABILITY)
     for k in range(best):
         if np.isfinite(logs[0, k]):
-            more, error = paired(logs[:, k] - logs[:, best])
+            more, error = mean_and_standard_error(logs[:, k] - logs[:, best])
             if more <= chance * error:
                 return k
     return best

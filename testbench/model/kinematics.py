@@ -88,16 +88,12 @@ def build_tree(arm: Arm) -> pin.Model:
     def pose(body: ET.Element) -> pin.SE3:
         return pin.SE3(body_pose(arm, body, unit))
 
-    def add(name: str, joint: int, placement: pin.SE3) -> None:
-        """Add the frame of a body to the tree."""
-        model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
-
     # pose of the base in the world, through all bodies above it
     base = find_body(arm.rigid, root, arm.links[0].name)
     placement, mount = pose(base), above[base]
     while mount.tag == "body":
         placement, mount = pose(mount) * placement, above[mount]
-    add(arm.links[0].name, 0, placement)
+    _add_frame(model, arm.links[0].name, 0, placement)
     # joints and links from the base on, each placed in the body before it
     last = 0
     for joint, link in zip(arm.joints, arm.links[1:], strict=True):
@@ -107,13 +103,18 @@ def build_tree(arm: Arm) -> pin.Model:
         axis = np.array(numbers(arm.rigid, actuated, "axis", 3))
         last = model.addJoint(last, kind(axis / np.linalg.norm(axis)), placement * pose(body), joint.name)
         placement = pin.SE3.Identity()
-        add(link.name, last, placement)
+        _add_frame(model, link.name, last, placement)
     # tool, load point and markers move with the last joint
     tool = placement * pose(find_body(arm.rigid, root, arm.tool))
-    add(arm.tool, last, tool)
+    _add_frame(model, arm.tool, last, tool)
     for name in {arm.load: None, **dict.fromkeys(arm.markers)}:
-        add(name, last, tool * pose(find_body(arm.rigid, root, name)))
+        _add_frame(model, name, last, tool * pose(find_body(arm.rigid, root, name)))
     return model
+
+
+def _add_frame(model: pin.Model, name: str, joint: int, placement: pin.SE3) -> None:
+    """Add the frame of a body to the tree, placed in its joint."""
+    model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
 
 def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array) -> Array:

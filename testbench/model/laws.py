@@ -114,16 +114,29 @@ class Stiffening:
     size_prior: tuple[float, float] = LAW_PRIOR
     formula: str = f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x"
 
-    def turn(self, joint_turns: JointTurns) -> Array:
-        """Compute the turn that a stiffening spring adds to the linear one, (n, runs) [rad, m].
+    def turn(self, at: JointTurns) -> Array:
+        """Compute the turn that a stiffening spring adds to the linear one.
 
         Mathematics: `law-3`.
-        """
-        return (_spring(joint_turns.x_1) - joint_turns.x_1) - (_spring(joint_turns.x_0) - joint_turns.x_0)
 
-    def slope(self, joint_turns: JointTurns) -> Array:
-        """Compute f' - 1 at x_1, (n, runs) [1]."""
-        return np.asarray(1 / (1 + 3 * UNIT_STIFFENING * (_spring(joint_turns.x_1) / UNIT_ROTATION) ** 2) - 1)
+        Args:
+            at: Nominal turns before and under the load.
+
+        Returns:
+            Turn per unit of size, (n, runs) [rad, m].
+        """
+        return (_spring(at.x_1) - at.x_1) - (_spring(at.x_0) - at.x_0)
+
+    def slope(self, at: JointTurns) -> Array:
+        """Compute the slope f' - 1 at x_1.
+
+        Args:
+            at: Nominal turns before and under the load.
+
+        Returns:
+            Slope per unit of size, (n, runs) [1].
+        """
+        return np.asarray(1 / (1 + 3 * UNIT_STIFFENING * (_spring(at.x_1) / UNIT_ROTATION) ** 2) - 1)
 
 
 @dataclass(frozen=True)
@@ -140,17 +153,30 @@ class Backlash:
         f"s {UNIT_BACKLASH_RAD:g} (tanh(x_1 / {UNIT_BACKLASH_RAD:g}) - tanh(x_0 / {UNIT_BACKLASH_RAD:g}))"
     )
 
-    def turn(self, joint_turns: JointTurns) -> Array:
-        """Compute the turn across the gap, (n, runs) [rad, m].
+    def turn(self, at: JointTurns) -> Array:
+        """Compute the turn across the gap.
 
         Mathematics: `law-4`.
+
+        Args:
+            at: Nominal turns before and under the load.
+
+        Returns:
+            Turn per unit of size, (n, runs) [rad, m].
         """
         b = UNIT_BACKLASH_RAD
-        return np.asarray(b * (np.tanh(joint_turns.x_1 / b) - np.tanh(joint_turns.x_0 / b)))
+        return np.asarray(b * (np.tanh(at.x_1 / b) - np.tanh(at.x_0 / b)))
 
-    def slope(self, joint_turns: JointTurns) -> Array:
-        """Compute 1 - tanh(x_1 / b)^2, (n, runs) [1]."""
-        return np.asarray(1 - np.tanh(joint_turns.x_1 / UNIT_BACKLASH_RAD) ** 2)
+    def slope(self, at: JointTurns) -> Array:
+        """Compute the slope 1 - tanh(x_1 / b)^2.
+
+        Args:
+            at: Nominal turns before and under the load.
+
+        Returns:
+            Slope per unit of size, (n, runs) [1].
+        """
+        return np.asarray(1 - np.tanh(at.x_1 / UNIT_BACKLASH_RAD) ** 2)
 
 
 @dataclass(frozen=True)
@@ -166,19 +192,30 @@ class Friction:
     size_prior: tuple[float, float] = LAW_PRIOR
     formula: str = f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1)"
 
-    def turn(self, joint_turns: JointTurns) -> Array:
-        """Compute the turn that friction holds back, (n, runs) [rad, m].
+    def turn(self, at: JointTurns) -> Array:
+        """Compute the turn that friction holds back.
 
         Mathematics: `law-5`.
-        """
-        width = joint_turns.widths * UNIT_FRICTION_RAD
-        return np.asarray(-width * np.clip((joint_turns.x_1 - joint_turns.x_0) / width, -1, 1))
 
-    def slope(self, joint_turns: JointTurns) -> Array:
-        """Compute -1 where friction holds the joint, and 0 where it slips, (n, runs) [1]."""
-        return np.asarray(
-            -1.0 * (np.abs(joint_turns.x_1 - joint_turns.x_0) < joint_turns.widths * UNIT_FRICTION_RAD)
-        )
+        Args:
+            at: Nominal turns before and under the load, and the width of the loop.
+
+        Returns:
+            Turn per unit of size, (n, runs) [rad, m].
+        """
+        width = at.widths * UNIT_FRICTION_RAD
+        return np.asarray(-width * np.clip((at.x_1 - at.x_0) / width, -1, 1))
+
+    def slope(self, at: JointTurns) -> Array:
+        """Compute the slope: -1 where friction holds the joint, 0 where it slips.
+
+        Args:
+            at: Nominal turns before and under the load, and the width of the loop.
+
+        Returns:
+            Slope per unit of size, (n, runs) [1].
+        """
+        return np.asarray(-1.0 * (np.abs(at.x_1 - at.x_0) < at.widths * UNIT_FRICTION_RAD))
 
 
 def _spring(x: Array) -> Array:
@@ -225,7 +262,7 @@ COMPENSATOR_UNIT = UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR)
 COMPENSATOR_LAW_PRIOR = 0.05, 1.5
 """Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
 deflects to half of that of joint 2."""
-TIED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
+COUPLED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
 CACHED_VJMS = CACHED_STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
@@ -291,11 +328,17 @@ class JointLaws:
         return JointTurns(c * before, c * (before + u), self.widths)
 
     def before(self, chain: Chain) -> Array:
-        """Compute torques tau_0 at the joints before the load, (n, runs) [N m, N].
+        """Compute the torques tau_0 at the joints before the load.
 
-        They are those of own weight, where weights are known, less what a compensator carries.
+        They are those of own weight, if masses are known, less those that a compensator carries.
 
         Mathematics: `law-2`.
+
+        Args:
+            chain: The arm in its poses.
+
+        Returns:
+            Torques tau_0, (n, runs) [N m, N].
         """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
         if self.weights is None:
@@ -379,7 +422,7 @@ def law_unit(kind: str) -> float:
     return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
 
 
-def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
+def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     """Read the sizes of joint laws from the diagonal of C_theta.
 
     Args:
@@ -485,29 +528,29 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def with_ties(structure: Structure) -> Structure:
+def with_joint_couplings(structure: Structure) -> Structure:
     """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
     joints = 6 * structure.links + np.arange(structure.links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
-    name = structure.name + TIED_SUFFIX * (len(a) > 0)
+    name = structure.name + COUPLED_SUFFIX * (len(a) > 0)
     return replace(structure, name=name, a=np.append(structure.a, a), b=np.append(structure.b, b))
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def without_ties(structure: Structure) -> Structure:
+def without_joint_couplings(structure: Structure) -> Structure:
     """Remove the couplings between joints from a structure; cached."""
     keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
     return (
         structure
         if len(keep) == structure.n
-        else structure.keep(keep, structure.name.removesuffix(TIED_SUFFIX))
+        else structure.keep(keep, structure.name.removesuffix(COUPLED_SUFFIX))
     )
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
     """Remove joint laws and couplings between joints from a structure; cached."""
-    structure = without_ties(structure)
+    structure = without_joint_couplings(structure)
     if not structure.laws:
         return structure
     keep = np.flatnonzero(structure.a < structure.n_compliance_rows)

@@ -35,7 +35,7 @@ from testbench.model.vjm import (
     chain,
     cross,
     generalised_load,
-    plain_load,
+    load_without_laws,
     translation_rows,
 )
 
@@ -54,7 +54,13 @@ class Load(Displayed):
     point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
     def for_poses(self, poses: int) -> "Load":
-        """Expand the load to one row per pose: wrench (poses, 6) [N, N m] and point (poses, 3) [m].
+        """Expand the load to one row per pose.
+
+        Args:
+            poses: Number of poses.
+
+        Returns:
+            Load with wrench (poses, 6) [N, N m] and point (poses, 3) [m].
 
         Raises:
             BenchError: When it has rows for another number of poses, or a number that is not finite.
@@ -70,7 +76,14 @@ class Load(Displayed):
         return Load(wrench, point)
 
     def select(self, poses: slice | Ids) -> "Load":
-        """Take the rows of some poses, by indices or a slice, from a load that has one row per pose."""
+        """Select some poses from a load that has one row per pose.
+
+        Args:
+            poses: Indices of the poses, (k,), or a slice.
+
+        Returns:
+            Load with one row for each of them.
+        """
         return Load(self.wrench[poses], self.point[poses])
 
 
@@ -134,7 +147,7 @@ def on_joints(chain: Chain, loads: Sequence[Load]) -> Array:
     """
     u = np.zeros((7 * len(chain.bodies) - 8, len(chain.position)))
     for load in loads:
-        u += plain_load(chain, load.wrench, load.point)
+        u += load_without_laws(chain, load.wrench, load.point)
     return append_law_loads(chain, u)
 
 

@@ -198,16 +198,27 @@ class Structure(Displayed):
         """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
 
-    def places_in(self, wider: "Structure") -> Ids:
-        """Find the parameters among those of a wider structure, (n,); -1 for each that it lacks."""
+    def indices_in(self, wider: "Structure") -> Ids:
+        """Find the parameters of this structure among those of a wider one.
+
+        Args:
+            wider: Structure of the same arm.
+
+        Returns:
+            Index of each parameter in the wider structure, (n,); -1 for a parameter that it lacks.
+        """
         place = {pair: k for k, pair in enumerate(zip(wider.a.tolist(), wider.b.tolist(), strict=True))}
         pairs = zip(self.a.tolist(), self.b.tolist(), strict=True)
         return np.array([place.get(pair, -1) for pair in pairs], dtype=int)
 
     def matrix(self, pi: Array) -> Array:
-        """Build C_theta, (n_theta, n_theta), from parameters pi, (n,) [m/N, rad/N, rad/(N m)].
+        """Build C_theta from its parameters pi, Eq. (11).
 
-        It is symmetric where the structure is; entries outside the structure are zero.
+        Args:
+            pi: Parameters, (n,) [m/N, rad/N, rad/(N m)].
+
+        Returns:
+            C_theta, (n_theta, n_theta), symmetric if the structure is; zero outside the structure.
 
         Raises:
             BenchError: When pi has another shape or is not finite.
@@ -220,7 +231,13 @@ class Structure(Displayed):
         return C
 
     def entries(self, C: Array) -> Array:
-        """Read the parameters pi, (n,), from a C_theta, (n_theta, n_theta); other entries are dropped.
+        """Read the parameters pi from C_theta; entries outside the structure are dropped.
+
+        Args:
+            C: C_theta, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
+
+        Returns:
+            Parameters pi, (n,).
 
         Raises:
             BenchError: When C has another shape.
@@ -231,7 +248,14 @@ class Structure(Displayed):
         return np.asarray(C)[self.a, self.b]
 
     def gradient(self, g: Array) -> Array:
-        """Convert a gradient g with respect to pi, (n,), into S with <S, C> = g . pi, (n_theta, n_theta)."""
+        """Convert a gradient with respect to pi into a matrix S with <S, C> = g . pi.
+
+        Args:
+            g: Gradient with respect to pi, (n,).
+
+        Returns:
+            S, (n_theta, n_theta).
+        """
         return self.matrix(np.where(self.mirrored, g / 2, g))
 
     def keep(self, columns: Ids, name: str) -> "Structure":
@@ -287,7 +311,7 @@ def _named(
     return make
 
 
-free36 = _named("MLS36", entries=FREE)
+mls36 = _named("MLS36", entries=FREE)
 """All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
 mgco147 = _named("MGCO147")
 """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""

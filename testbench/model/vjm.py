@@ -149,7 +149,14 @@ class Chain:
     laws: Laws | None = None  #: Joint laws of the model.
 
     def points(self, points: Array) -> Array:
-        """Transform points from the tool's frame, (k, 3) [m], to the world, (runs, k, 3) [m]."""
+        """Transform points from the tool's frame to the world.
+
+        Args:
+            points: Points in the tool's frame, (k, 3) [m].
+
+        Returns:
+            Points in the world, (runs, k, 3) [m].
+        """
         return points_on_tool((self.position, self.rotation), points)
 
 
@@ -452,10 +459,10 @@ def generalised_load(chain: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    return append_law_loads(chain, plain_load(chain, wrench, point))
+    return append_law_loads(chain, load_without_laws(chain, wrench, point))
 
 
-def plain_load(chain: Chain, wrench: Array, point: Array) -> Array:
+def load_without_laws(chain: Chain, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of the virtual joints of links and joints, joint laws left out.
 
     Mathematics: `obs-7`, `vjm-5`.
@@ -551,7 +558,7 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
 # --- Rigid tool motion and rotation vectors: how joints move the tool, and how far orientations are apart ---
 
 
-def turn_between(start: Array, end: Array) -> Array:
+def rotation_vectors_between(start: Array, end: Array) -> Array:
     """Compute rotation vectors that take orientations to others, log(R_end R_start^T).
 
     Args:
@@ -582,7 +589,7 @@ def rotation_matrices(turn: Array) -> Array:
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * K @ K)
 
 
-def turn_of_axis(start: Array, end: Array) -> Array:
+def rotation_vectors_between_axes(start: Array, end: Array) -> Array:
     """Compute rotation vectors of the shortest turns that take unit vectors to others.
 
     Args:
@@ -596,7 +603,7 @@ def turn_of_axis(start: Array, end: Array) -> Array:
 
 
 def _vectors(sine: Array, cosine: Array) -> Array:
-    """Rotation vectors from axes times sines, (points, 3), and cosines, (points,)."""
+    """Compute rotation vectors from axes times sines, (points, 3), and cosines, (points,)."""
     size = np.linalg.norm(sine, axis=1)
     angle = np.arctan2(size, cosine)
     return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
@@ -645,7 +652,7 @@ class WorkArea:
     cone: float = np.pi  #: Largest angle between the two [rad].
 
 
-def in_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
+def in_work_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
     """Tell which poses have their tool in a work area, the arm rigid.
 
     Args:
@@ -694,7 +701,7 @@ def random_poses(
         q = vjm.arm.draw_poses(rng, POSES_PER_BATCH)
         drawn += len(q)
         for piece in np.split(q, range(POSES_PER_CHECK, POSES_PER_BATCH, POSES_PER_CHECK)):
-            inside = piece if area is None else piece[in_area(vjm, area, piece)]
+            inside = piece if area is None else piece[in_work_area(vjm, area, piece)]
             reached += len(inside)
             kept.extend(inside[clear(inside)])
             if len(kept) >= count:

@@ -253,10 +253,13 @@ class Plant:
         return self.theta[6 * len(self.arm.links) :]
 
     def compliance(self, q: Array) -> Array:
-        """Compute the true compliance at commanded joints, (poses, n) [rad, m].
+        """Compute the true compliance of the arm in some poses.
+
+        Args:
+            q: Commanded joints, (poses, n) [rad, m].
 
         Returns:
-            Compliance, (poses, nv, nv) [m/N, rad/(N m)]; C, (nv, nv), if it does not depend on the pose.
+            Compliance, (poses, nv, nv) [m/N, rad/N, rad/(N m)]; C, (nv, nv), if all poses share it.
         """
         if self.spring_effects is None:
             return self.C

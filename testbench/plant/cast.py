@@ -134,7 +134,7 @@ class Sections:
         return np.asarray(c + twist[:, :, None] * twist[:, None, :])
 
     def _wall_points(self, at: Array) -> Array:
-        """Places on every wall from the centroid, (sections, walls, places, 2) [m]."""
+        """Compute points on every wall, from the centroid, (sections, walls, points, 2) [m]."""
         p = self.corners - self.centroid[:, None]
         return np.asarray(p[:, :, None] + at[:, None] * self.edges[:, :, None])
 
@@ -233,7 +233,14 @@ class Casting:
     rib: float  #: Width of a rib over the pitch [1].
 
     def sections(self, s: Array) -> Sections:
-        """Compute cross sections of the link at distances from its root over its length, (k,) [1]."""
+        """Compute the cross sections of the link at some places along it.
+
+        Args:
+            s: Distances from the root over the length of the link, (k,) [1].
+
+        Returns:
+            The k cross sections.
+        """
         width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
         top = self.trapezium * width
         y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
@@ -252,9 +259,13 @@ class Casting:
         return whole
 
     def compliance(self, segments: int = SEGMENTS) -> Array:
-        """Compute the compliance at the link's end in the beam frame, (6, 6) [m/N, rad/(N m)].
+        """Compute the compliance at the link's end by Gauss-Legendre quadrature along the link.
 
-        It takes Gauss-Legendre nodes along the link, as many as `segments`.
+        Args:
+            segments: Number of nodes of the quadrature.
+
+        Returns:
+            Compliance in the beam frame, (6, 6) [m/N, rad/N, rad/(N m)].
         """
         nodes, weights = np.polynomial.legendre.leggauss(segments)
         s = (1 + nodes) / 2
@@ -311,21 +322,17 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
     def one(name: str) -> float:
         return float(rng.uniform(*CASTING_RANGES[name]))
 
-    def several(name: str, count: int) -> Array:
-        """Draw several values of one dimension."""
-        return rng.uniform(*CASTING_RANGES[name], count)
-
     return Casting(
         length=length,
-        size=wide * several("size", 2),
-        taper=several("taper", 2),
+        size=wide * rng.uniform(*CASTING_RANGES["size"], 2),
+        taper=rng.uniform(*CASTING_RANGES["taper"], 2),
         trapezium=one("trapezium"),
         thickness=wide / DIAMETER_OVER_WALL,
-        wall=several("wall", 4),
+        wall=rng.uniform(*CASTING_RANGES["wall"], 4),
         thinning=one("thinning"),
         section_angle=one("turned"),
-        line_offset=wide * several("beside", 2),
-        bow=length * several("bow", 2),
+        line_offset=wide * rng.uniform(*CASTING_RANGES["beside"], 2),
+        bow=length * rng.uniform(*CASTING_RANGES["bow"], 2),
         open_side=int(rng.integers(4)) if rng.random() > CLOSED_SHARE else None,
         pitch=one("pitch"),
         rib=one("rib"),

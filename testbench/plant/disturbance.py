@@ -260,7 +260,14 @@ class TrueJointLaws:
     user_law: TrueLaw | None = None  #: Effect that a user adds; None for none.
 
     def select(self, runs: Ids | slice) -> "TrueJointLaws":
-        """Select the law of some runs."""
+        """Select the laws of some runs.
+
+        Args:
+            runs: Indices of the runs, (k,), or a slice.
+
+        Returns:
+            Laws with the friction history of these runs.
+        """
         return self if self.start is None else replace(self, start=self.start[runs])
 
 
@@ -336,9 +343,15 @@ class PoseDependence:
     phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:
-        """Compute the factors that poses, (poses, n) [rad, m], apply to the roots of the link compliances.
+        """Compute the factors of the roots of the link compliances, exp(log_change s / 2), in every pose.
 
-        They refer to the compliances of the arm's folder, (poses, 6 links) [1].
+        They refer to the compliances of the arm's folder.
+
+        Args:
+            q: Commanded joints, (poses, n) [rad, m].
+
+        Returns:
+            Factors, (poses, 6 links) [1].
         """
         s = np.sin((q[:, None, :] * self.joint_rates).sum(axis=2) + self.phase)
         return np.asarray(np.exp(s[..., None] * self.log_change / 2).reshape(len(q), -1))

@@ -335,7 +335,14 @@ class Batch:
         return tool if self.strut is None else (*tool, *self.strut.bodies)
 
     def compliance_in(self, poses: Ids) -> Array:
-        """Return the compliance in some poses, (some, nv, nv), or (nv, nv) if all poses share one."""
+        """Return the compliance in some of the poses.
+
+        Args:
+            poses: Indices of the poses, (k,).
+
+        Returns:
+            Compliance, (k, nv, nv) [m/N, rad/N, rad/(N m)]; (nv, nv) if all poses share one.
+        """
         return self.C if self.C.ndim == 2 else self.C[poses]
 
 
@@ -381,7 +388,12 @@ def solve_equilibrium(
     true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(part: slice, row: ArmCopies) -> ArmEquilibrium:
-        """Find the equilibrium of some runs."""
+        """Find the equilibrium of the runs of one batch.
+
+        Args:
+            part: Runs of the batch.
+            row: Copies of the arm, one per run.
+        """
         held, C = fixed_configurations(plant, true_q[part]), plant.compliance(q[part])
         poses = Batch(plant, held, wrench[part], point[part], C, law and law.select(part))
         if changes.compensator is not None:
@@ -605,11 +617,11 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
 
-    def settled(part: slice, row: ArmCopies) -> ArmEquilibrium:
-        """Find the equilibrium of some runs."""
-        return _linear_equilibrium(plant, row, q[part], wrench[part], point[part])
-
-    return solve_in_batches(plant, len(q), settled)
+    return solve_in_batches(
+        plant,
+        len(q),
+        lambda part, row: _linear_equilibrium(plant, row, q[part], wrench[part], point[part]),
+    )
 
 
 def _linear_equilibrium(

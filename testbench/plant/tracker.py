@@ -102,7 +102,7 @@ class LaserTracker:
         return np.asarray(transverse * (normal - along) + radial * along)
 
     def _beam(self, positions: Array) -> tuple[Array, Array, Array]:
-        """Unit vector, (..., 3) [1], and standard deviations along and across it, (..., 1) [m]."""
+        """Compute the beam, (..., 3) [1], and the deviations along and across it, (..., 1) [m]."""
         beam = positions - np.array(self.station)
         distance = np.linalg.norm(beam, axis=-1, keepdims=True)
         radial, transverse = (self.share * (base + slope * distance) for base, slope in (RADIAL, TRANSVERSE))

@@ -30,16 +30,16 @@ from testbench.identify.conic import (
     solve_gco,
 )
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.interior import BlockProgram, interior
+from testbench.identify.interior import BlockProgram, solve_program
 from testbench.identify.method import least_squares
 from testbench.identify.metric import (
     PriorScaling,
+    PriorUncertainty,
     RegressionWithPrior,
-    Strength,
     WeightedPrior,
     weighted_rows,
 )
-from testbench.identify.posterior import Intervals, check_confidence, linearise
+from testbench.identify.posterior import Intervals, check_confidence, posterior_of_estimate
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce, reduce_parts
 from testbench.identify.solve import complete_conservatively, minimum_norm, solve_with_prior
 from testbench.identify.trace import Fold, divide_poses, folds
@@ -54,18 +54,18 @@ LEFT = 1e-10  #: Distance from the optimum up to which it is solved, over the co
 SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
-def gco_stein(regression: Regression, metric: PriorScaling, strength: Strength) -> Estimate:
+def gco_stein(regression: Regression, scaling: PriorScaling, uncertainty: PriorUncertainty) -> Estimate:
     """Identify by GCO with the log-determinant prior; the common scale is that of the Gaussian fit.
 
     Args:
         regression: The reduced dataset.
-        metric: Metric of the prior.
-        strength: Strength of the prior.
+        scaling: Units of the prior.
+        uncertainty: PriorUncertainty of the prior.
 
     Returns:
         The estimate.
     """
-    case = RegressionWithPrior(regression, WeightedPrior(metric, strength))
+    case = RegressionWithPrior(regression, WeightedPrior(scaling, uncertainty))
     pi, left = _minimum(case)
     estimate = make_estimate(regression, pi, method="GCO with log-det prior", constraint="psd")
     return replace(
@@ -80,20 +80,20 @@ def stein_parameters(case: RegressionWithPrior) -> Array:
 
 def _minimum(case: RegressionWithPrior) -> tuple[Array, float]:
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
-    metric, n = case.prior.scaling, case.prior.scaling.structure.n
-    e, (A, y) = metric.expected, weighted_rows(case.regression, metric)
-    scale = max(1e-6, float(np.linalg.solve(metric.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
+    scaling, n = case.prior.scaling, case.prior.scaling.structure.n
+    e, (A, y) = scaling.expected, weighted_rows(case.regression, scaling)
+    scale = max(1e-6, float(np.linalg.solve(scaling.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
     T: Array = np.asarray(np.linalg.qr(np.c_[scale * A, y], mode="r"))[:n]
     size = float(T[:, n] @ T[:, n])
     R, z = T[None, :, :n] / math.sqrt(size), T[None, :, n] / math.sqrt(size)
-    weight = 1 / (size * case.prior.strength.uncertainty**2)
-    program = BlockProgram(R, z, np.zeros(1), weight * e, metric.sizes, squares=True, barrier=weight)
-    iterate = interior(program)
-    return np.asarray(scale * metric.L @ iterate.x), iterate.distance_from_optimum(program)
+    weight = 1 / (size * case.prior.uncertainty.relative**2)
+    program = BlockProgram(R, z, np.zeros(1), weight * e, scaling.sizes, squares=True, barrier=weight)
+    iterate = solve_program(program)
+    return np.asarray(scale * scaling.L @ iterate.x), iterate.distance_from_optimum(program)
 
 
-def gco_least_trace(regression: Regression, metric: PriorScaling) -> Estimate:
+def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     """Identify by GCO without a prior: of models that fit as well as the best the one of least trace.
 
     The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
@@ -102,31 +102,31 @@ def gco_least_trace(regression: Regression, metric: PriorScaling) -> Estimate:
 
     Args:
         regression: The reduced dataset.
-        metric: Metric of the prior.
+        scaling: Units of the prior.
 
     Returns:
         The estimate.
     """
     best = solve_gco(regression).f_m
-    n, count = metric.structure.n, len(regression.terms)
+    n, count = scaling.structure.n, len(regression.terms)
     allowed = (1 + SLACK) * max(best, EXACT_FIT * f_m(regression, np.zeros(n)))
     total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
-    parts = [(term.R @ metric.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
+    parts = [(term.R @ scaling.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
     norms = norm_constraints(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
         cone.ConeProgram(
-            cost=np.r_[np.zeros(count), metric.expected],
-            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, metric.sizes)),
+            cost=np.r_[np.zeros(count), scaling.expected],
+            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, scaling.sizes)),
             rows=(total, *norms),
         )
     )
     estimate = make_estimate(
         regression,
-        metric.L @ metric.project(solution.x[count:]),
+        scaling.L @ scaling.project(solution.x[count:]),
         method="GCO, least trace in the metric",
         constraint="psd",
         advice=(
-            f"free directions: least trace in the metric of {metric.prior}, F_M within {100 * SLACK:g} %",
+            f"free directions: least trace in the metric of {scaling.prior}, F_M within {100 * SLACK:g} %",
         ),
     )
     return replace(estimate, status=solution.status, solver_seconds=solution.seconds)
@@ -148,24 +148,26 @@ def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
 
 
 def choose_strength(
-    held: Sequence[Fold], metric: PriorScaling, fit: Callable[[RegressionWithPrior], Array]
-) -> Strength:
+    held: Sequence[Fold], scaling: PriorScaling, fit: Callable[[RegressionWithPrior], Array]
+) -> PriorUncertainty:
     """Choose the uncertainty of a prior that predicts held-out poses best.
 
     Args:
         held: The folds.
-        metric: Metric of the prior.
+        scaling: Units of the prior.
         fit: Fits a case.
 
     Returns:
         The strength, its scale left to the data.
     """
 
-    def error(strength: Strength) -> float:
-        cases = ((fold, RegressionWithPrior(fold.fitted, WeightedPrior(metric, strength))) for fold in held)
+    def error(uncertainty: PriorUncertainty) -> float:
+        cases = (
+            (fold, RegressionWithPrior(fold.fitted, WeightedPrior(scaling, uncertainty))) for fold in held
+        )
         return float(np.mean([f_m(fold.held_out, fit(case)) for fold, case in cases]))
 
-    return min(map(Strength, UNCERTAINTIES), key=error)
+    return min(map(PriorUncertainty, UNCERTAINTIES), key=error)
 
 
 UNSEEN = 1e-9  #: Length of a column over the longest one below which no reading sees it.
@@ -259,7 +261,7 @@ def bootstrap(
     if k < 1:
         least = math.ceil(1 / tail - 1e-9) - 1
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
-    centre, linear = a @ estimate.pi, linearise(estimate)
+    centre, linear = a @ estimate.pi, posterior_of_estimate(estimate)
     again = resampler(estimate.regression)
     refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate)
     errors = refits @ a.T - centre

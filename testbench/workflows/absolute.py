@@ -40,10 +40,10 @@ from testbench.identify.absolute.state import (
     undetermined_frames,
 )
 from testbench.identify.diagnosis.diagnose import unplaced_series
-from testbench.identify.diagnosis.gravity import by_own_weight
+from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Issue
-from testbench.identify.diagnosis.screens import check_order
+from testbench.identify.diagnosis.screens import check_row_order
 from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READINGS
@@ -215,7 +215,7 @@ def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
     """
     weights = read_weights(vjm.arm)
     with raise_explanation(vjm):
-        check_order(vjm, series)
+        check_row_order(vjm, series)
         state = align_all(
             nominal_state(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series)
         )
@@ -251,7 +251,7 @@ def calibrate_with_masses(
     said += of_held(calibration)
     wild = outliers(calibration.state, calibration.series, calibration.influences)
     words = (describe(issue, vjm.arm).sentence for issue in calibration.findings)
-    mounted = by_own_weight(calibration, cad_prior(vjm.arm))
+    mounted = mounting_by_own_weight(calibration, cad_prior(vjm.arm))
     return Calibrated(
         calibration,
         calibration.series,

@@ -62,7 +62,7 @@ def _of_method(estimate: Estimate) -> list[str]:
             "in directions that no reading determines, GCO chooses the compliances of least trace "
             f"(weight {TIE_BREAK:g})"
         ] * free
-        if estimate.held_by_trace_weight:
+        if estimate.bounded_by_tie_break:
             said.append(
                 f"{name}: only the trace weight limits the unobservable compliance; "
                 "predictions away from the measured poses depend on it"
@@ -76,37 +76,39 @@ def _of_method(estimate: Estimate) -> list[str]:
     return [MINIMUM_NORM] * free + [f"{name}: {estimate.status}"] * left
 
 
-def of_prior(belief: WeightedPrior) -> str:
+def of_prior(weighted_prior: WeightedPrior) -> str:
     """Say which prior filled what the data cannot see."""
-    strength, name = belief.strength, belief.scaling.prior
-    if strength.coupling is not None:
-        shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
+    uncertainty, name = weighted_prior.uncertainty, weighted_prior.scaling.prior
+    if uncertainty.link_coupling is not None:
+        shape, coupling = (
+            100 * weighted_prior.misfit * u for u in (uncertainty.relative, uncertainty.link_coupling)
+        )
         return (
             f"the prior is {name}, with a scale for each link and joint that is estimated from the readings. "
             f"Its uncertainty is {shape:.2g} % for the shape of a compliance, {coupling:.2g} % for couplings"
         )
     scale = (
         "one common scale estimated from the readings"
-        if np.isinf(strength.scale_uncertainty)
-        else f"an uncertainty of {100 * strength.scale_uncertainty:g} % in its common scale"
+        if np.isinf(uncertainty.scale)
+        else f"an uncertainty of {100 * uncertainty.scale:g} % in its common scale"
     )
-    return f"the prior is {name}, with an uncertainty of {100 * strength.uncertainty:.3g} % and {scale}"
+    return f"the prior is {name}, with an uncertainty of {100 * uncertainty.relative:.3g} % and {scale}"
 
 
 def of_average(average: ModelAverage | None) -> list[str]:
     """Say how much joints alone count, or laws of the joints; nothing where neither does."""
-    if average is None or not (average.laws_weight or average.weight or average.ties_weight):
+    if average is None or not (average.laws_weight or average.weight or average.joint_couplings_weight):
         return []
     if average.weight == 1:
         return ["link compliances hardly improve the model, so its links are rigid, as in Joints-only"]
-    if average.ties_weight == 1:
+    if average.joint_couplings_weight == 1:
         return ["the evidence favours coupled joints"]
-    if average.ties_weight:
+    if average.joint_couplings_weight:
         said = (
-            f"by their evidence, coupled joints have a weight of {100 * average.ties_weight:.3g} % in the "
-            "average"
+            "by their evidence, coupled joints have a weight of "
+            f"{100 * average.joint_couplings_weight:.3g} % in the average"
         )
-        return [said, *of_average(replace(average, ties_weight=0.0))]
+        return [said, *of_average(replace(average, joint_couplings_weight=0.0))]
     if average.laws_weight == 1:
         return ["the evidence favours joints with stiffening, backlash or friction"]
     if average.laws_weight:

@@ -277,12 +277,12 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
     posterior = Posterior(
         x=unknowns.current(state)[columns],
         root=check_array(arrays["root"], (None, n), "root"),
-        unseen=check_array(arrays["unseen"], (None, n), "unseen"),
+        unobservable=check_array(arrays["unseen"], (None, n), "unseen"),
         scale=check_array(arrays["scale"], (n,), "scale"),
-        tail=math.inf if spread.degrees_of_freedom is None else spread.degrees_of_freedom,
+        student_dof=math.inf if spread.degrees_of_freedom is None else spread.degrees_of_freedom,
         cone_distance=spread.pull,
         on_boundary=spread.on_boundary,
-        heavy_rows=spread.heavy_rows,
+        prior_rows=spread.heavy_rows,
     )
     return ArmModel(state, structure, columns, posterior, about, scatter)
 
@@ -389,8 +389,8 @@ def _document(model: ArmModel) -> dict[str, object]:
         "noise": None
         if noise is None
         else {
-            "open_position_m": float(noise.open_position),
-            "open_rotation_rad": float(noise.open_rotation),
+            "open_position_m": float(noise.position_model_error),
+            "open_rotation_rad": float(noise.rotation_model_error),
             "factor": noise.factor.tolist(),
         },
         "frames": {
@@ -411,8 +411,8 @@ def _document(model: ArmModel) -> dict[str, object]:
         },
         "columns": model.columns.tolist(),
         "spread": {
-            "degrees_of_freedom": _finite(posterior.tail),
-            "heavy_rows": posterior.heavy_rows,
+            "degrees_of_freedom": _finite(posterior.student_dof),
+            "heavy_rows": posterior.prior_rows,
             "pull": posterior.cone_distance,
             "on_boundary": posterior.on_boundary,
         },
@@ -482,7 +482,7 @@ def write_stiffness(
         },
         "unseen": {
             "directions": estimate.compliance_regression.structure.n - estimate.compliance_regression.rank,
-            "without_bound": len(model.posterior.unseen),
+            "without_bound": len(model.posterior.unobservable),
             "stiffer": list(fits.unchecked.stiffer),
             "softer": list(fits.unchecked.softer),
             "words": list(advice(estimate)),
@@ -492,18 +492,18 @@ def write_stiffness(
     write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
 
 
-def _prior(belief: WeightedPrior) -> object:
-    strength = belief.strength
+def _prior(weighted_prior: WeightedPrior) -> object:
+    uncertainty = weighted_prior.uncertainty
     return {
-        "name": belief.scaling.prior,
-        "learnt": belief.hyperparameter_effect is not None,
-        "uncertainty": float(strength.uncertainty),
-        "scale_uncertainty": _finite(strength.scale_uncertainty),
-        "coupling": None if strength.coupling is None else float(strength.coupling),
-        "misfit": float(belief.misfit),
+        "name": weighted_prior.scaling.prior,
+        "learnt": weighted_prior.hyperparameter_effect is not None,
+        "uncertainty": float(uncertainty.relative),
+        "scale_uncertainty": _finite(uncertainty.scale),
+        "coupling": None if uncertainty.link_coupling is None else float(uncertainty.link_coupling),
+        "misfit": float(weighted_prior.misfit),
         "scales": [
             {"name": scale.name, "factor": float(scale.factor), "deviation": _finite(scale.deviation)}
-            for scale in belief.scales
+            for scale in weighted_prior.scales
         ],
     }
 

@@ -19,7 +19,7 @@ from testbench.data.dataset import Series, numbers_per_target, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
-from testbench.identify.absolute.evidence import DEFAULT_SCALES, LOOSE_STRENGTH, ActiveUnknowns
+from testbench.identify.absolute.evidence import DEFAULT_SCALES, WIDE_PRIOR, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import further_information, posterior_of
@@ -135,7 +135,7 @@ def _entries(active: ActiveUnknowns) -> Iterator[Named]:
     """Entries of C_theta that are on."""
     structure, arm, every = active.unknowns.structure, active.unknowns.vjm.arm, np.eye(active.unknowns.size)
     links = 6 * len(arm.links)
-    for column in active.columns[active.rigid :].tolist():
+    for column in active.columns[active.n_rigid :].tolist():
         a, b = (int(x[column - active.unknowns.starts["elastic"]]) for x in (structure.a, structure.b))
         if a < links:
             name = f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}"
@@ -238,8 +238,8 @@ def _errors_of_series(series: Series, before: Array, after: Array) -> Row:
 def _noise(noise: Noise, series: Sequence[Series]) -> Row:
     return Row(
         sigma_um=float(UM * np.sqrt(np.mean([readings.sigma**2 for readings in series]))),
-        open_position_um=UM * noise.open_position,
-        open_rotation_urad=UM * noise.open_rotation,
+        open_position_um=UM * noise.position_model_error,
+        open_rotation_urad=UM * noise.rotation_model_error,
         position_factor=float(noise.factor[0]),
     )
 
@@ -396,9 +396,9 @@ def _ranges(joint: ArmJoint, own: Array, q: Array, before: Array, after: Array) 
         sizes = [float(MM * np.sqrt((x[here] ** 2).mean())) if here.any() else None for x in (before, after)]
         yield Row(
             joint=joint.name,
-            low=float(joint.shown * edges[k]),
-            high=float(joint.shown * edges[k + 1]),
-            unit=joint.shown_unit,
+            low=float(joint.display_factor * edges[k]),
+            high=float(joint.display_factor * edges[k + 1]),
+            unit=joint.display_unit,
             n=int(here.sum()),
             before_mm=sizes[0],
             after_mm=sizes[1],
@@ -517,17 +517,17 @@ def _compliances(calibration: Calibration) -> list[Row]:
 def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
     """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
     pulls = [x[: len(one.markers)].T for x, one in zip(calibration.influences, series, strict=True)]
-    counted = np.concatenate([pull[one.seen] for pull, one in zip(pulls, series, strict=True)])
+    counted = np.concatenate([further[one.seen] for further, one in zip(pulls, series, strict=True)])
     outliers = [
         Row(
             series=one.name,
             row=int(one.row[row]),
             marker=one.markers[k],
             error_mm=float(MM * np.linalg.norm(left[row, k])),
-            pull=float(pull[row, k]),
+            further=float(further[row, k]),
         )
-        for one, pull, left in zip(series, pulls, after, strict=True)
-        for row, k in np.argwhere((pull < SPOILED) & one.seen)
+        for one, further, left in zip(series, pulls, after, strict=True)
+        for row, k in np.argwhere((further < SPOILED) & one.seen)
     ]
     worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:LISTED_OUTLIERS]
     return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)
@@ -538,13 +538,13 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
     active, unknowns = calibration.active, calibration.active.unknowns
     few, columns = _slow(active)
     deviation = np.zeros(unknowns.size)
-    deviation[active.columns[: active.rigid]] = calibration.chosen.scales.deviation[
-        active.columns[: active.rigid]
+    deviation[active.columns[: active.n_rigid]] = calibration.chosen.scales.deviation[
+        active.columns[: active.n_rigid]
     ]
     loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]
     prior = np.diag(loose**2)
     if active.elastic is not None:
-        L = LOOSE_STRENGTH.uncertainty * active.elastic.L
+        L = WIDE_PRIOR.relative * active.elastic.L
         prior[-len(L) :, -len(L) :] = L @ L.T
     state = replace(
         calibration.state, errors=few.errors, n=np.zeros((len(calibration.state.n), few.errors.size))
@@ -563,7 +563,7 @@ def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     before, after = np.arange(unknowns.starts["errors"]), np.arange(unknowns.starts["elastic"], unknowns.size)
     structure = unknowns.structure
     if active.elastic is not None:
-        structure, after = active.elastic.structure, active.columns[active.rigid :]
+        structure, after = active.elastic.structure, active.columns[active.n_rigid :]
     return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
 
 

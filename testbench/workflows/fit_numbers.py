@@ -11,7 +11,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import scaled_units
 from testbench.identify.estimate import MIN_RESIDUALS, Estimate, all_deflections, lilliefors
-from testbench.identify.metric import Prior, Strength, aggregate, cad_prior, weighted_rows
+from testbench.identify.metric import Prior, PriorUncertainty, aggregate, cad_prior, weighted_rows
 from testbench.identify.observability import (
     DECIDED,
     Identifiability,
@@ -19,7 +19,7 @@ from testbench.identify.observability import (
     explained_variance,
     of_regression,
 )
-from testbench.identify.posterior import CONFIDENCE, linearise
+from testbench.identify.posterior import CONFIDENCE, posterior_of_estimate
 from testbench.identify.regression import Regression
 from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load
@@ -229,7 +229,7 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
         NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
     )
     assumed = plain.entries(aggregate(prior.C_theta, vjm, plain))
-    L, known, rows = any_metric(prior, vjm, plain).L, linearise(estimate), []
+    L, known, rows = any_metric(prior, vjm, plain).L, posterior_of_estimate(estimate), []
     for k, joint in enumerate(vjm.arm.joints):
         before, after = (joint_functional(vjm, structure, k) for structure in (plain, estimate.structure))
         compliances = float(before @ assumed), float(after @ estimate.pi)
@@ -288,7 +288,7 @@ def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequen
                 reference=_square(block),
             )
         )
-    half = linearise(estimate).half_widths(functionals.reshape(-1, structure.n), CONFIDENCE)
+    half = posterior_of_estimate(estimate).half_widths(functionals.reshape(-1, structure.n), CONFIDENCE)
     half = np.where(functionals.any(axis=-1), half.reshape(-1, 6, 6), np.nan)
     return [
         Row(row, estimate=_square(own @ estimate.pi), half=_square(width))
@@ -380,7 +380,7 @@ NAMED = 3  #: Links and joints that are named of those that too few poses leave 
 AXES = ("stretch", "deflection y", "deflection z", "torsion", "rotation y", "rotation z")
 """Names of the diagonal entries of a link's compliance, in its beam frame: c11 to c66."""
 PLACES = 200  #: Poses over the workspace.
-USUAL = Strength(0.3)  #: Of the prior that readings are compared with.
+USUAL = PriorUncertainty(0.3)  #: Of the prior that readings are compared with.
 COUNTS = "it contains noise and prior, but no model error; the interval of Joints-only is too narrow"
 """What every interval of a model is told with."""
 HALF_WIDTH = Meaning(
@@ -469,7 +469,7 @@ def _details(cell: Cell, identified: IdentifyResult, left: Mapping[str, Array]) 
     names = compared_models(identified.fits.models, identified.fits.recommended)
     compared = {name: identified.estimates[name] for name in names}
     prior = cad_prior(cell.arm)
-    return fit_details(cell.vjm, identified.runs.every, compared, left, prior, USUAL.uncertainty)
+    return fit_details(cell.vjm, identified.runs.every, compared, left, prior, USUAL.relative)
 
 
 def _laws(identified: IdentifyResult) -> list[Row]:
@@ -549,7 +549,7 @@ def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Arra
     """
     data, names = identified.runs.every, list(identified.estimates)
     moved = all_deflections(cell.vjm, [identified.estimates[name] for name in names], data)
-    left = data.deflection - data.as_read(moved)
+    left = data.deflection - data.measured_components(moved)
     return dict(zip(names, np.where(data.seen[..., None], left, 0.0), strict=True))
 
 
@@ -587,7 +587,7 @@ def _seen(cell: Cell, identified: IdentifyResult) -> Row:
         structure=regression.structure.name,
         unknowns=regression.structure.n,
         seen=regression.rank,
-        prior_uncertainty_percent=100 * USUAL.uncertainty,
+        prior_uncertainty_percent=100 * USUAL.relative,
         blocks=[
             Row(
                 part=name,

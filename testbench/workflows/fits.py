@@ -31,7 +31,7 @@ from testbench.identify.regression import (
     Regression,
     with_poses,
 )
-from testbench.model.laws import law_unit, model_for, sizes_of
+from testbench.model.laws import law_sizes, law_unit, model_for
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
@@ -267,14 +267,14 @@ def _plain(model: Model) -> Method | None:
 
 
 def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> DeflectionErrors:
-    moved = data.as_read(deflections(cell.vjm, estimate, data))
+    moved = data.measured_components(deflections(cell.vjm, estimate, data))
     return score(moved[data.seen], data.deflection[data.seen])
 
 
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
     """What the readings say against the prior of the default, or of the model that is taken."""
-    belief = by_name[default if default in by_name else taken].weighted_prior
-    said = [of_scale(scale) for scale in contradicted_scales(belief)] if belief else []
+    weighted_prior = by_name[default if default in by_name else taken].weighted_prior
+    said = [of_scale(scale) for scale in contradicted_scales(weighted_prior)] if weighted_prior else []
     if default in by_name and taken != default:
         words = f"{taken} predicts better than {default}: is the arm's folder that of this arm?"
         said.append(Doubt("prior", words))
@@ -328,7 +328,7 @@ def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
     if estimate.average is None or not estimate.average.laws_weight:
         return {}
-    found = sizes_of(model_for(cell.vjm, estimate.structure), estimate.C_theta)
+    found = law_sizes(model_for(cell.vjm, estimate.structure), estimate.C_theta)
     return {joint: {kind: law_unit(kind) * own[kind] for kind in own} for joint, own in found.items()}
 
 

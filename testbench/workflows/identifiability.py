@@ -8,14 +8,14 @@ from testbench.errors import Array, Ids
 from testbench.identify.absolute.posterior import (
     FURTHER_ROWS,
     AddedInformation,
-    Structural,
+    StructuralDirections,
     structural_directions,
 )
 from testbench.identify.absolute.state import Unknowns
 from testbench.identify.observability import (
-    HiddenQuantity,
     ObservedQuantity,
-    hidden_quantities,
+    UndeterminedQuantity,
+    undetermined_quantities,
 )
 from testbench.model.structure import TEMPLATE
 
@@ -29,7 +29,7 @@ MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 
 
 def unobservable(
-    unknowns: Unknowns, information: Array, prior: Array, pull: AddedInformation
+    unknowns: Unknowns, information: Array, prior: Array, further: AddedInformation
 ) -> tuple[str, ...]:
     """Say what readings leave unknown of a calibration, in few sentences.
 
@@ -37,23 +37,23 @@ def unobservable(
         unknowns: Whose columns they are.
         information: Of the readings, no prior, (size, size).
         prior: Covariance, (size, size), zero of what is taken to be zero.
-        pull: What further poses would tell, `further_information`.
+        further: What further poses would tell, `further_information`.
 
     Returns:
         The sentences.
     """
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
-    every = structural_directions(unknowns, L, pull)
-    d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
+    every = structural_directions(unknowns, L, further)
+    d, every_one = np.diag(L), (information, *further.by_joint, further.whole_space)
     plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
-    found = hidden_quantities(quantities(unknowns), L, M, every.directions, more)
+    found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
     names = [joint.name for joint in unknowns.vjm.arm.joints]
     return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
 
 
-def structure_words(found: Structural, joints: Sequence[str], compliances: int) -> Iterator[str]:
+def structure_words(found: StructuralDirections, joints: Sequence[str], compliances: int) -> Iterator[str]:
     """Say what no pose could show.
 
     Args:
@@ -64,26 +64,28 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
     Yields:
         Sentences.
     """
-    if found.geometry:
-        shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
-        left = found.geometry - sum(found.shared)
+    if found.n_geometry:
+        shared = [
+            f"{name} ({count})" for name, count in zip(joints, found.between_links, strict=True) if count > 0
+        ]
+        left = found.n_geometry - sum(found.between_links)
         yield (
-            f"{found.geometry} directions of geometry, frames and mounts cannot be determined by any "
+            f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any "
             "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
             f"to the link before or behind it. Such directions per joint: {', '.join(shared)}"
             f"{f'; {left} concern several links' if left else ''}"
         )
-    if found.idle:
-        idle = " and ".join(joints[j] for j in found.idle)
+    if found.inactive_joints:
+        idle = " and ".join(joints[j] for j in found.inactive_joints)
         yield f"No pose can determine the joint errors of {idle}, because they move no target"
-    if found.elastic:
+    if found.n_elastic:
         yield (
-            f"{found.elastic} of {compliances} directions of compliance cannot be determined by any "
+            f"{found.n_elastic} of {compliances} directions of compliance cannot be determined by any "
             "pose, because they move no target under these loads"
         )
 
 
-def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[str, ...]:
+def sentences(found: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> tuple[str, ...]:
     """Write one sentence per advice for what is not seen, one for errors of a joint among themselves.
 
     Args:
@@ -116,7 +118,7 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
     return tuple(said)
 
 
-def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+def _words(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
     left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remains"
     if not hidden_quantity.confounded_with:
         return f"{hidden_quantity.name} is not determined ({left}){_advice(hidden_quantity, joints)}"
@@ -129,7 +131,7 @@ def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     )
 
 
-def _advice(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+def _advice(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
     """What would show it; nothing where that was not asked for."""
     if hidden_quantity.joint_to_turn is None:
         return ""
@@ -147,14 +149,14 @@ def _joint(name: str) -> str:
     return name.split(ERROR)[0] if ERROR in name else ""
 
 
-def _among_themselves(hidden_quantity: HiddenQuantity) -> bool:
+def _among_themselves(hidden_quantity: UndeterminedQuantity) -> bool:
     """Whether a joint's error hides behind others of the same joint alone."""
     return bool(_joint(hidden_quantity.name)) and all(
         _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.confounded_with
     )
 
 
-def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
+def _grouped(found: Sequence[UndeterminedQuantity]) -> list[list[UndeterminedQuantity]]:
     """By joint and advice, in their order."""
     keys = dict.fromkeys(
         (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) for hidden_quantity in found
@@ -169,7 +171,7 @@ def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
     ]
 
 
-def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
+def _mutual(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
     if len(own) == 1:
         return _words(own[0], joints)
     orders = ", ".join(
@@ -180,7 +182,7 @@ def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
     return f"{joint}'s errors of orders {orders} cannot be separated ({_left(own)}){_advice(own[0], joints)}"
 
 
-def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
+def _unseen(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
     if len(own) == 1:
         return _words(own[0], joints)
     names: list[str] = []
@@ -192,7 +194,7 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
     return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
 
 
-def _left(own: Sequence[HiddenQuantity]) -> str:
+def _left(own: Sequence[UndeterminedQuantity]) -> str:
     shares = [f"{100 * share:.0f}" for share in sorted(hidden_quantity.share for hidden_quantity in own)]
     return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
 
@@ -212,7 +214,7 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
     for kind, name in keys:
         columns = np.arange(unknowns.size)[unknowns.columns(f"{kind} {name}")]
-        own = np.setdiff1d(columns, unknowns.turns_of_points)
+        own = np.setdiff1d(columns, unknowns.unused_rotations)
         rows, words = every[own], f"the {kind} of {name}"
         if kind == "frame" and name in unknowns.normals:
             # Planes show shifts along their normals, and turns about the axes across these.
@@ -221,7 +223,7 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
             rows = np.concatenate([_span(normals) @ rows[:3], _span(across) @ rows[3:]])
         elif kind == "frame" and name in unknowns.fixed:
             words = f"the fixed point of {name}"
-        yield ObservedQuantity(words, rows, of_the_arm=False)
+        yield ObservedQuantity(words, rows, belongs_to_arm=False)
 
 
 def _span(vectors: Array) -> Array:

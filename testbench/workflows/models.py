@@ -25,10 +25,10 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_type
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.method import Method, completed_least_squares, gco, least_squares, with_prior
-from testbench.identify.metric import Prior, Strength, cad_prior, perturbed
+from testbench.identify.metric import Prior, PriorUncertainty, cad_prior, perturbed
 from testbench.identify.regression import PartitionedRegression, f_m, non_redundant, reduce, reduce_parts
 from testbench.identify.trace import Candidate, Comparison, Fold, divide_poses, folds, prefer_first
-from testbench.model.laws import with_laws, with_ties
+from testbench.model.laws import with_joint_couplings, with_laws
 from testbench.model.structure import (
     FULL,
     TEMPLATE,
@@ -310,15 +310,17 @@ class ChosenModel:
     why: str  #: A sentence.
 
 
-def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = None) -> list[Model]:
+def default_models(
+    cell: Cell, prior: Prior | None, uncertainty: PriorUncertainty | None = None
+) -> list[Model]:
     """List what is fitted where no model is named: some without a prior and, if there is one, with it.
 
-    How firmly a prior is believed is learnt where no `strength` is given.
+    How firmly a prior is believed is learnt where no `uncertainty` is given.
 
     Args:
         cell: The arm with its model and its truth.
         prior: The prior; None to fit without one.
-        strength: How firmly the prior is believed; None to learn it.
+        uncertainty: How firmly the prior is believed; None to learn it.
 
     Returns:
         The models.
@@ -328,14 +330,14 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
     plain, filled = (
         named_models(cell, _possible(cell, names)) for names in (MODELS_WITHOUT_PRIOR, WITH_PRIOR)
     )
-    return [*plain, *with_priors(cell.arm, filled, prior, strength)]
+    return [*plain, *with_priors(cell.arm, filled, prior, uncertainty)]
 
 
 def asked_models(
     cell: Cell,
     names: Sequence[str],
     prior: Prior | None,
-    strength: Strength | None = None,
+    uncertainty: PriorUncertainty | None = None,
     *,
     loss: Callable[[Estimator], Estimator] | None = None,
 ) -> list[Model]:
@@ -345,7 +347,7 @@ def asked_models(
         cell: The arm.
         names: Of the models; none for the default.
         prior: None to fit without one.
-        strength: How firmly the prior is believed; None to learn it.
+        uncertainty: How firmly the prior is believed; None to learn it.
         loss: Makes another estimator of each, such as `robust`.
 
     Returns:
@@ -354,10 +356,10 @@ def asked_models(
     Raises:
         BenchError: When the arm has no model of a name.
     """
-    models = named_models(cell, names) if names else default_models(cell, prior, strength)
+    models = named_models(cell, names) if names else default_models(cell, prior, uncertainty)
     if names and prior is not None:
         models = [
-            with_priors(cell.arm, [m], prior, strength)[0] if m.structure.has_full_blocks else m
+            with_priors(cell.arm, [m], prior, uncertainty)[0] if m.structure.has_full_blocks else m
             for m in models
         ]
     return models if loss is None else [replace(m, estimator=loss(m.estimator)) for m in models]
@@ -374,7 +376,7 @@ def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
 
 
 def with_priors(
-    arm: Arm, models: Sequence[Model], prior: Prior, strength: Strength | None = None
+    arm: Arm, models: Sequence[Model], prior: Prior, uncertainty: PriorUncertainty | None = None
 ) -> list[Model]:
     """Give models of an arm a prior, and name them so.
 
@@ -382,19 +384,19 @@ def with_priors(
         arm: Description of the arm.
         models: The models.
         prior: The prior.
-        strength: How firmly the prior is believed; None to learn it.
+        uncertainty: How firmly the prior is believed; None to learn it.
 
     Returns:
         The models.
     """
-    return [_with_prior(arm, m, prior, strength) for m in models]
+    return [_with_prior(arm, m, prior, uncertainty) for m in models]
 
 
-def _with_prior(arm: Arm, model: Model, prior: Prior, strength: Strength | None) -> Model:
+def _with_prior(arm: Arm, model: Model, prior: Prior, uncertainty: PriorUncertainty | None) -> Model:
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
-    method, s = with_prior(model.estimator, prior, strength), model.structure
+    method, s = with_prior(model.estimator, prior, uncertainty), model.structure
     whole = s.has_full_blocks and len(s.blocks) == 2 * s.links - 1
-    structure = with_ties(with_laws(s, arm)) if method.learns and whole else s
+    structure = with_joint_couplings(with_laws(s, arm)) if method.learns and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 
@@ -592,7 +594,7 @@ def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], 
         All models.
     """
     chosen = [m for m in models if m.name in names]
-    return [*models, *with_priors(cell.arm, chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
+    return [*models, *with_priors(cell.arm, chosen, wrong_prior(cell, seed), PriorUncertainty(UNCERTAINTY))]
 
 
 def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:

@@ -13,9 +13,9 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Series, select_rows
 from testbench.design import absolute
-from testbench.design.absolute import JointUnknowns
+from testbench.design.absolute import AbsoluteSetup
 from testbench.design.criteria import criterion_of
-from testbench.design.exchange import Feasibility, Search, greedy
+from testbench.design.exchange import Feasibility, PoseSearch, greedy
 from testbench.design.forecast import (
     Forecast,
     forecast_on,
@@ -105,7 +105,7 @@ class Planned(Displayed):
 class AbsolutePlanned(Planned):
     """Hold a plan of absolute readings and the errors to expect from it."""
 
-    union: JointUnknowns  #: The unknowns.
+    union: AbsoluteSetup  #: The unknowns.
     q: Array  #: Poses in which the plan is judged, (poses, n) [rad, m].
     wanted: Array  #: Predictions there, `absolute.position_rows`.
     given: Calibrated | None  #: Earlier calibration; None without one.
@@ -338,7 +338,7 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
         candidates, kind = _within(candidates, kind, in_range(candidates.q), settings.poses)
     wanted = absolute.position_rows(union, q)
     examined = absolute.candidate_set(union, candidates.q, settings.poses, kind)
-    asked = Search(
+    asked = PoseSearch(
         measured=lambda q, kind, lift: absolute.measured_rows(union, q, lift, kind),
         poses=settings.poses,
         limits=cell.arm.limits,
@@ -422,7 +422,7 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
     return absolute.realignment_loss(union, wanted), best_of(union, search(cell, settings).q, left)[1]
 
 
-def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], float]:
+def best_of(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple[list[int], float]:
     """Choose `FURTHER` of some poses, each the best next one; return them and the RMS error of `wanted`.
 
     Args:
@@ -438,7 +438,7 @@ def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], f
     return chosen.tolist(), error_after(problem, wanted)(chosen)
 
 
-def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
+def union_of(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
     """Collect what is unknown where a tracker reads an arm absolutely.
 
     Args:
@@ -474,7 +474,7 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
     )
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
-    return JointUnknowns(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), kinds=kinds)
+    return AbsoluteSetup(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), kinds=kinds)
 
 
 def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series, ...], ...]:
@@ -493,7 +493,7 @@ def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series,
     return tuple((plane, *points) for plane in planes) or ((points,) if points else ())
 
 
-def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
+def union_after(given: ArmModel, settings: PlanSettings) -> AbsoluteSetup:
     """Collect what is unknown after readings were taken; further ones have their own frame and mount.
 
     Args:
@@ -507,7 +507,7 @@ def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
         raise BenchError("given: expected a model of absolute readings")
     mount, noise = next(iter(given.state.mounts.values())), given.noise
     pose = _one_pose(given.vjm, settings, mount.markers)
-    open_ = (noise.open_position, noise.open_rotation)
+    open_ = (noise.position_model_error, noise.rotation_model_error)
     sigma, turn = (
         float(f * math.hypot(settings.sigma_um / UM, s)) for f, s in zip(noise.factor, open_, strict=False)
     )
@@ -518,8 +518,8 @@ def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
     L = np.zeros((unknowns.size, first + len(root)))
     L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
     L[first + given.columns, first:] = root.T
-    return JointUnknowns(
-        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_INFORMATION_LATER
+    return AbsoluteSetup(
+        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.MIN_INFORMATION_LATER
     )
 
 
@@ -548,7 +548,7 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
     )
 
 
-def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
+def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
     """Say what positions in some poses leave unknown.
 
     Args:
@@ -559,13 +559,13 @@ def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
         Sentences.
     """
     once = absolute.series_at(select_rows(union.pose, np.arange(1)), q)
-    pull = further_information(
+    further = further_information(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
     tells, prior = absolute.information_of(union, q), union.L @ union.L.T
     set_up = union.unknowns.starts["geometry"]
     prior[:set_up, :set_up] = FREE_DEVIATION**2 * np.eye(set_up)
-    return unobservable(union.unknowns, tells, prior, pull)
+    return unobservable(union.unknowns, tells, prior, further)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from testbench.files.columns import Columns, find_columns, joint_coordinates, ve
 from testbench.files.mapping import read_map
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, WorkArea, chain, in_area
+from testbench.model.vjm import Vjm, WorkArea, chain, in_work_area
 from testbench.plant.site import Kind, Payload, Site, build_site, contacts, hidden_markers
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.progress import tell
@@ -110,7 +110,7 @@ def joints_of(text: str, arm: Arm) -> Array:
     Returns:
         Joints, (n,) [rad, m].
     """
-    return arm.from_shown(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
+    return arm.from_display(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
 
 
 def parse_work_area(text: str) -> tuple[Place, Place]:
@@ -392,7 +392,7 @@ def _limits(checks: Checks, q: Array) -> dict[str, Mask]:
 
 def _area(checks: Checks, q: Array) -> dict[str, Mask]:
     area = checks.conditions.area
-    return {} if area is None else {OFF_AREA: ~in_area(checks.vjm, area, q)}
+    return {} if area is None else {OFF_AREA: ~in_work_area(checks.vjm, area, q)}
 
 
 def _view(checks: Checks, q: Array) -> dict[str, Mask]:

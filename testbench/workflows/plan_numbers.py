@@ -70,7 +70,7 @@ def numbers(made: Planned) -> Row:
         arm=arm.name,
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in arm.file_joints],
-        units=[joint.shown_unit for joint in arm.file_joints],
+        units=[joint.display_unit for joint in arm.file_joints],
         margins=margins.tolist(),
         surrounded=has_surroundings(cell.room),
         error_mm=forecast_summary(made.forecast),
@@ -235,7 +235,7 @@ def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple
     return [
         Row(
             {f"expected_{name}_mm": float(MM * far[k])},
-            q_shown=arm.shown(q[k]).tolist(),
+            q_shown=arm.to_display(q[k]).tolist(),
             expected_error_mm=float(MM * forecast.error[k]),
             expected_error_p05_mm=float(MM * forecast.low[k]),
             expected_error_p95_mm=float(MM * forecast.high[k]),
@@ -251,7 +251,7 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     slides = np.array([joint.prismatic for joint in arm.joints], dtype=bool)
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
-    ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_ways)]
+    ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_paths)]
     tools, gauges, faces = chain(made.cell.vjm, q).position, gauge_words(made), face_words(made)
     return [
         Row(
@@ -489,7 +489,7 @@ def write_tasks(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
 
 def _cells(row: Row, joints: Sequence[ArmJoint]) -> dict[str, str]:
     """Joints in deg or mm, and what is expected of a pose."""
-    shown = {joint.shown_column: f"{x:.4f}" for joint, x in zip(joints, row.q_shown, strict=True)}
+    shown = {joint.display_column: f"{x:.4f}" for joint, x in zip(joints, row.q_shown, strict=True)}
     return shown | {key: f"{x:.4f}" for key, x in row.items() if key.startswith("expected_")}
 
 
@@ -528,7 +528,7 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: boo
     Returns:
         Names of the columns.
     """
-    names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
+    names = ["run", *(j.column for j in joints), *(j.display_column for j in joints), "load_kg"]
     names += [f"force_{axis}_N" for axis in "xyz" if pulls]
     names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
     return [

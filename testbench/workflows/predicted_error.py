@@ -15,7 +15,7 @@ from testbench.design.forecast import DEVIATION_INFLATION, Forecast, LinearFit, 
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.metric import Prior, Strength, cad_prior, precision_root, scale_by_prior
+from testbench.identify.metric import Prior, PriorUncertainty, cad_prior, precision_root, scale_by_prior
 from testbench.identify.posterior import CONFIDENCE
 from testbench.model.laws import for_load_history, with_joint_laws, with_laws
 from testbench.model.load import Load, on_joints
@@ -272,7 +272,7 @@ def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
         return []
     whole = scale_by_prior(prior, with_joint_laws(vjm), with_laws(plain, vjm.arm))
     B, _ = precision_root(
-        scale_by_prior(prior, vjm, plain), Strength(prior_uncertainty(spec), SCALE_UNCERTAINTY)
+        scale_by_prior(prior, vjm, plain), PriorUncertainty(prior_uncertainty(spec), SCALE_UNCERTAINTY)
     )
     specification = replace(
         spec, experiment=replace(spec.experiment, vjm=with_joint_laws(vjm), scaling=whole)

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.correct.compensated import (
     Compensated,
-    Reached,
+    InverseKinematics,
     Refusal,
     compensate,
     configurations,
@@ -19,11 +19,11 @@ from testbench.correct.compensated import (
 from testbench.correct.newton import Aim, CorrectedPart
 from testbench.correct.newton import JointMeaning as Meant
 from testbench.correct.predicted import (
-    Extent,
+    LoadExtent,
     Prediction,
     Stiffness,
     compliance_half_widths,
-    extent,
+    load_extent,
     predict,
     process_wrench,
     stiffness,
@@ -136,7 +136,7 @@ def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | No
     return reached.q
 
 
-def _refuse_far(program: Program, reached: Reached, points: Ids) -> None:
+def _refuse_far(program: Program, reached: InverseKinematics, points: Ids) -> None:
     """Refuse poses of the tool at some points, (k,), that the drawn arm does not reach."""
     far = np.flatnonzero(~reached.converged)
     if len(far):
@@ -420,7 +420,7 @@ def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Seque
     compensated, arm = corrected_program.found, corrected_program.model.arm
     moved = arm.change_to_file(compensated.q - compensated.start)
     columns: dict[str, Array | Sequence[str]] = {
-        f"correction_{joint.shown_column}": joint.shown * moved[:, k]
+        f"correction_{joint.display_column}": joint.display_factor * moved[:, k]
         for k, joint in enumerate(arm.file_joints)
     }
     columns |= {f"before_{x}_mm": 1e3 * compensated.before[:, k] for k, x in enumerate("xyz")}
@@ -562,7 +562,7 @@ class Predicted:
     asked: PosesWithLoads
     found: Prediction
     stiffness: Stiffness  #: Of the loaded tool.
-    extent: Extent  #: How large the loads are.
+    extent: LoadExtent  #: How large the loads are.
     map: StiffnessMap
 
     @property
@@ -619,7 +619,7 @@ def predict_file(
         asked=file_poses,
         found=prediction,
         stiffness=tool,
-        extent=extent(model, file_poses.q, file_poses.loads),
+        extent=load_extent(model, file_poses.q, file_poses.loads),
         map=_map(model, cell, force, area),
     )
 
@@ -635,7 +635,7 @@ def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> St
     return StiffnessMap(force, *(x[order] for x in (q, position, worst, found.softest, half)))
 
 
-def extrapolation_warnings(found: Extent) -> tuple[str, ...]:
+def extrapolation_warnings(found: LoadExtent) -> tuple[str, ...]:
     """Warn of loads beyond those of the model's data, or the payload, with their number."""
     if found.force_ratio is not None and np.isinf(found.force_ratio):
         said = [f"extrapolated: {found.force:,.0f} N, but the model was identified under own weight only"]
@@ -671,7 +671,8 @@ def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
         return None
     if refusal.why == "limit":
         joint = next(joint for joint in arm.joints if joint.name in refusal.names)
-        return f"{joint.name} would pass its limit by {joint.shown * refusal.size:.3g} {joint.shown_unit}"
+        beyond = f"{joint.display_factor * refusal.size:.3g} {joint.display_unit}"
+        return f"{joint.name} would pass its limit by {beyond}"
     if refusal.why == "collision":
         return f"{refusal.names[0]} would collide with {refusal.names[1]}"
     return f"out of reach by {1e3 * refusal.size:.3g} mm" if refusal.why == "reach" else "no equilibrium"

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from testbench.arm.folder import ArmJoint
 from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
-from testbench.correct.predicted import extent, stiffness
+from testbench.correct.predicted import load_extent, stiffness
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
@@ -75,7 +75,7 @@ def ellipsoids(
 MRAD = 1e3
 MIN_FITTED, MAX_FITTED = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
 JUMPS = 0.2  #: Change of a correction from a point to the next that raises a warning [deg, mm].
-OPEN_SHARE = 0.25  #: Half width over the error from which the part that keeps it open is named [1].
+UNDETERMINED_SHARE = 0.25  #: Half width over the error from which the part that keeps it open is named [1].
 SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
 TURNED = 1e-2  #: A turn that is left counts from here [mrad].
 
@@ -122,7 +122,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         **_turns(corrected_program),
         jump=_jump(corrected_program),
         worst=max(points, key=lambda row: float(row.before_mm)),
-        extrapolated=extrapolation_warnings(extent(model, compensated.start, corrected_program.loads)),
+        extrapolated=extrapolation_warnings(load_extent(model, compensated.start, corrected_program.loads)),
         open=uncertainty.largest_uncertainty(
             model, compensated.q, corrected_program.loads, np.array(corrected_program.aim.point), absolute
         ),
@@ -152,7 +152,7 @@ def correction_warnings(f: Row) -> Iterator[str]:
     if f.corrected < f.points:
         yield f"{f.points - f.corrected} of {f.points} points are not corrected"
     yield from f.extrapolated
-    if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN_SHARE * f.before_mm.median):
+    if f.open and (not f.half_95_mm or f.half_95_mm.median > UNDETERMINED_SHARE * f.before_mm.median):
         yield f"{100 * f.open.share:.0f} % of the corrected tool position's variance comes from {f.open.name}"
     if f.turned:
         most = f.turn_left_mrad
@@ -198,7 +198,7 @@ def _points(corrected_program: CorrectedProgram, tolerance_mm: float | None) -> 
         corrected_program.reasons,
     )
     arm = corrected_program.model.arm
-    correction = arm.scale * arm.change_to_file(compensated.q - compensated.start)
+    correction = arm.display_factors * arm.change_to_file(compensated.q - compensated.start)
     before, half = MM * np.linalg.norm(compensated.before, axis=1), MM * compensated.half_width.max(axis=1)
     after = MM * np.linalg.norm(compensated.after, axis=1)
     verdicts: list[str | None] = [None] * program.points
@@ -253,8 +253,8 @@ def _jump(corrected_program: CorrectedProgram) -> Row | None:
     change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
     return Row(
         joint=joints[j].name,
-        size=joints[j].shown * float(steps[k, j]),
-        unit=joints[j].shown_unit,
+        size=joints[j].display_factor * float(steps[k, j]),
+        unit=joints[j].display_unit,
         line=int(corrected_program.program.line[k]),
         load=bool(change > SUDDEN * size),
     )

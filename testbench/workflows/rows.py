@@ -110,7 +110,7 @@ def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bo
         duality_gap=None if certificate is None else certificate.duality_gap,
         f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
-        held_by_trace_weight=estimate.held_by_trace_weight,
+        held_by_trace_weight=estimate.bounded_by_tie_break,
         trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
         total_trace_rad_per_Nm=total_trace(regression.structure, estimate.pi[: regression.structure.n]),
         solve_seconds=seconds,

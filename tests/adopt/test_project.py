@@ -46,7 +46,7 @@ def instrument(arm):
     """What a tracker writes in German of an arm in 30 poses, and a program of two of them."""
     fine("simulate", arm, "--poses", 30, "--absolute", "--tracker", "3,-2,1.5", "--out", "known.csv")
     [series] = read_series("known.csv", load_arm(Path(arm))).series
-    joints = [joint.shown_column for joint in load_arm(Path(arm)).joints]
+    joints = [joint.display_column for joint in load_arm(Path(arm)).joints]
     lines = [f"Punkt;X;Y;Z;{';'.join(f'Achse {k + 1} [°]' for k in range(len(joints)))}"]
     for k, (q, places) in enumerate(zip(np.degrees(series.q), series.position, strict=True)):
         numbers = [f"{x:.5f}".replace(".", ",") for x in (*1e3 * places[0], *q)]

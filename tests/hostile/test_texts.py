@@ -129,7 +129,7 @@ def test_a_cell_that_a_spreadsheet_would_compute_is_none_and_every_cell_is_read_
 def test_labels_of_a_program_come_back_from_the_corrected_one_as_no_formulas(lab):
     labels = ["=cmd|'/c calc'!A1", "@x", "a\x1b]0;b\x07", "\u202egpj", "-5", "[/x]"]
     arm = build_cell(lab / "arm").arm
-    joints = [joint.shown_column for joint in arm.joints]
+    joints = [joint.display_column for joint in arm.joints]
     with (lab / "program.csv").open("w", newline="") as file:
         rows = [[label, *[k] * len(joints), "=HYPERLINK(1)"] for k, label in enumerate(labels)]
         csv.writer(file).writerows([["label", *joints, "=1+1"], *rows])

@@ -51,7 +51,7 @@ from testbench.identify.absolute.state import (
     wave_columns,
 )
 from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, normal
-from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.registration import READINGS, SQUARE, Frame
 from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
@@ -97,7 +97,9 @@ def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
     one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
     found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), mean_variances([one]))
-    for kind, (own, opened) in enumerate(((SIGMA, found.open_position), (TURN, found.open_rotation))):
+    for kind, (own, opened) in enumerate(
+        ((SIGMA, found.position_model_error), (TURN, found.rotation_model_error))
+    ):
         of_means = factor**2 * (own**2 + 3 * S**2)
         if of_means > own**2:
             assert found.factor[kind] == pytest.approx(1)
@@ -126,11 +128,13 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
 
 def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_to_nothing(kr500, series):
     """So is the covariance of which intervals are made, in the units of the arm."""
-    options = CalibrationOptions(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
+    options = CalibrationOptions(
+        orders=2, only=frozenset({"joint springs", "links"}), uncertainty=PriorUncertainty(3.0)
+    )
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
     assert np.abs(found.chosen.scales.factor - 1).max() > 0.02  # or nothing would tell it from its square
     own, root = found.active, posterior_of(found).root
-    precision, r = np.linalg.inv(root.T @ root), own.rigid
+    precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
     expected = np.diag((found.chosen.scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
@@ -273,7 +277,7 @@ def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng
     noise = (np.linalg.cholesky(C) @ rng.normal(size=(rows, 1, 3, 1)))[..., 0]
     noise = np.sqrt(share) * (noise + s * rng.normal(size=noise.shape))
     found = scatter(state, [replace(series, position=series.position + noise)], share)
-    assert found.open_position == pytest.approx(s, rel=0.05)
+    assert found.position_model_error == pytest.approx(s, rel=0.05)
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])
@@ -434,14 +438,14 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     plain = ReducedReadings((0,), (SeriesBlock(0, (R.T @ R)[None], np.array([40])),), {0: R})
-    found = solve_step(own, plain.turned(B), ErrorScales(deviation, np.array([factor])))
+    found = solve_step(own, plain.in_basis(B), ErrorScales(deviation, np.array([factor])))
     back = np.linalg.inv(B.toarray())
     P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
     np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
     assert found.degrees_of_freedom == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     assert not np.tril(found.root, -1).any()
-    [part] = plain.turned(B).parts
+    [part] = plain.in_basis(B).parts
     np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
 
 

@@ -10,7 +10,7 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
 from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibrium, target_of
-from testbench.correct.predicted import compliance_half_widths, extent, stiffness
+from testbench.correct.predicted import compliance_half_widths, load_extent, stiffness
 from testbench.correct.uncertainty import (
     LoadedPoses,
     fitted_half_widths,
@@ -349,15 +349,15 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     q = Q[None]
     size = float(np.linalg.norm(FORCE.wrench[:3]))
     half = replace(known, about=ModelOrigin("made up", force=size / 2, moment=1e9))
-    assert "is 2.0 times the largest one" in extrapolation_warnings(extent(half, q, [FORCE]))[0]
+    assert "is 2.0 times the largest one" in extrapolation_warnings(load_extent(half, q, [FORCE]))[0]
     none = replace(known, about=ModelOrigin("made up", force=0.0, moment=0.0))
-    assert "under own weight only" in extrapolation_warnings(extent(none, q, [FORCE]))[0]
-    assert not extrapolation_warnings(extent(replace(known, about=ModelOrigin("made up")), q, [FORCE]))
+    assert "under own weight only" in extrapolation_warnings(load_extent(none, q, [FORCE]))[0]
+    assert not extrapolation_warnings(load_extent(replace(known, about=ModelOrigin("made up")), q, [FORCE]))
     lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
-    assert extent(known, q, [held]).moment < 1e-9
+    assert load_extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
-    assert "2.0 times the payload" in extrapolation_warnings(extent(known, q, [heavy]))[0]
+    assert "2.0 times the payload" in extrapolation_warnings(load_extent(known, q, [heavy]))[0]
 
 
 def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr500, rng):
@@ -378,7 +378,7 @@ def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr
 def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
     turning = Load(np.array([100.0, 0, 0, 0, 50.0, 0]), np.zeros(3))
     about = replace(known, about=ModelOrigin("made up", force=200.0, moment=10.0))
-    found = extent(about, Q[None], [turning])
+    found = load_extent(about, Q[None], [turning])
     assert (found.force_ratio, found.moment_ratio) == pytest.approx((0.5, 5.0))
     [said] = extrapolation_warnings(found)
     assert "a moment of 50 N m is 5.0 times the largest one" in said

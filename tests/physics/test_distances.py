@@ -102,7 +102,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
     rows, (u, _) = series_rows(unknowns, state, one), beams(state, one, series_equilibrium(state, one))
     across = rows - u[:, :, None] * np.einsum("sxr,sxcr->scr", u, rows)[:, None]
     np.testing.assert_allclose(across, 0, atol=1e-9)  # of 1e4, rounding
-    step, turns = 1e-5, unknowns.turns_of_points
+    step, turns = 1e-5, unknowns.unused_rotations
 
     def length(x):
         frame = moved_frame(state.frame(one), x[unknowns.columns(f"frame {one.frame}")])
@@ -149,7 +149,7 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     _, length = beams(state, one, series_equilibrium(state, one))
     one = replace(one, distance=length.T + size * rng.standard_normal((rows, 1)))
     noise = scatter(state, (one,), 1.0)
-    assert noise.open_position == pytest.approx(size, rel=0.04)
+    assert noise.position_model_error == pytest.approx(size, rel=0.04)
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
     few = select_rows(one, np.arange(50))
     assert reduce_series(Linearisation(unknowns, state, noise), (few,)).counts.tolist() == [50]

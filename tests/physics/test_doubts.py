@@ -36,7 +36,7 @@ from testbench.identify.diagnosis.kinematics import (
     score_test,
     undo_one_by_one,
 )
-from testbench.identify.diagnosis.moves import chance
+from testbench.identify.diagnosis.moves import p_value
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.registered import RegisteredDataset, register_dataset
 from testbench.model.load import displacement
@@ -114,11 +114,11 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     own = sets["levels"]
     vjm, structure = own.cell.vjm, all153(own.cell.arm)
     fitted = residual_model(vjm, scale_by_prior(cad_prior(own.cell.arm), vjm, structure), own.data)
-    h, prior = fitted.h, fitted.metric
+    h, prior = fitted.h, fitted.scaling
     assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
     blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
     size = np.exp(h[blocks])
-    D = size**2 * np.where(prior.couplings, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
+    D = size**2 * np.where(prior.link_couplings, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
     G = fitted.read.A.reshape(-1, structure.n) @ prior.L
     S = G @ (D[:, None] * G.T) + np.exp(2 * h[-1]) * np.eye(len(G))
     apart = fitted.read.y.ravel() - G @ (size * prior.expected)
@@ -126,9 +126,11 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
     joints = sound_joint_columns(vjm, own.data, structure, fitted.pi)
-    known = np.eye(len(G)) / fitted.misfit**2 - fitted.shared @ fitted.shared.T
+    known = np.eye(len(G)) / fitted.misfit**2 - fitted.U @ fitted.U.T
     np.testing.assert_allclose(known @ (S + joints @ joints.T), np.eye(len(G)), rtol=0, atol=1e-5)
-    np.testing.assert_allclose(fitted.surprise, known @ apart, rtol=0, atol=1e-6 * np.abs(apart).max())
+    np.testing.assert_allclose(
+        fitted.weighted_residual, known @ apart, rtol=0, atol=1e-6 * np.abs(apart).max()
+    )
 
 
 def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
@@ -261,7 +263,7 @@ def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
     read = tool_points(replace(vjm, placements=placements), q, vjm.markers)
     ids, there = np.arange(20), np.ones(read.shape[:2], dtype=bool)
     seen = Observations(vjm, q, vjm.markers, read, there, arm_6r.arm.markers, ids, ids, 3e-3)
-    found, _ = best_hypothesis(seen, HYPOTHESES.places)
+    found, _ = best_hypothesis(seen, HYPOTHESES.kinematics)
     assert found is not None
     assert (found.name, found.where[1]) == ("link", vjm.arm.links[2].name)
     np.testing.assert_allclose(found.size, step, atol=1e-6)
@@ -278,7 +280,7 @@ def test_the_score_test_is_a_bayes_factor_and_the_chance_of_a_step_that_of_fishe
         assert found.nats[k] == pytest.approx(wide - narrow)
         np.testing.assert_allclose(found.b[k], Z[k].T @ np.linalg.solve(S, e[k]))
     step = Issue("tracker_moved", size=np.zeros(3), numbers={"free": 40.0}, nats=6.0)
-    assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
+    assert p_value(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 
 def told(vjm, data, frame="base"):

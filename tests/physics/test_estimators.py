@@ -14,7 +14,7 @@ from testbench.identify.metric import cad_prior
 from testbench.identify.observability import without_readings
 from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
-from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
+from testbench.model.structure import all153, joints_only, mgco68, mgco69, mgco147, mls36, template56
 from testbench.runs.rows import trial_rng
 from testbench.studies.campaign import grids as fits
 from testbench.studies.campaign.grids import CellGrid, Clean, expected
@@ -100,7 +100,7 @@ def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
     assert filled.conservative
     assert filled.f_m == pytest.approx(plain.f_m, rel=1e-7)
     with pytest.raises(BenchError, match="symmetric"):
-        completed_least_squares(arm_6r.vjm, free36(arm_6r.arm), data)
+        completed_least_squares(arm_6r.vjm, mls36(arm_6r.arm), data)
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +201,7 @@ def test_what_cannot_be_searched_is_refused(arm_6r, data):
     with pytest.raises(BenchError, match="starts: expected at least 1 local solve, got 0"):
         factorised.LocalSolves(trial_rng(1), starts=0)(arm_6r.vjm, mgco69(arm_6r.arm), data)
     with pytest.raises(BenchError, match="expected a symmetric structure"):
-        factorised.factorise(reduce(arm_6r.vjm, free36(arm_6r.arm), data))
+        factorised.factorise(reduce(arm_6r.vjm, mls36(arm_6r.arm), data))
     for numbers in ({"population": 0}, {"trial_points": 100}):
         with pytest.raises(BenchError, match="expected numbers of at least 1, stage one within"):
             Budget(**numbers)

@@ -22,7 +22,7 @@ from testbench.identify.posterior import elastic_state
 from testbench.model.kinematics import JointErrors, build_vjm
 from testbench.model.laws import with_joint_laws
 from testbench.model.load import read_weights
-from testbench.model.vjm import chain, generalised_load, plain_load
+from testbench.model.vjm import chain, generalised_load, load_without_laws
 from testbench.workflows.cell import build_cell
 
 SHIFT, TURN, SLIDE = 0.5e-3, 1e-3, 0.5e-3  #: Planted errors [m], [rad], of a slide's offset [m].
@@ -214,7 +214,9 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
     export(state, draft_new(state), tmp_path / "arm.urdf")
     said = json.loads((tmp_path / "arm.json").read_text())
     where = chain(vjm, q)
-    u = plain_load(where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load, (12, 1)))[42:]
+    u = load_without_laws(
+        where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load, (12, 1))
+    )[42:]
     turned = C[48:, 48:] @ vjm.laws.load(where, u)
     turned = turned[:18].reshape(3, 6, -1).sum(axis=0) + np.outer(np.eye(6)[1], turned[18])
     step = 1e-6 * np.eye(6)[1]

@@ -10,10 +10,10 @@ from testbench import BenchError, Scenario, simulate
 from testbench.data.dataset import select_rows
 from testbench.identify.conic import gradient_dual
 from testbench.identify.method import gco, least_squares
-from testbench.identify.metric import Strength, cad_prior, scale_by_prior, weighted_rows
+from testbench.identify.metric import PriorUncertainty, cad_prior, scale_by_prior, weighted_rows
 from testbench.identify.observability import of_regression, sampled_tasks
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
-from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, template56
+from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mls36, template56
 from testbench.model.vjm import chain, observation
 from testbench.workflows.advice import advice
 from testbench.workflows.fit_numbers import unseen_poses
@@ -63,7 +63,7 @@ def test_an_empty_dataset_and_a_structure_that_leaves_the_symmetry_open_are_refu
     with pytest.raises(BenchError, match="expected at least one run"):
         gco(kr500.vjm, mgco47(kr500.arm), select_rows(data, slice(0)))
     with pytest.raises(BenchError, match="symmetric structure"):
-        report_of(kr500, free36(kr500.arm), data)
+        report_of(kr500, mls36(kr500.arm), data)
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -92,7 +92,7 @@ def test_a_precision_that_is_none_is_refused(data, wrong):
         replace(data, precision=P)
 
 
-STRENGTH = Strength(0.3)
+STRENGTH = PriorUncertainty(0.3)
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +101,8 @@ def full_pose(arm_6r):
     return axis_loads(arm_6r, np.random.default_rng(52))
 
 
-def report_of(cell, structure, data, strength=STRENGTH):
-    return of_regression(cell.vjm, reduce(cell.vjm, structure, data), data, cad_prior(cell.arm), strength)
+def report_of(cell, structure, data, uncertainty=STRENGTH):
+    return of_regression(cell.vjm, reduce(cell.vjm, structure, data), data, cad_prior(cell.arm), uncertainty)
 
 
 def proposal(report, start):
@@ -159,7 +159,9 @@ def test_what_is_named_is_not_seen_joint_1_by_no_weight_and_a_side_load_restores
 def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, data):
     """Monte Carlo: compliance drawn from the prior, identified by regularised least squares."""
     structure = mgco47(kr500.arm)
-    known = Strength(0.3, 1e-9)  # a known common scale: the prior's covariance is 0.3^2 times the identity
+    known = PriorUncertainty(
+        0.3, 1e-9
+    )  # a known common scale: the prior's covariance is 0.3^2 times the identity
     report = report_of(kr500, structure, data, known)
     m = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure)
     A, _ = weighted_rows(reduce(kr500.vjm, structure, data), m)

@@ -18,8 +18,14 @@ from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import select_rows
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.metric import Prior, Strength, WeightedPrior, cad_prior, scale_by_prior
-from testbench.identify.posterior import Posterior, linearise
+from testbench.identify.metric import (
+    Prior,
+    PriorUncertainty,
+    WeightedPrior,
+    cad_prior,
+    scale_by_prior,
+)
+from testbench.identify.posterior import Posterior, posterior_of_estimate
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
@@ -75,28 +81,32 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
         found = least_squares(arm_6r.vjm, s, axis_loads(arm_6r, rng, poses=6))
         there = axis_loads(arm_6r, rng, noise=0.0, poses=1)
         row, true = rows_of(arm_6r, s, there)[k % 18], there.deflection.ravel()[k % 18]
-        z.append((row @ found.pi - true) / linearise(found).deviations(row[None])[0])
+        z.append((row @ found.pi - true) / posterior_of_estimate(found).deviations(row[None])[0])
     check_ranks(z)
 
 
 @pytest.mark.parametrize(
-    "strength", [pytest.param(Strength(0.1), marks=pytest.mark.study), Strength(0.4, 0.2, coupling=0.1)]
+    "strength",
+    [
+        pytest.param(PriorUncertainty(0.1), marks=pytest.mark.study),
+        PriorUncertainty(0.4, 0.2, link_coupling=0.1),
+    ],
 )
-def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr500, strength, rng):
+def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr500, uncertainty, rng):
     """Of a deflection, of any unknowns, of couplings, of the common scale, which may be left to the data."""
     s, asked = mgco68(kr500.arm), Scenario(arm="kr500_l480", truth="linear", workspace_poses=DRAWS // 3)
     campaign, own = simulate(kr500, asked, 1), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s)
     again = resampler(reduce(kr500.vjm, s, campaign.identification))
-    coupling = strength.uncertainty if strength.coupling is None else strength.coupling
-    size = np.where(own.couplings, coupling, strength.uncertainty)
-    scale = strength.scale_uncertainty if np.isfinite(strength.scale_uncertainty) else 0.0
+    coupling = uncertainty.relative if uncertainty.link_coupling is None else uncertainty.link_coupling
+    size = np.where(own.link_couplings, coupling, uncertainty.relative)
+    scale = uncertainty.scale if np.isfinite(uncertainty.scale) else 0.0
     back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
         x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
-        found = solve(again(own.L @ x, rng), "none", WeightedPrior(own, strength))
-        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.couplings]
+        found = solve(again(own.L @ x, rng), "none", WeightedPrior(own, uncertainty))
+        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.link_couplings]
         a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
-        z.append(a @ (found.pi - own.L @ x) / linearise(found).deviations(a))
+        z.append(a @ (found.pi - own.L @ x) / posterior_of_estimate(found).deviations(a))
     for found in np.transpose(z)[: 4 if scale else 3]:
         check_ranks(found)
 
@@ -163,7 +173,7 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
     """In quadrature: neither hides the other, and each alone is its own quantile."""
     noise, prior = rng.normal(size=(2, 4, 6))
     root, none = np.vstack([noise, prior]), np.zeros((0, 6))
-    own = Posterior(np.zeros(6), root, none, np.ones(6), tail=3.0, heavy_rows=4)
+    own = Posterior(np.zeros(6), root, none, np.ones(6), student_dof=3.0, prior_rows=4)
     a = rng.normal(size=(5, 6))
     widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
     np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
@@ -190,7 +200,7 @@ def campaign(kr500):
 def test_bad_input_is_named(kr500, campaign):
     s, other = template56(kr500.arm), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     estimate = least_squares(kr500.vjm, s, campaign.identification)
-    linear, rng = linearise(estimate), np.random.default_rng(0)
+    linear, rng = posterior_of_estimate(estimate), np.random.default_rng(0)
     for confidence in (0.0, 1.0, -0.5, 95.0, np.nan):
         with pytest.raises(BenchError, match="confidence: expected a number between 0 and 1"):
             linear.intervals(np.eye(s.n), confidence)
@@ -202,7 +212,7 @@ def test_bad_input_is_named(kr500, campaign):
     with pytest.raises(BenchError, match="draws: expected at least 39 for 95 %, got 38"):
         bootstrap(estimate, np.eye(s.n), 0.95, draws=38, rng=rng)
     with pytest.raises(BenchError, match="expected a conservative model among"):
-        draw_conservative(other, Strength(50.0), rng)
+        draw_conservative(other, PriorUncertainty(50.0), rng)
 
 
 @pytest.fixture(scope="module")
@@ -216,12 +226,14 @@ def full_pose(arm_6r):
 def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, campaign, rng):
     """Joint 1 under a weight; a prior that is hardly believed takes no bound from what readings show."""
     joint_1 = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])
-    sd = linearise(least_squares(kr500.vjm, joint_1, campaign.identification)).deviations(np.eye(2))
+    sd = posterior_of_estimate(least_squares(kr500.vjm, joint_1, campaign.identification)).deviations(
+        np.eye(2)
+    )
     assert np.isinf(sd[0])
     assert 0 < sd[1] < 1e-7
     s = all153(kr500.arm)
     estimate = least_squares(kr500.vjm, s, campaign.identification)
-    linear = linearise(estimate)
+    linear = posterior_of_estimate(estimate)
     assert np.isinf(linear.deviations(np.eye(s.n))[s.labels.index("joint_1") - s.n_theta])
     assert np.isinf(linear.deviations(rows_of(kr500, s, campaign.truth))).mean() > 0.5
     data = campaign.identification
@@ -236,10 +248,10 @@ def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, camp
     data = replace(campaign.identification, sigma=1e-8)
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     regression = reduce(kr500.vjm, own.structure, data)
-    found = linearise(solve(regression, "none", WeightedPrior(own, Strength(1e6))))
+    found = posterior_of_estimate(solve(regression, "none", WeightedPrior(own, PriorUncertainty(1e6))))
     where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
     rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
-    assert len(found.unseen) > 0
+    assert len(found.unobservable) > 0
     assert np.isfinite(found.deviations(rows)).all()
     assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
 
@@ -248,7 +260,7 @@ def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_
     s, rows, data = full_pose
     for method, draws, rtol in ((least_squares, 199, 0.3), (gco, 39, 0.7)):
         estimate = method(arm_6r.vjm, s, data)
-        linear = linearise(estimate).intervals(rows, 0.9)
+        linear = posterior_of_estimate(estimate).intervals(rows, 0.9)
         boot = bootstrap(estimate, rows, 0.9, draws=draws, rng=np.random.default_rng(1))
         # order statistics of 199 and of 39 draws: 7 and 17 % of the width; 4 standard errors
         np.testing.assert_allclose(boot.upper - boot.lower, linear.upper - linear.lower, rtol=rtol)
@@ -258,7 +270,9 @@ def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_
 @pytest.mark.study
 def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr500, campaign):
     s = all153(kr500.arm)
-    estimate = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))(kr500.vjm, s, campaign.identification)
+    estimate = with_prior(gco, cad_prior(kr500.arm), PriorUncertainty(0.3))(
+        kr500.vjm, s, campaign.identification
+    )
 
     def peak(times):
         where = select_rows(campaign.truth, np.tile(np.arange(campaign.truth.runs), times))

@@ -16,14 +16,14 @@ from testbench.arm.folder import ArmJoint, build_map
 from testbench.correct.compensated import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.dataset import series_of
-from testbench.design.exchange import Feasibility, Search
+from testbench.design.exchange import Feasibility, PoseSearch
 from testbench.errors import InputError
 from testbench.files.export import draft_new, export
 from testbench.files.program import read_poses
 from testbench.files.robot.chain import read_chain
 from testbench.files.write import write_program, write_series
 from testbench.model.structure import all153
-from testbench.model.vjm import tool_pose, turn_between
+from testbench.model.vjm import rotation_vectors_between, tool_pose
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import rigid_frames
 from testbench.runs.rows import trial_rng
@@ -360,7 +360,7 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     off = solve_equilibrium(level.plant, arm.to_model(way), wrench, point).tool - before.tool
     assert np.linalg.norm(off, axis=1).min() > 5e-4
     assert np.abs(true.tool - before.tool).max() < 1e-8
-    left = turn_between(true.rotation, before.rotation)
+    left = rotation_vectors_between(true.rotation, before.rotation)
     assert np.linalg.norm(left, axis=1).min() > 1e-5
     np.testing.assert_allclose(found.found.rotation_error, left, rtol=0, atol=1e-7)
 
@@ -376,7 +376,7 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     arm = level.arm
     q = search(level, SETTINGS).q
     assert len(q) == 30
-    tries = Search(
+    tries = PoseSearch(
         lambda q, _: q, 4, arm.limits, Feasibility(lambda q: q), trial_rng(7), arm.with_dependent_joints
     )
     for some in (q, tries.draw_around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):

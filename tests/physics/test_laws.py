@@ -23,7 +23,7 @@ from testbench.model import laws as shapes
 from testbench.model.laws import LAW_PRIOR, joint_laws
 from testbench.model.load import read_weights
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import chain, plain_load
+from testbench.model.vjm import chain, load_without_laws
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb
@@ -75,7 +75,7 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     if kind != "compensator":
         vjm = replace(vjm, arm=replace(kr500.arm, compensator=None))
     where = chain(laws.with_joint_laws(vjm), q)
-    own = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])
+    own = where.laws.load(where, load_without_laws(where, wrench, point)[LINKS:])
     if kind == "compensator":
         expected, more = own[-1], more[:, 1]
     else:
@@ -92,7 +92,7 @@ def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
     on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
     where = chain(laws.for_load_history(laws.with_joint_laws(kr500.vjm), off), q)
-    expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[12:18].T
+    expected = where.laws.load(where, load_without_laws(where, wrench, point)[LINKS:])[12:18].T
     np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * shapes.UNIT_FRICTION_RAD)
     np.testing.assert_array_equal(back[~off], on[~off])
     far = off[:, None] & (np.abs(clean) > 3 * shapes.UNIT_FRICTION_RAD)
@@ -127,7 +127,7 @@ def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_s
         laws.for_load_history(laws.with_joint_laws(kr500.vjm), off),
     ):
         where = chain(lawful, q)
-        u = 0.02 * plain_load(where, wrench, point)[LINKS:]  # some joints slip, some do not
+        u = 0.02 * load_without_laws(where, wrench, point)[LINKS:]  # some joints slip, some do not
         step = 1e-3
         own = where.laws.slope(where, u)
         by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)

@@ -13,7 +13,7 @@ from testbench.identify.hierarchy import learn_prior
 from testbench.identify.interior import least_squares as psd_least_squares
 from testbench.identify.method import ROBUST_UNCERTAINTY, gco, least_squares, paper_gco, robust, with_prior
 from testbench.identify.metric import (
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     cad_prior,
     perturbed,
@@ -47,7 +47,7 @@ from testbench.workflows.models import (
     recommend,
 )
 
-HALF = Strength(0.5)
+HALF = PriorUncertainty(0.5)
 
 
 @pytest.fixture(scope="module")
@@ -117,12 +117,12 @@ def test_a_prior_is_in_the_scale_of_the_data_its_strength_given_learnt_or_fixed_
         estimate = with_prior(method, prior, HALF)(kr500.vjm, s, data)
         by_hand = solve(regression, method.constraint, WeightedPrior(rescale_to_data(own, regression), HALF))
         np.testing.assert_array_equal(estimate.pi, by_hand.pi)
-        assert (estimate.constraint, estimate.weighted_prior.strength) == (method.constraint, HALF)
+        assert (estimate.constraint, estimate.weighted_prior.uncertainty) == (method.constraint, HALF)
     learnt = with_prior(gco, prior)(kr500.vjm, s, data).weighted_prior
     by_hand = learn_prior(regression, own)
-    assert learnt.strength == by_hand.strength
+    assert learnt.uncertainty == by_hand.uncertainty
     np.testing.assert_array_equal(learnt.scaling.L, by_hand.scaling.L)
-    assert robust(with_prior(gco, prior))(kr500.vjm, s, data).weighted_prior.strength == Strength(
+    assert robust(with_prior(gco, prior))(kr500.vjm, s, data).weighted_prior.uncertainty == PriorUncertainty(
         ROBUST_UNCERTAINTY
     )
 
@@ -199,7 +199,7 @@ def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, d
     assert len(found.fits.doubts) == len(doubted)
 
 
-STRENGTH, DELTA = Strength(0.3), PAIRS.threshold
+STRENGTH, DELTA = PriorUncertainty(0.3), PAIRS.threshold
 
 
 def readings(cell, seed, truth="linear"):
@@ -214,8 +214,8 @@ def rough(cell, structure, seed):
 
 def robustly(cell, structure, data, constraint="psd", units=None):
     """The fit without outliers, by a metric as it is where there is one."""
-    belief = None if units is None else WeightedPrior(units, STRENGTH)
-    return without_outliers(cell.vjm, data, reduce(cell.vjm, structure, data), constraint, belief)
+    weighted_prior = None if units is None else WeightedPrior(units, STRENGTH)
+    return without_outliers(cell.vjm, data, reduce(cell.vjm, structure, data), constraint, weighted_prior)
 
 
 def found(fit):

@@ -6,7 +6,13 @@ from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.diagnosis.gravity import DOWN, angle, by_own_weight, mounted_under, rotation_of_down
+from testbench.identify.diagnosis.gravity import (
+    DOWN,
+    angle,
+    mounting_by_own_weight,
+    rotation_from_down,
+    with_base_rotated,
+)
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.metric import cad_prior
 from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
@@ -37,17 +43,17 @@ def test_own_weight_tells_how_the_base_stands(upright, tmp_path, how):
     cell = turned(TURNS[how], tmp_path)
     series, _ = simulate_series(cell, AbsoluteCampaign(poses=40, targets=3), 1)
     prior = cad_prior(upright.arm)
-    found = by_own_weight(calibrate(upright.vjm, series, prior, ONLY), prior)
+    found = mounting_by_own_weight(calibrate(upright.vjm, series, prior, ONLY), prior)
     true = cell.vjm.base[:3, :3].T @ DOWN
     assert how in describe(found, upright.arm).sentence
     assert np.degrees(angle(found.size[:3], true)) < 2  # a level tracker is off by half a degree, the fit too
     stands = Rotation.from_quat(found.size[3:], scalar_first=True).as_matrix()
     np.testing.assert_allclose(stands @ found.size[:3], DOWN, atol=1e-12)
-    assert by_own_weight(calibrate(cell.vjm, series, prior, ONLY), prior) is None
+    assert mounting_by_own_weight(calibrate(cell.vjm, series, prior, ONLY), prior) is None
 
 
 def test_weights_along_g_are_those_of_an_arm_whose_base_is_turned(upright):
     """Also where g is along +z, and from a base that does not stand in the world itself."""
     for g in (np.array([0.0, 0, 1]), np.array([0.6, 0, -0.8]), np.array([0.0, -1, 0])):
-        np.testing.assert_allclose(rotation_of_down(g) @ DOWN, g, atol=1e-12)
-        np.testing.assert_allclose(mounted_under(upright.vjm, g).base[:3, :3] @ g, DOWN, atol=1e-12)
+        np.testing.assert_allclose(rotation_from_down(g) @ DOWN, g, atol=1e-12)
+        np.testing.assert_allclose(with_base_rotated(upright.vjm, g).base[:3, :3] @ g, DOWN, atol=1e-12)

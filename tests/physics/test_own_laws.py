@@ -12,9 +12,9 @@ from loads import GRAVITY, hung
 from run_here import do
 
 from testbench import BenchError, JointTurns, TrueArm, cad_prior, deflections, load_model, save_model, score
-from testbench.model.laws import joint_laws, law_kinds, model_for, sizes_of, with_joint_laws, with_laws
+from testbench.model.laws import joint_laws, law_kinds, law_sizes, model_for, with_joint_laws, with_laws
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, plain_load
+from testbench.model.vjm import chain, load_without_laws
 from testbench.plant.disturbance import Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb, true_arms, true_plant
@@ -98,7 +98,8 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
     vjm = replace(kr500.vjm, arm=replace(kr500.arm, compensator=None))
     where = chain(with_joint_laws(vjm, ["wind_up"]), q)
     expected = (
-        plant.spring_effects.law.share * where.laws.load(where, plain_load(where, wrench, point)[LINKS:]).T
+        plant.spring_effects.law.share
+        * where.laws.load(where, load_without_laws(where, wrench, point)[LINKS:]).T
     )
     assert np.abs(expected).max() > 1e-4
     np.testing.assert_allclose(turns[0] - turns[1], expected, rtol=0, atol=0.06 * np.abs(expected).max())
@@ -129,7 +130,7 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
     truth = campaign.truth
     error, other = (score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in (found, without))
     assert error < 0.3 * other
-    sizes = sizes_of(model_for(cell.vjm, found.structure), found.C_theta)
+    sizes = law_sizes(model_for(cell.vjm, found.structure), found.C_theta)
     share = true.plant.spring_effects.law.share
     for k in (1, 2):  # the joints that bear the load
         assert abs(sizes[f"joint_{k + 1}"]["wind_up"] - share[k]) < 0.35 * share[k]

@@ -14,7 +14,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.design import absolute
 from testbench.design import rows as plans
 from testbench.design.criteria import CRITERIA, criterion_of
-from testbench.design.exchange import Feasibility, Search, exchange, greedy
+from testbench.design.exchange import Feasibility, PoseSearch, exchange, greedy
 from testbench.design.forecast import forecast, forecast_on, linear_fit
 from testbench.design.gauges import Gauges, gauge_rows
 from testbench.design.planning import (
@@ -32,8 +32,14 @@ from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.posterior import information as told_by
 from testbench.identify.absolute.state import moved_frame, series_equilibrium
-from testbench.identify.metric import Strength, cad_prior, precision_root, scale_by_prior, weighted_rows
-from testbench.identify.observability import hidden_quantities
+from testbench.identify.metric import (
+    PriorUncertainty,
+    cad_prior,
+    precision_root,
+    scale_by_prior,
+    weighted_rows,
+)
+from testbench.identify.observability import undetermined_quantities
 from testbench.identify.rows import beams
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import WorkArea, marker_points, random_poses, tool_points
@@ -120,11 +126,11 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     rows = plans.reading_rows(spec.experiment, poses, spec.loads[0])
     problem = plans.build_problem(spec.experiment, rows, 0.3)
     assert problem.r == 49
-    assert plans.build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
+    assert plans.build_problem(spec.experiment, rows, None).unobservable.shape == (68, 19)
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
     wanted = plans.deflection_rows(spec.experiment, poses[120:123], side)
-    B, _ = precision_root(spec.experiment.scaling, Strength(0.3, 10.0))
+    B, _ = precision_root(spec.experiment.scaling, PriorUncertainty(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
     seen, lift = plans.information(problem, chosen), problem.lift
@@ -145,8 +151,8 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
-    chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(13)]
-    assert forecast_errors(plan, plans.task_rows(spec)).overall < min(chance)
+    p_value = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(13)]
+    assert forecast_errors(plan, plans.task_rows(spec)).overall < min(p_value)
 
 
 @pytest.mark.parametrize(
@@ -221,7 +227,7 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
     fits = {
         "joints": (alone, joints_only(kr500.arm), least_squares),
         "links": (predicted_error.least_squares(spec, prior, links), links, least_squares),
-        "planned": (spec, mgco68(kr500.arm), with_prior(least_squares, prior, Strength(0.3))),
+        "planned": (spec, mgco68(kr500.arm), with_prior(least_squares, prior, PriorUncertainty(0.3))),
     }
     setup, rng = Scenario(arm=kr500.arm.name, truth="linear"), trial_rng(8)
     squares = {name: [] for name in fits}
@@ -323,7 +329,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
             parts.append(length[k].reshape(2, -1) / one.sigma)
         return np.concatenate(parts, axis=1)
 
-    for k in np.setdiff1d(np.arange(unknowns.size), unknowns.turns_of_points):
+    for k in np.setdiff1d(np.arange(unknowns.size), unknowns.unused_rotations):
         step = 1e-9 if k >= unknowns.starts["elastic"] else 1e-5
         way = step * np.eye(unknowns.size)[k]
         slope = (read(way) - read(-way)) / (2 * step)
@@ -422,7 +428,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     )
     L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
     both = sum(i.H[0] @ L / np.linalg.norm(i.H @ union.L) for i in (one, other))
-    found = hidden_quantities(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
+    found = undetermined_quantities(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
     assert [(i.name, i.confounded_with) for i in found if i.confounded_with] in (
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
@@ -489,7 +495,7 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     wanted = absolute.position_rows(own, places[other][-20:])
     examined = absolute.candidate_set(own, q, 8)
     problem, criterion = examined.problem, criterion_of("I", examined.problem, wanted)
-    search = Search(
+    search = PoseSearch(
         partial(absolute.measured_rows, own), 8, kr500.arm.limits, Feasibility(lambda q: q), trial_rng(1)
     )
     plan = choose_greedily(search, criterion, examined).chosen

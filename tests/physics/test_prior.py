@@ -34,7 +34,7 @@ from testbench.identify.estimate import ModelAverage, make_estimate
 from testbench.identify.hierarchy import evidence_hessian, evidence_posterior, maximise_evidence
 from testbench.identify.metric import (
     Prior,
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     cad_prior,
     precision_root,
@@ -47,13 +47,13 @@ from testbench.identify.posterior import (
     CURVATURE_COUNT,
     Posterior,
     intervals,
-    linearise,
+    posterior_of_estimate,
     second_order_deflection,
 )
 from testbench.identify.regression import f_m, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.identify.trace import FOLDS, Candidate, divide_poses, prefer_first
-from testbench.model.laws import with_laws, with_ties, without_ties
+from testbench.model.laws import with_joint_couplings, with_laws, without_joint_couplings
 from testbench.model.load import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
@@ -88,19 +88,21 @@ def test_with_a_prior_least_squares_is_the_ridge_solution(kr500, structure, unce
     (A, y), e = weighted_rows(regression, own), own.expected
     rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
     ridge = own.L @ np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
-    found = solve(regression, "none", WeightedPrior(own, Strength(uncertainty))).pi
+    found = solve(regression, "none", WeightedPrior(own, PriorUncertainty(uncertainty))).pi
     np.testing.assert_allclose(found, ridge, rtol=0, atol=1e-7 * np.abs(ridge).max())
 
 
 def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_as_well(kr500):
     regression, own = scaled(kr500, template56(kr500.arm), 3)
-    loose = shrinkage.gco_stein(regression, own, Strength(3.0))
+    loose = shrinkage.gco_stein(regression, own, PriorUncertainty(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
     (A, y), e = weighted_rows(regression, own), own.expected
     scale = (
-        np.linalg.solve(own.L, solve(regression, "psd", WeightedPrior(own, Strength(3.0))).pi) @ e / (e @ e)
+        np.linalg.solve(own.L, solve(regression, "psd", WeightedPrior(own, PriorUncertainty(3.0))).pi)
+        @ e
+        / (e @ e)
     )
 
     def cost(x):
@@ -135,7 +137,7 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     own, errors = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure), {}
     folds = shrinkage.every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in shrinkage.UNCERTAINTIES:
-        fits = [solve(fold.fitted, "none", WeightedPrior(own, Strength(u))).pi for fold in folds]
+        fits = [solve(fold.fitted, "none", WeightedPrior(own, PriorUncertainty(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
     chosen = shrinkage.choose_strength(folds, own, lambda case: solve_with_prior("none", case).pi)
     assert chosen.uncertainty == min(errors, key=errors.get)
@@ -175,7 +177,7 @@ def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
 def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are_refused(kr500, campaign):
     for bad in (0, np.nan, np.inf, 1e-200):
         with pytest.raises(BenchError, match="uncertainty: expected a number from 1e-06 to 1e"):
-            Strength(bad)
+            PriorUncertainty(bad)
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
         scale_by_prior(cad_prior(kr500.arm), kr500.vjm, holes)
@@ -198,7 +200,7 @@ def seen_by(cell, campaign, structure, prior=None):
 
 
 def tied(arm):
-    return with_ties(all153(arm))
+    return with_joint_couplings(all153(arm))
 
 
 @pytest.mark.parametrize("make", [tied, mgco68])
@@ -210,7 +212,7 @@ def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campai
         [evidence_posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
     ]
     H, J = evidence_hessian(seen.problem, h, own)
-    of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.normal.x)
+    of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.solution.x)
     for found, of in of_slopes:
         expected = np.array([(of(up) - of(down)) / (2 * step) for up, down in ends])
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
@@ -227,7 +229,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         """Minus its logarithm, from all rows as they are, the scales at one."""
         A, y = weighted_rows(regression, seen.scaling)
         u, c, kappa = np.exp(h[-3:])
-        D = (np.where(seen.scaling.couplings, c, u) * (seen.scale_shares @ shares(seen, h))) ** 2
+        D = (np.where(seen.scaling.link_couplings, c, u) * (seen.scale_shares @ shares(seen, h))) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
         e = y - A @ seen.scaling.expected
         more = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2 / 2
@@ -253,38 +255,47 @@ def shares(seen, h):
 
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
     regression, own = seen_by(kr500, campaign, all153(kr500.arm))
-    belief = hierarchy.learn_prior(regression, own)
-    (A, y), D = weighted_rows(regression, belief.scaling), belief.misfit**2
-    e, strength = belief.scaling.expected, belief.strength
-    assert np.std(np.log(strength.shares[:7])) > 0.01  # links of one arm are unlike
-    own = np.repeat(strength.shares, [21] * 7 + [1] * 6)
-    P = D * (own * np.where(belief.scaling.couplings, strength.coupling, strength.uncertainty)) ** 2
+    weighted_prior = hierarchy.learn_prior(regression, own)
+    (A, y), D = weighted_rows(regression, weighted_prior.scaling), weighted_prior.misfit**2
+    e, uncertainty = weighted_prior.scaling.expected, weighted_prior.uncertainty
+    assert np.std(np.log(uncertainty.block_factors[:7])) > 0.01  # links of one arm are unlike
+    own = np.repeat(uncertainty.block_factors, [21] * 7 + [1] * 6)
+    P = (
+        D
+        * (
+            own
+            * np.where(weighted_prior.scaling.link_couplings, uncertainty.link_coupling, uncertainty.relative)
+        )
+        ** 2
+    )
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
-    estimate = solve(regression, "none", belief)
-    x = np.linalg.solve(belief.scaling.L, estimate.pi)
+    estimate = solve(regression, "none", weighted_prior)
+    x = np.linalg.solve(weighted_prior.scaling.L, estimate.pi)
     np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
     rows = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T
-    functionals = rows @ np.linalg.inv(belief.scaling.L)
+    functionals = rows @ np.linalg.inv(weighted_prior.scaling.L)
     covariance = np.diag(P) - (P[:, None] * A.T) @ np.linalg.solve(S, A * P)
     variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
     # entries as large as the mean of their squares: what the readings leave of them
     left = rows @ (np.eye(153) - (P[:, None] * A.T) @ np.linalg.solve(S, A))
-    variance += left**2 @ (P * (belief.size_uncertainty**2 - 1))
-    variance += np.square(functionals @ belief.hyperparameter_effect.T).sum(axis=1)
-    np.testing.assert_allclose(linearise(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5)
+    variance += left**2 @ (P * (weighted_prior.size_uncertainty**2 - 1))
+    variance += np.square(functionals @ weighted_prior.hyperparameter_effect.T).sum(axis=1)
+    np.testing.assert_allclose(
+        posterior_of_estimate(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5
+    )
 
 
 def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
     """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    belief, seen = hierarchy.learn_prior(regression, own), hierarchy.evidence_model(regression, own)
+    weighted_prior, seen = hierarchy.learn_prior(regression, own), hierarchy.evidence_model(regression, own)
     h = maximise_evidence(seen.problem, seen.start)
 
     def estimate(h):
         L = seen.scaling.L * seen.scale(h)
         u, c, kappa = np.exp(h[-3:])
-        own = Strength(u / kappa, 0.0, coupling=c / kappa, shares=tuple(shares(seen, h)))
+        own = PriorUncertainty(u / kappa, 0.0, link_coupling=c / kappa, block_factors=tuple(shares(seen, h)))
         there = WeightedPrior(replace(seen.scaling, L=L), own)
         return solve(regression, "none", there).pi
 
@@ -295,7 +306,7 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
     assert np.linalg.eigvalsh(H)[0] > hierarchy.MAX_HYPER_DEVIATION**-2
     expected = J.T @ np.linalg.solve(H, J)
     np.testing.assert_allclose(
-        belief.hyperparameter_effect.T @ belief.hyperparameter_effect,
+        weighted_prior.hyperparameter_effect.T @ weighted_prior.hyperparameter_effect,
         expected,
         rtol=0,
         atol=1e-4 * expected.max(),
@@ -347,7 +358,7 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     estimate = method(kr500.vjm, template56(kr500.arm), campaign.identification)
     found = intervals(kr500.vjm, estimate, data)
     rows = observation(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
-    half = linearise(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
+    half = posterior_of_estimate(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
     left_out = second_order_deflection(kr500.vjm, estimate.C_theta, data)
     np.testing.assert_allclose(
         found.upper - found.centre, np.hypot(half, CURVATURE_COUNT * left_out), rtol=1e-9
@@ -398,9 +409,12 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     regression = reduce(kr500.vjm, s, data)
     for name in ("right", "scaled", "uncoupled"):
         own = scale_by_prior(prior_of(kr500, name, 2), kr500.vjm, s)
-        log_evidence, belief = hierarchy.log_evidence_alone(regression, own)
-        kappa, e = hierarchy.JOINTS_ONLY_FIT / belief.strength.uncertainty, belief.scaling.expected
-        A, y = weighted_rows(regression, belief.scaling)
+        log_evidence, weighted_prior = hierarchy.log_evidence_alone(regression, own)
+        kappa, e = (
+            hierarchy.JOINTS_ONLY_FIT / weighted_prior.uncertainty.relative,
+            weighted_prior.scaling.expected,
+        )
+        A, y = weighted_rows(regression, weighted_prior.scaling)
         S = kappa**2 * np.eye(len(y)) + hierarchy.JOINTS_ONLY_SIZE**2 * A @ A.T
         best = float(y @ np.linalg.solve(S, A @ e))
         best /= float(A @ e @ np.linalg.solve(S, A @ e))
@@ -410,11 +424,11 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
             return math.exp((e0 @ np.linalg.solve(S, e0) - e1 @ np.linalg.solve(S, e1)) / 2)
 
         e0 = y - A @ (best * e)
-        log_size = np.linalg.slogdet(S)[1]
+        log_determinant = np.linalg.slogdet(S)[1]
         over_scale = math.log(quad(density, best - 2, best + 2, points=[best], limit=200)[0])
         rest = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2
         beyond = (regression.equations - len(y)) * math.log(kappa)
-        dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_size + rest) / 2 - beyond
+        dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_determinant + rest) / 2 - beyond
         found.append(log_evidence - dense + (math.log(kappa) / hierarchy.MISFIT_DEVIATION) ** 2 / 2)
     np.testing.assert_allclose(found, -math.log(2 * math.pi) / 2, rtol=0, atol=1e-5)  # left out on purpose
 
@@ -456,17 +470,20 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     regression = reduce(kr500.vjm, s, campaign.identification)
     links, laws, ties, joints = (
         make_estimate(restrict_to(regression, own), rng.normal(size=own.n), method="known")
-        for own in (all153(kr500.arm), without_ties(s), tied(kr500.arm), joints_only(kr500.arm))
+        for own in (all153(kr500.arm), without_joint_couplings(s), tied(kr500.arm), joints_only(kr500.arm))
     )
     roots = {id(own): rng.normal(size=(3, own.structure.n)) for own in (links, laws, ties, joints)}
     monkeypatch.setattr(posteriors, "linearise", lambda own: Posterior.normal(own.pi, roots[id(own)]))
     likely = {"laws_probability": 0.8, "with_laws": laws, "joints_probability": 0.4, "joints_only": joints}
     average, parts = {
         "every model": (
-            ModelAverage(0.5, links, ties_weight=0.3, with_ties=ties, **likely),
+            ModelAverage(0.5, links, joint_couplings_weight=0.3, with_joint_couplings=ties, **likely),
             ((0.3, ties), (0.7 * 0.8, laws), (0.7 * 0.2 * 0.4, joints), (0.7 * 0.2 * 0.6, links)),
         ),
-        "coupled joints alone": (ModelAverage(0, links, ties_weight=1, with_ties=ties), ((1, ties),)),
+        "coupled joints alone": (
+            ModelAverage(0, links, joint_couplings_weight=1, with_joint_couplings=ties),
+            ((1, ties),),
+        ),
         "two priors": (ModelAverage(0, links, parts=(pair := ((0.4, links), (0.6, laws)))), pair),
     }[kind]
     mean = make_estimate(regression, rng.normal(size=s.n), method="known")
@@ -474,7 +491,7 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     for p, own in parts:
         x, root = (scatter_to(numbers, own.structure, s) for numbers in (own.pi, roots[id(own)]))
         expected += p * (root.T @ root + np.outer(x - mean.pi, x - mean.pi))
-    found = linearise(replace(mean, average=average)).covariance(np.eye(s.n))
+    found = posterior_of_estimate(replace(mean, average=average)).covariance(np.eye(s.n))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -492,7 +509,9 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     ]
     log_evidence = [7.0, 7.0 + math.log(average.BEAM_ODDS) + (math.log(3) if likelier else -math.log(3))]
     given = dict(zip(("first", "second"), zip(both, log_evidence, strict=True), strict=True))
-    monkeypatch.setattr(average, "_average_ties", lambda _r, _constraint, prior, *, widths: given[prior])
+    monkeypatch.setattr(
+        average, "_average_joint_couplings", lambda _r, _constraint, prior, *, widths: given[prior]
+    )
     found = average_two_priors(r, "psd", "first", "second")
     share = np.array([0.25, 0.75] if likelier else [0.75, 0.25])
     np.testing.assert_allclose(found.pi, (share @ [1.0, 2.0]) * size, rtol=1e-12)
@@ -515,22 +534,25 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     worth = {"Joints": 3.0, "ALL153": 1.0, s.name: 2.0}
 
     def learn(_regression, prior, *, widths):
-        return WeightedPrior(prior, Strength(1.0), log_evidence=e_laws if prior.law.any() else e_links)
+        return WeightedPrior(
+            prior, PriorUncertainty(1.0), log_evidence=e_laws if prior.law.any() else e_links
+        )
 
-    def solve(regression, constraint, belief):
+    def solve(regression, constraint, weighted_prior):
         pi = np.full(regression.structure.n, worth[regression.structure.name])
         return replace(
-            make_estimate(regression, pi, method="known", constraint=constraint), weighted_prior=belief
+            make_estimate(regression, pi, method="known", constraint=constraint),
+            weighted_prior=weighted_prior,
         )
 
     monkeypatch.setattr(average, "learn_prior", learn)
     monkeypatch.setattr(average, "solve", solve)
 
     def log_evidence_alone(_regression, prior):
-        return e_joints, WeightedPrior(prior, Strength(1.0))
+        return e_joints, WeightedPrior(prior, PriorUncertainty(1.0))
 
     monkeypatch.setattr(average, "log_evidence_alone", log_evidence_alone)
-    found, together = average._average_ties(r, "psd", own, widths=True)
+    found, together = average._average_joint_couplings(r, "psd", own, widths=True)
     joints, links = average.JOINTS_ONLY_ODDS * math.exp(e_joints), math.exp(e_links)
     linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_ODDS
     assert together == pytest.approx(math.log(linear + laws))
@@ -597,10 +619,10 @@ def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
         ours, theirs = errors(kr500, campaign, found, alone)
         assert found.conservative
         if kind == "tubes":
-            assert found.average is None or found.average.ties_weight == 0
+            assert found.average is None or found.average.joint_couplings_weight == 0
             assert ours == pytest.approx(theirs, rel=1e-6)
             continue
-        assert found.average.ties_weight > 0.95
+        assert found.average.joint_couplings_weight > 0.95
         assert ours < 0.6 * theirs
         true = cell.plant.compliance(campaign.truth.q)[np.ix_(cell.plant.hinges, cell.plant.hinges)]
         own = found.C_theta[42:48, 42:48]
@@ -615,7 +637,7 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     """By the mean of its square over what the readings leave open: so large is an error of the prior."""
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     r = reduce(kr500.vjm, own.structure, campaign.identification)
-    belief, seen = hierarchy.learn_prior(r, own), hierarchy.evidence_model(r, own)
+    weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.evidence_model(r, own)
     h = maximise_evidence(seen.problem, seen.start)
     values, Q = np.linalg.eigh(
         evidence_hessian(seen.problem, h, evidence_posterior(seen.problem, h))[0][:-1, :-1]
@@ -623,23 +645,32 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     draws = (Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPER_DEVIATION**-2))) @ rng.standard_normal(
         (len(values), 20000)
     )
-    size = np.exp(seen.problem.drawn[:, :-1] @ draws)  # over that at the best h
+    size = np.exp(seen.problem.log_deviation_rows[:, :-1] @ draws)  # over that at the best h
     middle = np.quantile(size, 0.84, axis=1)  # one standard deviation above the median
-    np.testing.assert_allclose(belief.size_uncertainty, np.exp(np.log(middle) ** 2), rtol=0.1)
-    found = solve(r, "none", belief)
-    B = belief.size_uncertainty[:, None] * precision_root(belief.scaling, belief.strength)[0]
-    A, _ = weighted_rows(r, belief.scaling)
-    M = np.linalg.inv(A.T @ A + np.diag(precision_root(belief.scaling, belief.strength)[0].diagonal() ** 2))
-    open_ = belief.misfit**2 * belief.scaling.L @ M @ B.T @ B @ M @ belief.scaling.L.T
+    np.testing.assert_allclose(weighted_prior.size_uncertainty, np.exp(np.log(middle) ** 2), rtol=0.1)
+    found = solve(r, "none", weighted_prior)
+    B = (
+        weighted_prior.size_uncertainty[:, None]
+        * precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0]
+    )
+    A, _ = weighted_rows(r, weighted_prior.scaling)
+    M = np.linalg.inv(
+        A.T @ A
+        + np.diag(precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0].diagonal() ** 2)
+    )
+    open_ = weighted_prior.misfit**2 * weighted_prior.scaling.L @ M @ B.T @ B @ M @ weighted_prior.scaling.L.T
     rows = rng.standard_normal((5, own.structure.n)) / np.sqrt(np.diag(open_))
     expected = np.einsum(
-        "ki,ij,kj->k", rows, open_ + belief.hyperparameter_effect.T @ belief.hyperparameter_effect, rows
+        "ki,ij,kj->k",
+        rows,
+        open_ + weighted_prior.hyperparameter_effect.T @ weighted_prior.hyperparameter_effect,
+        rows,
     )
-    whole, prior = (own**2 for own in linearise(found)._deviations(rows))
+    whole, prior = (own**2 for own in posterior_of_estimate(found)._deviations(rows))
     np.testing.assert_allclose(prior, expected, rtol=1e-6)
     # what links do in a pose that nobody measured is no error of the prior
     W = rng.standard_normal((7, own.structure.n)) / np.linalg.norm(rows, axis=0)
-    wider = linearise(replace(found, regression=replace(r, pose_variation=W)))._deviations(rows)
+    wider = posterior_of_estimate(replace(found, regression=replace(r, pose_variation=W)))._deviations(rows)
     np.testing.assert_allclose(wider[0] ** 2, whole + ((rows @ W.T) ** 2).sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(wider[1] ** 2, prior, rtol=1e-9)
 
@@ -698,7 +729,7 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     found, share = method.fit_reduced(kr500.vjm, regression), average.MIN_JOINTS_WEIGHT
     monkeypatch.setattr(average, "MIN_JOINTS_WEIGHT", 0.0)
     changing = method.fit_reduced(kr500.vjm, regression)
-    assert found.average.laws_weight == found.average.ties_weight == 0
+    assert found.average.laws_weight == found.average.joint_couplings_weight == 0
     joints = joints_only(kr500.arm)
     alone = scatter_to(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
     seen = alone > 0  # no weight turns joint 1: it has what the prior says
@@ -706,10 +737,10 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     links = found.structure.a < 6 * found.structure.links
     np.testing.assert_allclose(found.pi[links], (1 - share) * changing.pi[links], rtol=1e-12, atol=1e-24)
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
-    told = linearise(found)
+    told = posterior_of_estimate(found)
     np.testing.assert_array_equal(told.x, found.pi)
     around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.average.parts)
-    own = sum(p * linearise(e).deviations(rows) ** 2 for p, e in found.average.parts)
+    own = sum(p * posterior_of_estimate(e).deviations(rows) ** 2 for p, e in found.average.parts)
     np.testing.assert_allclose(told.deviations(rows) ** 2, own + around, rtol=1e-9)
 
 
@@ -725,9 +756,9 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
     """As least squares on the rows of all others and of the prior predicts them, one fit a pose."""
     _, regression, fit = alike
     whole = fit if fit.average is None else fit.average.all_parts
-    belief, poses = whole.weighted_prior, restrict_to(regression, whole.structure).poses
-    found = average._held_out_errors(poses, poses, belief)
-    L, (B, c) = belief.scaling.L, precision_root(belief.scaling, belief.strength)
+    weighted_prior, poses = whole.weighted_prior, restrict_to(regression, whole.structure).poses
+    found = average._held_out_errors(poses, poses, weighted_prior)
+    L, (B, c) = weighted_prior.scaling.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
     for k, held in enumerate(poses):
         rest = np.vstack([rows for other, rows in enumerate(poses) if other != k])
         M, r = np.vstack([rest[:, :-1] @ L, B]), np.r_[rest[:, -1], c]
@@ -748,12 +779,12 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
 )
 def test_links_count_where_they_surely_predict_poses_better_that_were_left_out(gains, changes, weight):
     own = np.array([1.0, 2.0, 0.5])
-    assert average.links_or_joints((own, own * np.exp(gains)), changes=changes) == weight
+    assert average.joints_only_weight((own, own * np.exp(gains)), changes=changes) == weight
 
 
 @pytest.mark.parametrize("changes", [False, True])
 def test_without_held_out_errors_the_average_stays_but_where_links_change(changes):
-    assert average.links_or_joints(None, changes=changes) == (average.MIN_JOINTS_WEIGHT if changes else 0)
+    assert average.joints_only_weight(None, changes=changes) == (average.MIN_JOINTS_WEIGHT if changes else 0)
 
 
 def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(kr500, alike, monkeypatch):
@@ -771,7 +802,9 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
     assert (found.average.weight, found.average.laws_weight) == (1, 0)
     assert not found.pi[found.structure.a < 6 * found.structure.links].any()
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
-    assert (linearise(found).deviations(rows) > linearise(before).deviations(rows)).all()
+    assert (
+        posterior_of_estimate(found).deviations(rows) > posterior_of_estimate(before).deviations(rows)
+    ).all()
 
 
 def test_links_stay_alike_in_all_poses_where_readings_weighed_otherwise_refuse_the_prior(

@@ -390,7 +390,7 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
     (table := tmp_path / "way.csv").write_text(
         "\n".join(
             [
-                ",".join(j.shown_column for j in arm.joints),
+                ",".join(j.display_column for j in arm.joints),
                 *(",".join(map(repr, row)) for row in np.degrees(q).tolist()),
             ]
         )

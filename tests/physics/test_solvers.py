@@ -22,8 +22,8 @@ from testbench.identify.conic import (
 from testbench.identify.estimate import Dual, make_estimate
 from testbench.identify.method import least_squares, paper_gco
 from testbench.identify.metric import (
+    PriorUncertainty,
     RegressionWithPrior,
-    Strength,
     WeightedPrior,
     cad_prior,
     rescale_to_data,
@@ -117,8 +117,8 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     """Too small, too large, nothing, not a number, outside the cone."""
     regression = reduce(kr500.vjm, structure(kr500.arm), campaign.identification)
     own = rescale_to_data(scale_by_prior(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
-    belief = WeightedPrior(own, Strength(3.0))
-    right, sound = solve(regression, "psd", belief), interior.interior
+    weighted_prior = WeightedPrior(own, PriorUncertainty(3.0))
+    right, sound = solve(regression, "psd", weighted_prior), interior.solve_program
     size = -1.0 if wrong is None else wrong
 
     def wrongly(program):
@@ -126,8 +126,8 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
         return replace(found, x=size * found.x)
 
     monkeypatch.setattr(interior, "interior", wrongly)
-    assert not solve_with_prior("psd", RegressionWithPrior(regression, belief)).by_our_solver
-    again = solve(regression, "psd", belief)
+    assert not solve_with_prior("psd", RegressionWithPrior(regression, weighted_prior)).by_our_solver
+    again = solve(regression, "psd", weighted_prior)
     assert again.conservative
     assert again.f_m == pytest.approx(right.f_m, rel=1e-5)
 

@@ -89,21 +89,21 @@ def test_a_weaker_weight_has_to_predict_better_in_pose_after_pose():
 
 def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monkeypatch):
     """And all readings with the chosen weight alone; coarse answers fit the readings as proven ones do."""
-    s, calls, whole = all153(kr500.arm), [], interior.solve
+    s, calls, whole = all153(kr500.arm), [], interior.solve_batch
 
     def spied(problems, weights):
         calls.append((problems, weights, whole(problems, weights)))
         return calls[-1][2]
 
-    monkeypatch.setattr(interior, "solve", spied)
+    monkeypatch.setattr(interior, "solve_batch", spied)
     [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divide_poses(campaign.identification))
     taken = learn_trace_weight(kr500.vjm, parts)
     (folds, weights, (x, _)), (_, [rate], _) = calls
     assert x.shape[:2] == (8, 5)  # joint stiffness only needs no program
     assert np.isfinite(x).all()
     for k, i in ((0, 4), (3, 0), (7, 2)):
-        own = interior.Problems(
-            folds.R[k : k + 1], folds.g[k : k + 1], folds.half[k : k + 1], folds.c, folds.sizes
+        own = interior.BatchedProblems(
+            folds.R[k : k + 1], folds.g[k : k + 1], folds.half_squares[k : k + 1], folds.c, folds.sizes
         )
         [[alone]], _ = whole(own, weights[i : i + 1])
         np.testing.assert_allclose(alone, x[k, i], rtol=0, atol=1e-6 * np.abs(alone).max())

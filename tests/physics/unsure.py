@@ -21,7 +21,7 @@ SCALE = np.array([9e3, 8e3, 3e3, 5e2, 4e2, 2e2])  #: Of the torque of every join
 
 def normal(x, root, unseen=None):
     found = Posterior.normal(x, root)
-    return found if unseen is None else replace(found, unseen=unseen)
+    return found if unseen is None else replace(found, unobservable=unseen)
 
 
 def unsure(cell):

@@ -174,9 +174,9 @@ def best_of_trials(numbers):
     tied = []
     for y, values in own.items():
         won = min((values > own[least]).sum(), (values < own[least]).sum())
-        chance = sum(math.comb(len(values), k) for k in range(won + 1)) / 2 ** len(values)
+        p_value = sum(math.comb(len(values), k) for k in range(won + 1)) / 2 ** len(values)
         near = abs(np.median(values / own[least]) - 1) <= 0.02
-        tied += [y] if chance > 0.025 or near else []
+        tied += [y] if p_value > 0.025 or near else []
     return tied if len(tied) < len(own) else []
 
 

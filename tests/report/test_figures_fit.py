@@ -15,7 +15,7 @@ from testbench.identify.conic import LEVER_LENGTH
 from testbench.identify.estimate import all_deflections, lilliefors
 from testbench.identify.method import gco, least_squares, with_prior
 from testbench.identify.metric import aggregate, cad_prior
-from testbench.identify.posterior import linearise
+from testbench.identify.posterior import posterior_of_estimate
 from testbench.model.structure import Structure, all153, template56
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios
@@ -214,7 +214,7 @@ def test_the_compliance_of_a_link_holds_its_joint_and_the_interval_is_that_of_ea
     found = link_compliances(vjm, estimate, kr500.arm.C_theta, sag)
     share = {row.part: row.share_percent for row in sag}
     assert [row.part for row in found] == [link.name for link in kr500.arm.links]
-    known = linearise(estimate)
+    known = posterior_of_estimate(estimate)
     for k, row in enumerate(found):
         np.testing.assert_allclose(row.estimate, link_block(vjm, estimate.C_theta, k), rtol=6e-5, atol=1e-16)
         np.testing.assert_allclose(row.reference, link_block(vjm, kr500.arm.C_theta, k), rtol=6e-5)

@@ -193,9 +193,9 @@ def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
     runs, work = ([*csv.DictReader(path.read_text().splitlines())] for path in (plan, tasks))
     assert list(runs[0]) == plan_columns(joints, pulls=True)
     expected = [name for name in runs[0] if name.startswith("expected_")]
-    assert list(work[0]) == ["task", *(joint.shown_column for joint in joints), *expected]
+    assert list(work[0]) == ["task", *(joint.display_column for joint in joints), *expected]
     for cells, row in zip(runs + work, f.plan + f.tasks, strict=True):
-        shown = [float(cells[joint.shown_column]) for joint in joints]
+        shown = [float(cells[joint.display_column]) for joint in joints]
         assert shown == pytest.approx(row.q_shown, abs=5e-5)
         for key in (*expected, *(key for key in ("travel_deg", "travel_mm") if key in cells)):
             assert float(cells[key]) == pytest.approx(row[key], abs=5e-3)

@@ -19,7 +19,7 @@ from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.files.program import read_program
 from testbench.identify.estimate import make_estimate
-from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.regression import reduce
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
@@ -53,7 +53,9 @@ def folder(kr500, tmp_path_factory):
     models = {
         "true": Model("truth", all153(kr500.arm), partial(the_truth, kr500.arm.C_theta)),
         "joints": named_models(kr500, ["Joints"])[0],
-        "sure": with_priors(kr500.arm, named_models(kr500, ["ALL"]), cad_prior(kr500.arm), Strength(0.3))[0],
+        "sure": with_priors(
+            kr500.arm, named_models(kr500, ["ALL"]), cad_prior(kr500.arm), PriorUncertainty(0.3)
+        )[0],
     }
     for name, model in models.items():
         identified(kr500, model, runs, out / name)
@@ -425,8 +427,8 @@ def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(fo
     before, half = np.linalg.norm(own.before, axis=1), own.half_width.max(axis=1)
     widened = own.half_width * (1.2 * before / half)[:, None]
     said = report(replace(found, found=replace(own, half_width=widened)))
-    chance = NormalDist().cdf(1.959964 / 1.2 / 2)
-    assert said.numbers["chance"] == pytest.approx(chance, rel=1e-5)
+    p_value = NormalDist().cdf(1.959964 / 1.2 / 2)
+    assert said.numbers["chance"] == pytest.approx(p_value, rel=1e-5)
     assert (said.badge.verdict, said.numbers["harmful"]) == ("likely", False)
 
 

@@ -129,7 +129,7 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
     filled = [own.weighted_prior for name, [own] in results(true, campaign).items() if name.endswith("prior")]
     assert len(filled) == len(WITH_PRIOR) + 1  # what the default is without its cone
-    assert all(belief.scales for belief in filled)
+    assert all(weighted_prior.scales for weighted_prior in filled)
     model = true.arm.links[2].compliance
     assert (model == build_cell("kr500_l480").arm.links[2].compliance).all()
     assert np.abs(true.plant.arm.links[2].compliance - model).max() > 0

@@ -10,7 +10,7 @@ from run_here import refused
 
 import testbench as tb
 from testbench.errors import InputError
-from testbench.identify.posterior import CURVATURE_COUNT, linearise, second_order_deflection
+from testbench.identify.posterior import CURVATURE_COUNT, posterior_of_estimate, second_order_deflection
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import named_models, with_priors
@@ -41,7 +41,7 @@ def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_pat
     assert model.arm.joints == kr500.arm.joints
     assert model.structure.name == estimate.structure.name
     assert np.array_equal(model.state.C_theta, estimate.C_theta)
-    known, own = linearise(estimate), model.posterior
+    known, own = posterior_of_estimate(estimate), model.posterior
     assert all(np.array_equal(getattr(known, key), getattr(own, key)) for key in vars(known))
     points = marker_points(kr500.vjm, runs.markers)
     rows = observation(chain(model.vjm, runs.q), model.structure, runs.wrench, runs.point, points)

@@ -8,7 +8,7 @@ import pytest
 import testbench as tb
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.report.fitted_runs import seen
@@ -24,7 +24,7 @@ def identified(kr500):
     """The default and GCO without a prior by one campaign, and the rows of its report."""
     runs = tb.simulate(kr500, tb.Scenario(arm="kr500_l480", workspace_poses=1), 3).identification
     [whole, plain] = named_models(kr500, ["ALL153", "MGCO56"])
-    models = [plain, *with_priors(kr500.arm, [whole], cad_prior(kr500.arm), Strength(0.3))]
+    models = [plain, *with_priors(kr500.arm, [whole], cad_prior(kr500.arm), PriorUncertainty(0.3))]
     found = fit_models(kr500, models, MeasuredRuns("runs.csv", runs, runs, None), lambda: 0.0, widths=True)
     left = fit_numbers.residuals_by_model(kr500, found)
     numbers = fit_numbers.numbers(kr500, kr500, found, left, widths=True)

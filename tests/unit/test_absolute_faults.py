@@ -20,7 +20,7 @@ from testbench.identify.absolute.fit import (
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.screens import check_order
+from testbench.identify.diagnosis.screens import check_row_order
 from testbench.identify.metric import cad_prior
 from testbench.model.load import read_weights
 from testbench.workflows.absolute import (
@@ -85,7 +85,7 @@ def test_nothing_moves_in_sound_series(ur10, order):
         ordered = replace(ordered, rotation=np.where(blank, np.nan, ordered.rotation))
     found = gathered(ur10, ordered)
     assert not found.findings
-    assert found.noise.open_position < 2e-4
+    assert found.noise.position_model_error < 2e-4
 
 
 @pytest.mark.study
@@ -122,7 +122,7 @@ def test_what_moved_in_mid_series_is_found_at_its_row_and_parted(ur10, fault):
     assert f"the {what} moved" in words
     assert f"between rows {k} and {k + 1}," in words
     assert [part.rows for part in found.series] == [k, ROWS - k]
-    assert found.noise.open_position < 2e-4  # tenths of what the step would leave
+    assert found.noise.position_model_error < 2e-4  # tenths of what the step would leave
 
 
 def test_a_mount_that_moved_is_shared_no_more(ur10):
@@ -131,7 +131,7 @@ def test_a_mount_that_moved_is_shared_no_more(ur10):
     found = gathered(ur10, target_moved(one, 20, (0, 0, 5e-3)), two)
     assert moves(found, ur10)[1] == "series 2: its mount should be shared, but is fitted separately"
     assert [part.target for part in found.series] == ["mount 1", "mount 1 from row 21", "mount 1 of series 2"]
-    assert found.noise.open_position < 2e-4
+    assert found.noise.position_model_error < 2e-4
 
 
 def joints(change):
@@ -269,12 +269,12 @@ def test_targets_of_a_shared_mount_go_by_their_names(kr500):
     fewer = replace(two, markers=two.markers[:2], position=two.position[:, :2])
     sound = gathered(kr500, one, two)
     other = gathered(kr500, one, swapped)
-    assert other.noise.open_position == pytest.approx(sound.noise.open_position, rel=1e-9)
+    assert other.noise.position_model_error == pytest.approx(sound.noise.position_model_error, rel=1e-9)
     left, right = (residuals(sound.state, x)[:3] for x in (two, swapped))
     np.testing.assert_allclose(left, right[::-1], atol=1e-12)
     for order in ((one, fewer), (fewer, one)):
         found = gathered(kr500, *order)
-        assert found.noise.open_position == pytest.approx(sound.noise.open_position, rel=0.1)
+        assert found.noise.position_model_error == pytest.approx(sound.noise.position_model_error, rel=0.1)
         assert found.state.mount(one).points[2] == pytest.approx(sound.state.mount(one).points[2], abs=2e-3)
     with pytest.raises(BenchError, match="no target P9 is known; there are P1, P2, P3"):
         sound.state.mount(replace(two, markers=("P9", "P1", "P2")))
@@ -402,7 +402,7 @@ def test_nothing_slipped_in_sound_rows_nor_where_a_tracker_moved_or_poses_repeat
         replace(hundred, position=hundred.position + wild),
         replace(slipped, position=slipped.position + moved[: slipped.rows]),
     ):
-        check_order(ur10.vjm, [one])
+        check_row_order(ur10.vjm, [one])
 
 
 @pytest.mark.study

@@ -18,7 +18,7 @@ from testbench.design.criteria import (
 )
 from testbench.design.exchange import (
     Feasibility,
-    Search,
+    PoseSearch,
     ascend_poses,
     exchange,
     greedy,
@@ -230,7 +230,7 @@ def circle_rows(q, _k=0):
 
 
 def near(feasible):
-    return Search(circle_rows, 2, LIMITS, Feasibility(feasible), rng(0))
+    return PoseSearch(circle_rows, 2, LIMITS, Feasibility(feasible), rng(0))
 
 
 def test_refinement_turns_a_pair_to_right_angles():
@@ -278,7 +278,7 @@ def test_the_bound_of_a_greedy_plan_is_that_of_its_tangent_above_every_plan(crit
     """Prior and readings alike in weight; the best of all plans of three of eight candidates, by trying."""
     problem = random_problem(8, 3, prior=4.0)
     anywhere = Feasibility(lambda q: np.ones(len(q), dtype=bool))
-    search = Search(lambda _q, _k: problem.rows, 3, LIMITS, anywhere, rng(0))
+    search = PoseSearch(lambda _q, _k: problem.rows, 3, LIMITS, anywhere, rng(0))
     examined = CandidateSet(np.linspace(-2, 2, 8)[:, None], np.zeros(8, dtype=int), problem)
     found = choose_greedily(search, criterion, examined)
     every = [information(problem, plan) for plan in itertools.combinations_with_replacement(range(8), 3)]

@@ -38,7 +38,7 @@ def moves(kinds, points=7):
 
 
 def shown(q, joints):
-    return q * [joint.shown for joint in joints]
+    return q * [joint.display_factor for joint in joints]
 
 
 def read_krl(text):

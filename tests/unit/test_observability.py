@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.identify.observability import ObservedQuantity, hidden_quantities
+from testbench.identify.observability import ObservedQuantity, undetermined_quantities
 
 SHARE = 0.53
 """Of every prior variance below left by the readings."""
@@ -15,10 +15,10 @@ def left_open(shares):
     correlation = np.eye(n)
     correlation[0, 1:] = correlation[1:, 0] = np.sqrt(shares)
     quantities = [
-        ObservedQuantity("x" if k == 0 else f"y{k}", np.eye(n)[[k]], of_the_arm=k == 0) for k in range(n)
+        ObservedQuantity("x" if k == 0 else f"y{k}", np.eye(n)[[k]], belongs_to_arm=k == 0) for k in range(n)
     ]
     M = np.linalg.inv(SHARE * correlation) - np.eye(n)
-    return hidden_quantities(quantities, np.eye(n), M, np.zeros((n, 0)))
+    return undetermined_quantities(quantities, np.eye(n), M, np.zeros((n, 0)))
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_turning_a_joint_helps_by_what_it_takes_of_what_is_left(each, everywhere
     """Of a share of 0.6; a fifth of that counts as help."""
     further = [np.array([[1 / share - 1 / 0.6]]) for share in (*each, everywhere)]
     one = [ObservedQuantity("x", np.eye(1))]
-    [found] = hidden_quantities(one, np.eye(1), np.array([[1 / 0.6 - 1]]), np.zeros((1, 0)), further)
+    [found] = undetermined_quantities(one, np.eye(1), np.array([[1 / 0.6 - 1]]), np.zeros((1, 0)), further)
     assert found.joint_to_turn == helps
 
 
@@ -65,7 +65,7 @@ def test_what_hides_comes_first_and_the_most_open_of_those_alike_and_of_a_pair_t
         K[i, j] = K[j, i] = -0.845 * np.sqrt(left[i] * left[j])
     M = np.linalg.inv(K) - np.eye(6)
     quantities = [ObservedQuantity(name, row[None]) for name, row in zip(names, np.eye(6), strict=True)]
-    found = hidden_quantities(quantities, np.eye(6), M, np.zeros((6, 0)))
+    found = undetermined_quantities(quantities, np.eye(6), M, np.zeros((6, 0)))
     assert [(one.name, one.confounded_with) for one in found] == [
         ("d", ("c",)),
         ("b", ("a",)),

@@ -8,11 +8,11 @@ from testbench.errors import BenchError
 from testbench.model.structure import (
     Structure,
     all153,
-    free36,
     mgco47,
     mgco68,
     mgco69,
     mgco147,
+    mls36,
     template56,
 )
 
@@ -24,7 +24,7 @@ def arm(request: pytest.FixtureRequest) -> Arm:
     return request.getfixturevalue(request.param).arm
 
 
-@pytest.mark.parametrize("make", [*MAKERS, free36])
+@pytest.mark.parametrize("make", [*MAKERS, mls36])
 def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     """Of a structure that leaves the symmetry open it is any matrix of a link."""
     structure = make(arm)

@@ -64,8 +64,8 @@ LINE_SHARE = 0.9991 / 2.986
 class Noise:
     """Hold standard deviations along an axis, and noise factors."""
 
-    open_position: float = 0.0  #: Model error s of positions [m].
-    open_rotation: float = 0.0  #: Model error s of orientations [rad].
+    position_model_error: float = 0.0  #: Model error s of positions [m].
+    rotation_model_error: float = 0.0  #: Model error s of orientations [rad].
     #: Noise over expected noise, of every kind of equations, (kinds,) [1].
     factor: Array = field(default_factory=lambda: np.ones(len(EQUATION_KINDS)))
 
@@ -143,7 +143,7 @@ def inverse_noise_roots(
     kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
     kinds[m:] += 1
     # Covariance of positions: the instrument's, averaged over a group, plus the model error.
-    opened = times * noise.open_position**2
+    opened = times * noise.position_model_error**2
     if series.precision is None:
         W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + opened)[:, None, None]
     else:
@@ -154,7 +154,7 @@ def inverse_noise_roots(
         covariance = covariance + opened[:, None, None, None] * np.eye(3)
         W[:m] = np.linalg.inv(np.linalg.cholesky(covariance)).swapaxes(0, 1)
     if series.sigma_rotation is not None:
-        deviation = np.sqrt(series.sigma_rotation**2 + times * noise.open_rotation**2)
+        deviation = np.sqrt(series.sigma_rotation**2 + times * noise.rotation_model_error**2)
         W[m:] = np.eye(3) / deviation[:, None, None]
     return W / noise.factor[kinds][..., None, None], kinds
 
@@ -259,7 +259,7 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
         expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
     """
     variance, k = expected
-    factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
+    factor, opened = noise.factor.copy(), [noise.position_model_error, noise.rotation_model_error]
     for kind in np.flatnonzero((factor[:2] < 1) & (variance > 0)):
         whole = factor[kind] ** 2 * (variance[kind] + k * opened[kind] ** 2)
         opened[kind] = float(np.sqrt(max(0.0, whole - variance[kind]) / k))
@@ -291,7 +291,7 @@ def whitening_units(expected: tuple[Array, float], noise: Noise) -> Array:
         (kinds,) [m, rad].
     """
     variance, k = expected
-    opened = np.array([noise.open_position, noise.open_rotation])
+    opened = np.array([noise.position_model_error, noise.rotation_model_error])
     return np.asarray(np.sqrt(np.r_[variance + k * opened**2, variance]))
 
 
@@ -511,7 +511,16 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
         return moved_frame(stated, every[:f]), targets + every[f:].reshape(-1, 3)
 
     def left_of(part: Series, tool: tuple[Array, Array], steps: Array) -> Array:
-        """Compute distance read minus modelled, (read,) [m]."""
+        """Compute measured minus modelled distances of one part.
+
+        Args:
+            part: The readings.
+            tool: Tool positions, (rows, 3) [m], and orientations, (rows, 3, 3) [1], of its poses.
+            steps: Steps of the free unknowns, (free,) [m].
+
+        Returns:
+            Residuals, (read,) [m].
+        """
         assert part.distance is not None
         frame, points = placed(steps)
         position, rotation = tool

@@ -22,7 +22,7 @@ from scipy.linalg import cho_factor, cho_solve
 from testbench.data.dataset import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.evidence import (
-    LOOSE_STRENGTH,
+    WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
     activate,
@@ -33,10 +33,10 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
 from testbench.identify.estimate import Constraint
-from testbench.identify.hierarchy import Normal
-from testbench.identify.metric import PriorScaling, Strength, WeightedPrior
+from testbench.identify.hierarchy import NormalSolution
+from testbench.identify.metric import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
-from testbench.identify.trace import paired
+from testbench.identify.trace import mean_and_standard_error
 from testbench.model.load import Weights, weight_columns
 from testbench.model.vjm import Vjm, chain, generalised_load
 from testbench.progress import stepwise
@@ -52,10 +52,10 @@ MIN_GAIN = 0.1
 """Least gain of a kind of error, as a share of the mean square [1]: 5 % of the RMS error."""
 MAX_LOSS = 0.01
 """Largest loss in the other comparison, as a share of the mean square [1]."""
-FREED_DEVIATION = 100.0
+REFIT_VARIANCE_RATIO = 100.0
 """Factor on the variance of a frame or mount without the held-out readings beyond which these readings fit it
 anew [1]."""
-OWN_WAVE_SHARE = 0.2
+INDIVIDUAL_WAVE_SHARE = 0.2
 """Share of the variance of waves that is individual to a joint while a pattern is sought [1]."""
 MIN_EQUATIONS_SHARE = 0.2
 """Least share of all equations that must remain to predict a held-out series [1]."""
@@ -143,7 +143,7 @@ class SelectionRules:
 
     unit: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
     constraint: Constraint = "psd"  #: Constraint of the final arm.
-    strength: Strength = LOOSE_STRENGTH  #: Relative uncertainty of the expected compliances.
+    uncertainty: PriorUncertainty = WIDE_PRIOR  #: Relative uncertainty of the expected compliances.
 
 
 def select_errors(
@@ -229,7 +229,7 @@ def with_shared_pattern(
     whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
-        solve_active(active, gram_of_active(active, reduced.gram), learnt, LOOSE_STRENGTH),
+        solve_active(active, gram_of_active(active, reduced.gram), learnt, WIDE_PRIOR),
         [],
     )
     V = solved.covariance
@@ -241,11 +241,13 @@ def with_shared_pattern(
         )
     unknowns = replace(
         unknowns,
-        pattern=find_pattern(joint_information, OWN_WAVE_SHARE * whole, (1 - OWN_WAVE_SHARE) * whole, orders),
+        pattern=find_pattern(
+            joint_information, INDIVIDUAL_WAVE_SHARE * whole, (1 - INDIVIDUAL_WAVE_SHARE) * whole, orders
+        ),
     )
     if unknowns.basis is None:
         return None
-    return activate(unknowns, kinds | {"pattern"}, active.elastic), reduced.turned(unknowns.basis)
+    return activate(unknowns, kinds | {"pattern"}, active.elastic), reduced.in_basis(unknowns.basis)
 
 
 @dataclass(frozen=True)
@@ -296,7 +298,7 @@ def _held_out_sums(
     S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
     faces = any(part.face for part in reduced.parts)
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
-    whole = solve_active(active, S, learnt, rules.strength).variances(np.arange(first))
+    whole = solve_active(active, S, learnt, rules.uncertainty).variances(np.arange(first))
     for parts in held:
         n = sum(part.counts[positions].sum() for part in parts)
         every, deviance = _held_out(active, S, parts, (learnt, rules), whole, faces=faces)
@@ -306,22 +308,25 @@ def _held_out_sums(
 
 
 def with_weighted_prior(
-    chosen: SelectedModel, rules: SelectionRules, belief: WeightedPrior | None
+    chosen: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
 ) -> SelectedModel:
     """Repeat the hold-out test with the prior of the final arm, if blocks can be held out.
 
     Args:
         chosen: The selection, with held-out errors for the prior under which candidates were compared.
         rules: Criteria of the selection.
-        belief: Prior of the final arm's compliances; None for a rigid arm.
+        weighted_prior: Prior of the final arm's compliances; None for a rigid arm.
 
     Returns:
         The selection, with its held-out errors updated.
     """
     plain, every = chosen.held_out
-    if belief is None or not len(every):
+    if weighted_prior is None or not len(every):
         return chosen
-    active, rules = replace(chosen.active, elastic=belief.scaling), replace(rules, strength=belief.strength)
+    active, rules = (
+        replace(chosen.active, elastic=weighted_prior.scaling),
+        replace(rules, uncertainty=weighted_prior.uncertainty),
+    )
     blocks = _held_out_sums(active, chosen.reduced, chosen.scales, rules, _blocks_to_hold_out(chosen.reduced))
     return replace(chosen, held_out=(plain, _by_block(blocks)))
 
@@ -345,7 +350,7 @@ def _held_out(
     T, every = gram_of_active(active, sum_gram(parts)), np.arange(len(active.columns))
     others = S - T
     # Frames and mounts that occur in the held-out parts alone are no unknowns of the others.
-    alone = np.flatnonzero(np.abs(others[:, : active.rigid, :k]).sum(axis=(0, 1)) == 0)
+    alone = np.flatnonzero(np.abs(others[:, : active.n_rigid, :k]).sum(axis=(0, 1)) == 0)
     rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
     if len(alone):
         others = others[:, at][:, :, at]
@@ -353,13 +358,13 @@ def _held_out(
         ActiveUnknowns(active.unknowns, active.columns[rest], active.elastic),
         others,
         learnt,
-        rules.strength,
+        rules.uncertainty,
         rules.constraint,
     )
     # Fit these, and those with a much larger variance, to the held-out parts, all else fixed.
     placements = rest[rest < k]
     opened = placements[
-        normal.variances(np.arange(len(placements))) > FREED_DEVIATION * variances[placements]
+        normal.variances(np.arange(len(placements))) > REFIT_VARIANCE_RATIO * variances[placements]
     ]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
     v[at] = np.r_[normal.x, -1.0]
@@ -375,7 +380,7 @@ def _held_out(
     return np.asarray(T @ v @ v), deviance
 
 
-def predictive_deviance(G: Array, v: Array, others: Normal) -> float:
+def predictive_deviance(G: Array, v: Array, others: NormalSolution) -> float:
     """Compute -2 log of the predictive density of held-out readings, up to a constant.
 
     Mathematics: `abs-16`.
@@ -391,19 +396,19 @@ def predictive_deviance(G: Array, v: Array, others: Normal) -> float:
     left, U = G @ v, np.triu(others.root[0]) * others.size
     both = cho_factor(U.T @ U + G[:-1, :-1])  # precision by all readings
     squares = float(v @ left - left[:-1] @ cho_solve(both, left[:-1]))
-    return squares + 2 * float(np.log(np.diag(both[0])).sum()) - others.log_size
+    return squares + 2 * float(np.log(np.diag(both[0])).sum()) - others.log_determinant
 
 
 def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> SelectionStep:
     count = max(before.blocks[:, 0].sum(), 1.0)
     saved = (before.blocks[:, 1] - after.blocks[:, 1]) / count
     old, new = (max(x.blocks[:, 1].sum(), 1e-300) / count for x in (before, after))
-    deviation = max(1, len(saved)) * paired(saved)[1] / old
+    deviation = max(1, len(saved)) * mean_and_standard_error(saved)[1] / old
     gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
     if after.faces:  # one block may be all that shows a direction: its prediction is then uncertain
         saved = (before.blocks[:, 3] - after.blocks[:, 3]) / count
-        blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * paired(saved)[1]
+        blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * mean_and_standard_error(saved)[1]
     pays = blocks > max(MIN_GAIN, deviation) or gain > MIN_GAIN or tried.pattern
     pays = pays and min(blocks, gain) > -MAX_LOSS
     every = (before.blocks, after.blocks, before.series, after.series)

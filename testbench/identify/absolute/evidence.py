@@ -1,13 +1,12 @@
-"""Sizes of all kinds of errors, learnt from the readings by type-II maximum likelihood.
+"""Sizes of all kinds of errors by type-II maximum likelihood, and the linear problem of a Gauss-Newton step.
 
 Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior with one standard
-deviation. The deviations maximise the `evidence` together with a hyperprior: a few pseudo-observations of
-usual size in every group, and neighbouring bands of similar size. The noise of every kind of equations is
-learnt in the same way. The size of an error that the arm does not have goes to zero.
+deviation. These deviations, and the noise of every kind of equations, maximise the evidence (`hierarchy`). A
+hyperprior adds a few pseudo-observations of usual size to every group, and makes neighbouring bands similar.
+The size of an error that the arm does not have goes to zero.
 
-Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated.
-
-The remaining equations are a `Regression` of the compliances, for least squares or GCO.
+`solve_step` then eliminates all unknowns but the compliances. The remaining equations are a `Regression` of
+the compliances, for least squares or GCO, as in all other identification.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,14 +23,14 @@ from testbench.identify.hierarchy import (
     STUDENT_SCALE,
     EvidenceModel,
     Hyperprior,
-    Normal,
+    NormalSolution,
     maximise_evidence,
-    normal,
+    solve_normal_equations,
     student_density,
 )
 from testbench.identify.metric import (
     PriorScaling,
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     precision_root,
     rescale_to_data,
@@ -69,7 +68,7 @@ size [1]. A large group determines its size well, and orders that the joints lac
 tried."""
 SPARE_EQUATIONS = 2.0
 """Pseudo-equations of every kind with noise as stated: unknowns may use up all real ones."""
-LOOSE_STRENGTH = Strength(3.0)
+WIDE_PRIOR = PriorUncertainty(3.0)
 """Uncertainty of the expected compliances while the sizes of all other errors are learnt."""
 
 
@@ -87,7 +86,7 @@ class ActiveUnknowns:
     elastic: PriorScaling | None  #: Prior of the selected compliances; None for a rigid arm.
 
     @property
-    def rigid(self) -> int:
+    def n_rigid(self) -> int:
         """Count the selected columns that are not compliances."""
         return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected))
 
@@ -103,12 +102,12 @@ def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
     """
-    placed = np.setdiff1d(np.arange(unknowns.starts["geometry"]), unknowns.turns_of_points)
+    placed = np.setdiff1d(np.arange(unknowns.starts["geometry"]), unknowns.unused_rotations)
     on = [placed, *(c for kind, c in unknowns.groups if kind in kinds)]
     rigid = np.sort(np.concatenate(on))
     if elastic is None:
         return ActiveUnknowns(unknowns, rigid, None)
-    places = elastic.structure.places_in(unknowns.structure)
+    places = elastic.structure.indices_in(unknowns.structure)
     if (places < 0).any():
         raise BenchError(f"{elastic.structure.name}: expected a part of {unknowns.structure.name}")
     return ActiveUnknowns(unknowns, np.concatenate([rigid, unknowns.starts["elastic"] + places]), elastic)
@@ -161,43 +160,49 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
     columns = np.r_[active.columns, gram.shape[1] - 1]
     selected = gram[np.ix_(range(len(gram)), columns, columns)]
     if active.elastic is not None:
-        e, L = slice(active.rigid, -1), active.elastic.L
+        e, L = slice(active.n_rigid, -1), active.elastic.L
         selected[:, :, e] = selected[:, :, e] @ L
         selected[:, e, :] = L.T @ selected[:, e, :]
     return np.asarray(selected)
 
 
-def active_prior(active: ActiveUnknowns, learnt: ErrorScales, strength: Strength) -> tuple[Array, Array]:
+def active_prior(
+    active: ActiveUnknowns, learnt: ErrorScales, uncertainty: PriorUncertainty
+) -> tuple[Array, Array]:
     """Compute the precision that the priors add.
 
     Args:
         active: The choice, c columns.
         learnt: Learnt sizes of errors.
-        strength: Relative uncertainty of the compliances.
+        uncertainty: Relative uncertainty of the compliances.
 
     Returns:
         Precision, (c, c), and its right-hand side, (c,).
     """
     c = len(active.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
-    held = np.arange(active.rigid)
-    P[held, held] = learnt.deviation[active.columns[: active.rigid]] ** -2.0
+    held = np.arange(active.n_rigid)
+    P[held, held] = learnt.deviation[active.columns[: active.n_rigid]] ** -2.0
     if active.elastic is not None:
-        B, towards = precision_root(active.elastic, strength)
-        P[active.rigid :, active.rigid :], b[active.rigid :] = B.T @ B, B.T @ towards
+        B, towards = precision_root(active.elastic, uncertainty)
+        P[active.n_rigid :, active.n_rigid :], b[active.n_rigid :] = B.T @ B, B.T @ towards
     return P, b
 
 
 def solve_active(
-    active: ActiveUnknowns, S: Array, learnt: ErrorScales, strength: Strength, constraint: Constraint = "none"
-) -> Normal:
+    active: ActiveUnknowns,
+    S: Array,
+    learnt: ErrorScales,
+    uncertainty: PriorUncertainty,
+    constraint: Constraint = "none",
+) -> NormalSolution:
     """Solve for the most probable unknowns: minimise |A x - y|^2 / factor^2 plus the prior's squares.
 
     Args:
         active: The unknowns, c of them.
         S: Gram matrices of [A | y] for every kind of equations, from `gram_of_active`, (kinds, c + 1, c + 1).
         learnt: Sizes of errors, and noise factors.
-        strength: Relative uncertainty of the expected compliances.
+        uncertainty: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
     Returns:
@@ -206,16 +211,16 @@ def solve_active(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), active_prior(active, learnt, strength)
+    H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), active_prior(active, learnt, uncertainty)
     H[:-1, :-1] += P
     H[:-1, -1] += b
-    optimum = normal(H)
+    optimum = solve_normal_equations(H)
     if active.elastic is None or constraint == "none":
         return optimum
-    return replace(optimum, x=_in_cone(optimum, active.rigid, active.elastic))
+    return replace(optimum, x=_in_cone(optimum, active.n_rigid, active.elastic))
 
 
-def _in_cone(optimum: Normal, rigid: int, elastic: PriorScaling) -> Array:
+def _in_cone(optimum: NormalSolution, rigid: int, elastic: PriorScaling) -> Array:
     """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
     With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
@@ -261,8 +266,8 @@ def learn_scales(
     if active.elastic is None or constraint == "none":
         return scales
     for _ in range(MAX_ROUNDS):
-        free = solve_active(active, S, scales, LOOSE_STRENGTH)
-        x = _in_cone(free, active.rigid, active.elastic)
+        free = solve_active(active, S, scales, WIDE_PRIOR)
+        x = _in_cone(free, active.n_rigid, active.elastic)
         if x is free.x:
             return scales
         # where the evidence has no slope, with SPARE_EQUATIONS imagined equations
@@ -290,8 +295,8 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
         drawn[place[of], k] = 1
     # Fixed priors: those of the compliances, of frames and of mounts.
     if active.elastic is not None:
-        B = np.column_stack(precision_root(active.elastic, LOOSE_STRENGTH))
-        known[active.rigid :, active.rigid :] = B.T @ B
+        B = np.column_stack(precision_root(active.elastic, WIDE_PRIOR))
+        known[active.n_rigid :, active.n_rigid :] = B.T @ B
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     placed = active.columns[:first]  # frames and mounts
     known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
@@ -301,9 +306,9 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
         gram=S,
         counts=counts,
         exact_gram=known,
-        drawn=drawn,
+        log_deviation_rows=drawn,
         expected=np.zeros(c),
-        scale=np.zeros((c, m)),
+        log_scale_rows=np.zeros((c, m)),
         priors=_priors(groups, m),
         bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
     )
@@ -351,7 +356,7 @@ class StepSolution:
     estimate: Estimate | None  #: Compliances; None for a rigid arm.
     degrees_of_freedom: float  #: Degrees of freedom that the unknowns use.
     cone_pressure: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
-    belief: WeightedPrior | None  #: Prior of the compliances; None for a rigid arm.
+    weighted_prior: WeightedPrior | None  #: Prior of the compliances; None for a rigid arm.
 
 
 def solve_step(
@@ -359,7 +364,7 @@ def solve_step(
     reduced: ReducedReadings,
     learnt: ErrorScales,
     constraint: Constraint = "psd",
-    strength: Strength | None = None,
+    uncertainty: PriorUncertainty | None = None,
 ) -> StepSolution:
     """Solve for the most probable unknowns by QR.
 
@@ -373,7 +378,7 @@ def solve_step(
         reduced: The equations, in the basis of the unknowns.
         learnt: Sizes of errors, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
-        strength: Relative uncertainty of the expected compliances; None to learn it from the readings.
+        uncertainty: Relative uncertainty of the expected compliances; None to learn it from the readings.
 
     Returns:
         The unknowns, the root of their precision, and the estimate of the compliances.
@@ -383,11 +388,11 @@ def solve_step(
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
     T = factor_of(active, reduced, learnt)
-    r, c = active.rigid, len(active.columns)
+    r, c = active.n_rigid, len(active.columns)
     if active.elastic is None:
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
-        step = _solve_compliances(T, active.elastic, int(reduced.counts.sum()), constraint, strength)
+        step = _solve_compliances(T, active.elastic, int(reduced.counts.sum()), constraint, uncertainty)
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse = solve_triangular(step.root[:r, :r], np.eye(r))
     deviation = learnt.deviation[active.columns[:r]]
@@ -403,33 +408,41 @@ def solve_step(
 
 
 def _solve_compliances(
-    T: Array, elastic: PriorScaling, equations: int, constraint: Constraint, strength: Strength | None
+    T: Array,
+    elastic: PriorScaling,
+    equations: int,
+    constraint: Constraint,
+    uncertainty: PriorUncertainty | None,
 ) -> StepSolution:
     """Solve for compliances by the last rows of T, (c + 1, c + 1), then for all other unknowns."""
     c = len(T) - 1
     r = c - len(elastic.expected)
     # The lower rows of T are the equations of the compliances alone.
     regression = compliance_rows(T, elastic, equations)
-    belief = WeightedPrior(elastic, strength) if strength else _scaled_prior(regression, elastic)
-    estimate = solve(regression, constraint, belief)
-    pressure = _cone_pressure(regression, belief, estimate)
+    weighted_prior = (
+        WeightedPrior(elastic, uncertainty) if uncertainty else _scaled_prior(regression, elastic)
+    )
+    estimate = solve(regression, constraint, weighted_prior)
+    pressure = _cone_pressure(regression, weighted_prior, estimate)
     # Posterior precision: likelihood and prior of the compliances, in the metric.
-    L, B = elastic.L, precision_root(belief.scaling, belief.strength)[0]
-    B = B @ np.linalg.solve(belief.scaling.L, L)
+    L, B = elastic.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0]
+    B = B @ np.linalg.solve(weighted_prior.scaling.L, L)
     below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
-    if belief.hyperparameter_effect is not None:
-        below = _add_covariance(below, np.asarray(np.linalg.solve(L, belief.hyperparameter_effect.T)))
+    if weighted_prior.hyperparameter_effect is not None:
+        below = _add_covariance(below, np.asarray(np.linalg.solve(L, weighted_prior.hyperparameter_effect.T)))
     root = np.block([[T[:r, :r], T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
-    return StepSolution(back_substitute(T, estimate.pi), root, estimate, 0.0, pressure, belief)
+    return StepSolution(back_substitute(T, estimate.pi), root, estimate, 0.0, pressure, weighted_prior)
 
 
-def _cone_pressure(regression: Regression, belief: WeightedPrior, estimate: Estimate) -> float:
+def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estimate: Estimate) -> float:
     """Compute how far the cone raises chi squared with penalty above that of least squares with a prior."""
     if estimate.constraint == "none":
         return 0.0
-    M, r = with_prior_rows(regression, belief.scaling, belief.strength)
-    every = (estimate, solve(regression, "none", belief))
-    mine, free = (float(np.sum((M @ np.linalg.solve(belief.scaling.L, e.pi) - r) ** 2)) for e in every)
+    M, r = with_prior_rows(regression, weighted_prior.scaling, weighted_prior.uncertainty)
+    every = (estimate, solve(regression, "none", weighted_prior))
+    mine, free = (
+        float(np.sum((M @ np.linalg.solve(weighted_prior.scaling.L, e.pi) - r) ** 2)) for e in every
+    )
     return mine - free
 
 
@@ -484,7 +497,7 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     """
     columns = np.r_[active.columns, active.unknowns.size]
     # Rows of the priors.
-    deviation = learnt.deviation[active.columns[: active.rigid]]
+    deviation = learnt.deviation[active.columns[: active.n_rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
@@ -492,8 +505,8 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     factors = zip(reduced.factors.values(), learnt.factor, strict=True)
     lines = [R[:, columns] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
-    free = np.abs(np.diag(T))[: active.rigid]
-    if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.rigid], axis=0)).all():
+    free = np.abs(np.diag(T))[: active.n_rigid]
+    if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.n_rigid], axis=0)).all():
         raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
     return T
 
@@ -503,7 +516,7 @@ def _scaled_prior(regression: Regression, elastic: PriorScaling) -> WeightedPrio
     try:
         rescale_to_data(elastic, regression)
     except BenchError:
-        return WeightedPrior(elastic, LOOSE_STRENGTH)
+        return WeightedPrior(elastic, WIDE_PRIOR)
     return hierarchy.learn_prior(regression, elastic)
 
 

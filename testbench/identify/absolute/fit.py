@@ -49,9 +49,9 @@ from testbench.identify.absolute.evidence import (
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
 from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.diagnosis.moves import divide_at_moves
-from testbench.identify.diagnosis.screens import check_last_joint, check_order
+from testbench.identify.diagnosis.screens import check_last_joint_sign, check_row_order
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.metric import Prior, PriorScaling, Strength, scale_by_prior
+from testbench.identify.metric import Prior, PriorScaling, PriorUncertainty, scale_by_prior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
 from testbench.model.kinematics import ERROR_KINDS, JointErrors
 from testbench.model.load import Weights, read_weights
@@ -81,7 +81,7 @@ class CalibrationOptions:
     #: Names of errors that are used without a trial; None to select them by trial.
     only: frozenset[str] | None = None
     #: Relative uncertainty of the expected compliances; None to learn it from the readings.
-    strength: Strength | None = None
+    uncertainty: PriorUncertainty | None = None
 
     def __post_init__(self) -> None:
         """Refuse unknown names of errors, by BenchError."""
@@ -124,7 +124,7 @@ class Calibration(Displayed):
             "rows": sum(series.rows for series in self.series),
             "unknowns": len(self.active.columns),
             "kept": " ".join(step.name.replace(" ", "_") for step in self.chosen.steps if step.kept),
-            "model_error_um": f"{1e6 * self.noise.open_position:.3g}",
+            "model_error_um": f"{1e6 * self.noise.position_model_error:.3g}",
         }
 
 
@@ -222,7 +222,7 @@ def linearise_readings(
     """
     # Check the readings, and start from the rigid nominal arm.
     series, lost = common_targets(series)
-    check_order(vjm, series)
+    check_row_order(vjm, series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal_state(vjm, weights, torque_scale(vjm, weights, series))
     joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
@@ -232,7 +232,7 @@ def linearise_readings(
         return first_fit(align_all(bare, few), few, joints, options.constraint)
 
     # Find moves in mid-series, and fit geometry and joint springs to each part.
-    check_last_joint(vjm, series, fitted)
+    check_last_joint_sign(vjm, series, fitted)
     moves, series, (first, noise) = divide_at_moves(
         series, fitted, scale_by_prior(prior, vjm, all153(vjm.arm))
     )
@@ -273,8 +273,8 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     )
     # Select the errors, then solve for the selected unknowns.
     chosen = _select_errors(linearised_readings, options, rules)
-    solved = solve_step(chosen.active, chosen.reduced, chosen.scales, options.constraint, options.strength)
-    chosen = with_weighted_prior(chosen, rules, solved.belief)
+    solved = solve_step(chosen.active, chosen.reduced, chosen.scales, options.constraint, options.uncertainty)
+    chosen = with_weighted_prior(chosen, rules, solved.weighted_prior)
     after = apply_step(linearised_readings.state, chosen.active, solved.x)
     # Noise of single readings about the result.
     factor = linearised_readings.noise.factor.copy()
@@ -348,7 +348,13 @@ def _select_errors(
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
     def learnt(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
-        """Learn the sizes of errors and noise from the reduced equations."""
+        """Learn the sizes of errors and noise from the reduced equations.
+
+        Args:
+            selected: The active unknowns.
+            reduced: The equations of all unknowns.
+            start: Scales to start from.
+        """
         return learn_scales(
             selected, gram_of_active(selected, reduced.gram), reduced.counts, start, options.constraint
         )

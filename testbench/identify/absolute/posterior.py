@@ -1,11 +1,11 @@
 """Uncertainty of a calibrated arm, and prediction of targets in any series.
 
-Frame and mount of a new series are fitted to a few of its rows; the arm is held fixed. Errors of the arm show
-in these rows too; the part that a frame can absorb does not matter in the other rows.
+Frame and mount of a new series are fitted to a few of its rows, with the arm held fixed. Errors of the arm
+appear in these rows too; the part that a frame absorbs does not matter in the other rows.
 
-Information of poses that were not read: each joint turned by itself, and poses in the whole joint space.
-
-Directions that no pose determines are structural: a change along them moves no target.
+`further_information` counts what further readings would add: with one joint turned through its range, and in
+poses of the whole joint space. A direction that no pose determines is structural: a change along it moves no
+target.
 """
 
 from collections.abc import Callable
@@ -85,8 +85,8 @@ def model_of(calibration: "Calibration") -> ArmModel:
     model = ArmModel(
         state, structure, active.columns, arm, ModelOrigin("absolute calibration"), calibration.noise
     )
-    elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.rigid)
-    return replace(model, columns=np.concatenate([active.columns[f : active.rigid] - first, elastic]))
+    elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.n_rigid)
+    return replace(model, columns=np.concatenate([active.columns[f : active.n_rigid] - first, elastic]))
 
 
 def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
@@ -153,12 +153,12 @@ def without_series(state: ArmState, series: Series) -> ArmState:
     return replace(state, frames=frames, mounts=mounts)
 
 
-def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[Array, Array]:
+def predict(model: ArmModel, registered: RegisteredSeries, series: Series) -> tuple[Array, Array]:
     """Predict positions of all rows of a series, with the uncertainty of the residual.
 
     Args:
         model: The calibrated arm.
-        placed: The series' frame and mount.
+        registered: The series with its frame and mount.
         series: The readings.
 
     Returns:
@@ -168,17 +168,17 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     m, a = len(series.markers), len(model.columns)
     f = _frame_columns(series) + 3 * m
     columns = np.r_[:f, -a:0]  # positions do not depend on the turn of a target
-    posterior = Posterior.normal(placed.posterior.x[columns], placed.posterior.root[:, columns])
+    posterior = Posterior.normal(registered.posterior.x[columns], registered.posterior.root[:, columns])
     root = np.linalg.inv(
-        inverse_noise_roots(series, _noise(model), placed.state.frame(series).rotation)[0][:m]
+        inverse_noise_roots(series, _noise(model), registered.state.frame(series).rotation)[0][:m]
     )
     covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
     for first in range(0, series.rows, ROWS_AT_ONCE):
         rows = np.arange(first, min(first + ROWS_AT_ONCE, series.rows))
-        A = _columns(model, placed.state, select_rows(series, rows))[0][:m]
+        A = _columns(model, registered.state, select_rows(series, rows))[0][:m]
         A = np.delete(A, np.s_[f : A.shape[2] - a], axis=2)
         covariance[rows] += posterior.covariance(A.transpose(3, 0, 1, 2))
-    return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
+    return residuals(registered.state, series)[:m].transpose(2, 0, 1), covariance
 
 
 def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_SQUARED_95) -> Array:
@@ -267,9 +267,12 @@ COMMON_DIRECTION = 0.1
 class AddedInformation:
     """Hold the information that further readings would add."""
 
-    turned: Array  #: Rows as in the series, with one joint turned through its range, (n, size, size).
-    everywhere: Array  #: Poses in the whole joint space, more than there are unknowns, (size, size).
-    rigid: Array  #: These poses of the rigid nominal arm, for what is structural in geometry, (size, size).
+    #: From the poses of the series, with one joint turned through its range, (n, size, size).
+    by_joint: Array
+    #: From poses in the whole joint space, more than there are unknowns, (size, size).
+    whole_space: Array
+    #: From the same poses of the rigid nominal arm: it shows structural directions of geometry, (size, size).
+    whole_space_rigid: Array
 
 
 def further_information(
@@ -348,33 +351,34 @@ def _series_in_poses(series: Series, rows: Ids, q: Array) -> Series:
 
 
 @dataclass(frozen=True)
-class Structural:
+class StructuralDirections:
     """Hold the directions that no pose determines under the given loads."""
 
     directions: Array  #: Orthonormal directions in units of the prior, (size, k).
-    geometry: int  #: Number of those in geometry, frames and mounts.
-    shared: tuple[int, ...]  #: Of these, the number between the two links of every joint.
-    idle: tuple[int, ...]  #: Joints whose errors move no target, such as the last with a target on its axis.
-    elastic: int  #: Number of compliance directions that the given loads do not show.
+    n_geometry: int  #: Number of directions in geometry, frames and mounts.
+    between_links: tuple[int, ...]  #: Number of them that the two links at every joint share, n.
+    #: Indices of joints whose errors move no target, such as the last one with a target on its axis.
+    inactive_joints: tuple[int, ...]
+    n_elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
-def structural_directions(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structural:
+def structural_directions(unknowns: Unknowns, L: Array, further: AddedInformation) -> StructuralDirections:
     """Find the structural directions: changes of the unknowns that move no target in any pose.
 
     Args:
         unknowns: The unknowns.
         L: Root of the prior's covariance, (size, size).
-        pull: Information of further readings.
+        further: Information of further readings.
 
     Returns:
         The directions in units of the prior, and how many concern geometry, joints and compliances.
     """
     # Directions with hardly any information, in units of the prior.
-    M, drawn = L.T @ pull.everywhere @ L, L.T @ pull.rigid @ L
+    M, drawn = L.T @ further.whole_space @ L, L.T @ further.whole_space_rigid @ L
     M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, UNUSED_INFORMATION)) for part in (M, drawn))
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.starts["errors"])
-    # Structural directions of geometry, exactly, by the rigid nominal arm.
+    # StructuralDirections directions of geometry, exactly, by the rigid nominal arm.
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
     U, s, _ = np.linalg.svd(np.hstack([V[:, values < STRUCTURAL_INFORMATION], never]), full_matrices=False)
@@ -384,15 +388,15 @@ def structural_directions(unknowns: Unknowns, L: Array, pull: AddedInformation) 
     unseen_of_link = [_dimension(drawn, columns) for columns in around]
     size = unknowns.errors.size
     of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
-    return Structural(
+    return StructuralDirections(
         directions=U[:, s > COMMON_DIRECTION],
-        geometry=never.shape[1],
-        shared=tuple(
+        n_geometry=never.shape[1],
+        between_links=tuple(
             _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(unseen_of_link[j : j + 2])
             for j in joints
         ),
-        idle=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
-        elastic=int((np.linalg.eigvalsh(M[first:, first:]) < STRUCTURAL_INFORMATION).sum()),
+        inactive_joints=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
+        n_elastic=int((np.linalg.eigvalsh(M[first:, first:]) < STRUCTURAL_INFORMATION).sum()),
     )
 
 

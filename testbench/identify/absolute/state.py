@@ -83,6 +83,9 @@ class ArmState(Displayed):
     def frame(self, series: Series) -> Frame:
         """Return the frame of a series.
 
+        Args:
+            series: The series, for its name and its frame's name.
+
         Raises:
             BenchError: If it is not known.
         """
@@ -91,7 +94,13 @@ class ArmState(Displayed):
         return self.frames[series.frame]
 
     def mount(self, series: Series) -> Mount:
-        """Return the mount of a series, targets in the order of the series.
+        """Return the mount of a series.
+
+        Args:
+            series: The series, for its names of mount and targets.
+
+        Returns:
+            The mount; its targets have the order of the series.
 
         Raises:
             BenchError: If the mount or one of its targets is not known.
@@ -485,7 +494,15 @@ def find_pattern(
     ]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
-        """Find the best shift and sign of a joint's pattern, given those of others."""
+        """Find the best shift and sign of a joint's pattern, given those of others.
+
+        Args:
+            j: Index of the joint.
+            others: Shift [rad] and sign of other joints, by their index.
+
+        Returns:
+            Shift [rad], sign, log odds [nats] and the joint's index.
+        """
         P, b = np.diag(1 / shared), np.zeros(len(shared))
         for i, (turn, sense) in others.items():
             R = shift_waves(np.eye(len(b)), turn, sense, orders)
@@ -541,7 +558,15 @@ def _best_shift(
     before = _log_integral(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
-        """Compute the log-likelihood of the most probable pattern at many shifts."""
+        """Compute the log-likelihood of the most probable pattern at many shifts.
+
+        Args:
+            turns: Shifts, (shifts,) [rad].
+            sense: Sign of the pattern, 1 or -1.
+
+        Returns:
+            Log-likelihoods, (shifts,) [nats].
+        """
         x = shift_waves(f, turns, sense, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
@@ -618,7 +643,7 @@ class Unknowns:
         return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
 
     @property
-    def turns_of_points(self) -> Ids:
+    def unused_rotations(self) -> Ids:
         """Return the columns that no reading depends on: turns of the frames of fixed points."""
         points = [self.starts[f"frame {name}"] for name, sizes in self.fixed.items() if not sizes[3]]
         return np.concatenate([np.zeros(0, dtype=int), *(start + np.arange(3, 6) for start in points)])
@@ -629,7 +654,11 @@ class Unknowns:
         return self.starts["end"]
 
     def columns(self, name: str) -> slice:
-        """Return the columns of "frame NAME", "mount NAME", "geometry", "errors" or "elastic"."""
+        """Return the columns of one kind of unknowns.
+
+        Args:
+            name: "frame NAME", "mount NAME", "geometry", "errors" or "elastic".
+        """
         keys = list(self.starts)
         return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
 
@@ -668,7 +697,14 @@ class Unknowns:
         return pattern_basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
     def current(self, state: ArmState) -> Array:
-        """Return the values of all unknowns in a state, (size,); frames and mounts are steps, thus zero."""
+        """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.
+
+        Args:
+            state: The arm, its errors and compliances.
+
+        Returns:
+            Values, (size,).
+        """
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.geometry_slice]
         x[self.columns("errors")] = state.n.ravel()

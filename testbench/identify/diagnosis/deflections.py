@@ -1,8 +1,8 @@
-"""Readings before and after loading against what the arm's folder expects of its compliances.
+"""Mistakes of loads and deflections, with the compliances of the arm's folder as prior.
 
-The model is linear with a prior that learns from the readings (`hierarchy`): y ~ N(A s e, S). A mistake of
-loads either has a size b, which adds Z b to what is expected and is weighed by the score test, or none, as
-another axis: then the prior learns anew from what is undone, and the losses are compared.
+The model is linear, and its prior is learnt from the readings (`hierarchy`): y ~ N(A s e, S). A mistake of
+size b adds Z b to the readings: the score test weighs it. A mistake without a size, such as exchanged axes,
+is undone; then the prior is learnt again, and the losses are compared.
 """
 
 import math
@@ -79,16 +79,16 @@ class ResidualModel:
     learnt from the readings.
     """
 
-    vjm: Vjm
-    metric: PriorScaling
-    data: Dataset
-    read: WeightedReadings  #: The equations of every single reading.
+    vjm: Vjm  #: The arm's virtual joint model.
+    scaling: PriorScaling  #: Units of the prior.
+    data: Dataset  #: The runs.
+    readings: WeightedReadings  #: The equations of every single reading.
     loss: float  #: Negative logarithm of the evidence [nats].
     pi: Array  #: Posterior mean of the compliances, (n,) [m/N, rad/(N m)].
-    #: U of the readings' inverse covariance W = I / misfit^2 - U U^T, (k, r). Readings share few unknowns, so
-    #: that no matrix of size (k, k) is needed.
-    shared: Array
-    surprise: Array  #: W times the residuals of the readings from the prior mean, (k,) [1].
+    #: Factor U of the readings' inverse covariance W = I / misfit^2 - U U^T, (k, r) [1]. Readings share few
+    #: unknowns, so that no matrix of size (k, k) is needed.
+    U: Array
+    weighted_residual: Array  #: W times the residuals of the readings from the prior mean, (k,) [1].
     h: Array  #: Hyperparameters of the prior, all logarithms; the last one is log misfit.
 
     @property
@@ -115,10 +115,10 @@ class ResidualModel:
         return np.column_stack([left[0] - changed for changed in left[1:]])
 
     def _residuals(self, data: Dataset) -> Array:
-        read = single_readings(self.vjm, self.metric.structure, data)
+        read = single_readings(self.vjm, self.scaling.structure, data)
         return np.asarray((read.y - read.A @ self.pi).ravel())
 
-    def score_issue(self, name: str, change: "Change[Loads]") -> Issue:
+    def score_issue(self, name: str, change: "Change[LoadedRuns]") -> Issue:
         """Weigh a mistake that enters linearly, by the score test of `score_test`.
 
         Its arguments are g = Z^T W e and M = Z^T W Z, with W the inverse covariance of the readings and e
@@ -133,18 +133,18 @@ class ResidualModel:
         """
         assert change.columns is not None
         Z, rows = change.columns, slice(*(change.rows or (None,)))
-        shared = self.shared[rows].T @ Z
-        score = score_test(Z.T @ self.surprise[rows], Z.T @ Z / self.misfit**2 - shared.T @ shared)
-        return Issue(name, change.where, change.unit * score.b, change.numbers, float(score.nats))
+        half = self.U[rows].T @ Z
+        score = score_test(Z.T @ self.weighted_residual[rows], Z.T @ Z / self.misfit**2 - half.T @ half)
+        return Issue(name, change.where, change.prior_deviation * score.b, change.numbers, float(score.nats))
 
 
 @dataclass(frozen=True)
-class Loads:
+class LoadedRuns:
     """Hold loaded runs with the prior of their compliances and, once it is fitted, their model."""
 
-    vjm: Vjm
-    metric: PriorScaling  #: Prior of the compliances.
-    data: Dataset
+    vjm: Vjm  #: The arm's virtual joint model.
+    scaling: PriorScaling  #: Units of the compliances' prior.
+    data: Dataset  #: The runs.
     #: Gravity in the folder's world by a level tracker, a unit vector, (3,) [1]; None if unknown.
     level: Array | None = None
     #: Gravity from another side than in the folder; None where nothing suggests it.
@@ -169,17 +169,17 @@ class Loads:
         Raises:
             BenchError: When no compliance moves as the readings do.
         """
-        return residual_model(self.vjm, self.metric, self.data if data is None else data, h)
+        return residual_model(self.vjm, self.scaling, self.data if data is None else data, h)
 
 
-def deflection_scale(vjm: Vjm, metric: PriorScaling, data: Dataset) -> float:
+def deflection_scale(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> float:
     """Compute the factor between the read deflections and those that the prior predicts, by least squares.
 
     It is y^T A pi / |A pi|^2, with A the whitened observation matrix and pi the expected compliances.
 
     Args:
         vjm: The arm's virtual joint model.
-        metric: Prior of its compliances.
+        scaling: Prior of its compliances.
         data: The runs.
 
     Returns:
@@ -188,25 +188,25 @@ def deflection_scale(vjm: Vjm, metric: PriorScaling, data: Dataset) -> float:
     Raises:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
-    regression = reduce(vjm, metric.structure, data)
-    pi = metric.L @ metric.expected
+    regression = reduce(vjm, scaling.structure, data)
+    pi = scaling.L @ scaling.expected
     rows = [(t.R @ pi, t.z) for t in regression.terms]
     return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
 
 
-def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | None = None) -> ResidualModel:
+def residual_model(vjm: Vjm, scaling: PriorScaling, data: Dataset, h: Array | None = None) -> ResidualModel:
     """Fit the compliances with a prior learnt from the readings, and find residuals and covariance.
 
     With kappa the ratio of scatter to noise, the inverse covariance of the readings is
 
-        W = (kappa^2 I + H H^T)^-1 = I / kappa^2 - U U^T,    U = `shared`
+        W = (kappa^2 I + H H^T)^-1 = I / kappa^2 - U U^T
 
     H has the columns of compliances, and of backlash and stiffening of sound joints, times their prior
-    standard deviations. The surprise is W (y - A E[pi]), with the prior mean E[pi].
+    standard deviations. The weighted residual is W (y - A E[pi]), with the prior mean E[pi].
 
     Args:
         vjm: The arm's virtual joint model.
-        metric: Prior of its compliances.
+        scaling: Prior of its compliances.
         data: The runs.
         h: Hyperparameters of the prior, (h,), learnt from other readings; None to learn them here.
 
@@ -216,14 +216,14 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
     Raises:
         BenchError: When no compliance moves as the readings do.
     """
-    structure = metric.structure
-    model = evidence_model(reduce(vjm, structure, data), metric, shared_width=True)
+    structure = scaling.structure
+    model = evidence_model(reduce(vjm, structure, data), scaling, shared_width=True)
     h = maximise_evidence(model.problem, model.start) if h is None else h
     read = single_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ model.scaling.L
     # The most probable compliances, by rows of readings and of the prior.
     s, kappa = model.scale(h), np.exp(h[-1])
-    width = np.exp(model.problem.drawn @ h)
+    width = np.exp(model.problem.log_deviation_rows @ h)
     residual = read.y.ravel() - G @ (s * model.scaling.expected)
     half = G * width
     expected = np.concatenate([residual, np.zeros(len(width))])
@@ -232,11 +232,11 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
     # Their covariance, and that of sound joints, by the singular values of H.
     if vjm.arm.joints:
         half = np.hstack([half, sound_joint_columns(vjm, data, structure, pi)])
-    U, size, _ = np.linalg.svd(half, full_matrices=False)
-    shared = U * (size / np.hypot(size, kappa) / kappa)
-    surprise = residual / kappa**2 - shared @ (shared.T @ residual)
+    left, size, _ = np.linalg.svd(half, full_matrices=False)
+    U = left * (size / np.hypot(size, kappa) / kappa)
+    weighted_residual = residual / kappa**2 - U @ (U.T @ residual)
     least = evidence_posterior(model.problem, h).loss
-    return ResidualModel(vjm, model.scaling, data, read, least, pi, shared, surprise, h)
+    return ResidualModel(vjm, model.scaling, data, read, least, pi, U, weighted_residual, h)
 
 
 def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
@@ -265,7 +265,7 @@ def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array
     return each_reading(A, whiten(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
 
 
-def levels(data: Dataset) -> list[Mask]:
+def load_levels(data: Dataset) -> list[Mask]:
     """Group runs by the size of their force: one mask per load, (runs,) each, the largest load first.
 
     The list is empty when a run has no force, or a load occurs in fewer than LEVEL_RUNS runs.
@@ -281,10 +281,11 @@ def levels(data: Dataset) -> list[Mask]:
     return masks if often and force.min() > 0 else []
 
 
-Rows = Sequence[Hypothesis[Loads]]
+LoadHypotheses = Sequence[Hypothesis[LoadedRuns]]
+"""Rows of the table about all loads, or about single runs."""
 
 
-def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
+def load_issues(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) -> list[Issue]:
     """Find the mistakes of loads and deflections that make the readings fit the prior best.
 
     When gravity plainly comes from another side, the mounting is the only issue. Otherwise, single wrong runs
@@ -299,11 +300,11 @@ def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     Returns:
         Issues, the likeliest first; none for sound runs.
     """
-    factor = deflection_scale(loads.vjm, loads.metric, loads.data)
-    pull = suspected_gravity(loads.vjm, loads.metric, loads.data, loads.level)
+    factor = deflection_scale(loads.vjm, loads.scaling, loads.data)
+    pull = suspected_gravity(loads.vjm, loads.scaling, loads.data, loads.level)
     loads = replace(loads, gravity=pull)
     refitted, kinds = partial(_refitted, every), {row.name for row in runs}
-    if pull is not None and pull.certain_by_sag:
+    if pull is not None and pull.is_certain:
         return [mounting(loads.vjm, pull)]
     try:
         start = loads.fit()
@@ -335,22 +336,22 @@ def _nats(issue: Issue) -> float:
     return issue.nats or 0.0
 
 
-def _sized_issues(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]]:
-    """Every mistake whose size enters linearly, and whether it is likely and large."""
+def _sized_issues(loads: LoadedRuns, hypotheses: LoadHypotheses) -> Iterator[tuple[Issue, bool]]:
+    """Score every mistake that enters linearly; yield it with whether it is likely and large."""
     assert loads.model is not None
     for hypothesis in hypotheses:
         for change in hypothesis.changes(loads):
             if change.columns is not None:
                 issue = loads.model.score_issue(hypothesis.name, change)
-                yield issue, _nats(issue) > hypothesis.nats and change.large(issue.size)
+                yield issue, _nats(issue) > hypothesis.nats and change.is_large(issue.size)
 
 
 def _without_worst(
-    loads: Loads, runs: Rows, data: Dataset, fitted: ResidualModel
+    loads: LoadedRuns, runs: LoadHypotheses, data: Dataset, fitted: ResidualModel
 ) -> tuple[list[Issue], Dataset, ResidualModel] | None:
-    """The run that alone makes all others look noisy, and the others without it; None if none does.
+    """Leave out the run that alone makes all others look noisy; None if no run does.
 
-    It is weighed by what the others say of noise and prior: its own mistake would hide in theirs.
+    The other runs determine noise and prior: with the wrong run among them, its mistake would hide in both.
     """
     if fitted.misfit <= QUIET_LIMITS[0] or data.runs < MIN_RUNS:
         return None
@@ -371,8 +372,8 @@ def _without_worst(
     return ([max(issues, key=_nats)], rest.data, rest) if issues else None
 
 
-def _likeliest(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
-    """The likeliest mistake; and where it is of a single run, what else is of another single run."""
+def _likeliest(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) -> list[Issue]:
+    """Select the likeliest mistake; if it is of a single run, also the mistakes of other single runs."""
     issues: list[Issue] = []
     kinds = {row.name for row in runs}
     large = [issue for issue, large in _sized_issues(loads, (*every, *runs)) if large]
@@ -383,8 +384,8 @@ def _likeliest(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     return issues
 
 
-def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Issue]:
-    """The mistake without a size that explains the readings best, if one does."""
+def _refitted(hypotheses: LoadHypotheses, loads: LoadedRuns, *, hung: bool = False) -> list[Issue]:
+    """Find the mistake without a size that explains the readings best, if one does."""
     before, tried = loads.model, list[tuple[ResidualModel, Issue, float]]()
     loads = replace(loads, model=None)  # what is linear has been weighed
     for hypothesis in hypotheses:
@@ -404,8 +405,8 @@ def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Iss
     return [issue] if (refit.misfit <= NOISE_MISFIT if issue.nats is None else issue.nats >= needed) else []
 
 
-def _missing_weight(loads: Loads, best: Sequence[Issue]) -> GravityDirection | None:
-    """Where weights pull to, if a constant force beside them explains the readings best; else None."""
+def _missing_weight(loads: LoadedRuns, best: Sequence[Issue]) -> GravityDirection | None:
+    """Find the direction of gravity if a constant additional force explains the readings best; else None."""
     constant = bool(best) and best[0].name == "force_offset"
     if loads.level is not None or not constant or not weights_only(loads.data):
         return None
@@ -415,14 +416,14 @@ def _missing_weight(loads: Loads, best: Sequence[Issue]) -> GravityDirection | N
 
 
 def _wild_reading(data: Dataset, factor: float) -> Issue:
-    """Deflections that are no arm's: a wild one may outweigh all others."""
+    """Name the largest deflection where no compliance fits: it may be wrong, and outweigh all others."""
     size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
     numbers = {"factor": factor, "largest": float(size[i, k]), "median": median}
     return Issue("scale", (data.markers[k], str(data.run[i])), numbers=numbers)
 
 
-def _scale_issue(loads: Loads, factor: float) -> list[Issue]:
+def _scale_issue(loads: LoadedRuns, factor: float) -> list[Issue]:
     """List an issue if the factor between prior and readings is absurd."""
     size = abs(math.log(max(abs(factor), 1e-12)))
     payload, force = loads.vjm.arm.payload, loads.largest_force

@@ -14,24 +14,24 @@ from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
-from testbench.identify.diagnosis.deflections import Loads, deflection_scale, load_issues
+from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (
     DOWN,
     REVERSED_ANGLE,
     angle,
-    hangs_by_sag,
+    gravity_by_tracker,
     mounting,
+    sags_like_hanging,
     suspected_gravity,
-    tracker_level,
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
 from testbench.identify.diagnosis.kinematics import (
     ORIGIN,
     SOUND_DISTANCE,
+    FittedObservations,
     FreeParameters,
     Issue,
     Observations,
-    Placed,
     Submission,
     best_hypothesis,
     fit,
@@ -39,9 +39,9 @@ from testbench.identify.diagnosis.kinematics import (
     of_series,
 )
 from testbench.identify.diagnosis.moves import (
-    chance,
     most_significant_step,
     nuisance_model,
+    p_value,
     step_places,
     with_shift,
 )
@@ -80,7 +80,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     """
     registered = submission.registered
     check_runs(registered.vjm, registered.data)
-    plain = listed_issues(submission, hypotheses.plain)
+    plain = listed_issues(submission, hypotheses.without_fit)
     if registered.data.lines.any():
         return plain or _along_lines(registered, prior, hypotheses)
     said, placed = _placed(submission, hypotheses)
@@ -92,16 +92,16 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
         station_data = submission.data if registered.frame == "base" else _of_one_station(submission.data)
         loaded, _ = best_hypothesis(
             _observations(vjm, station_data, station_data.after, _free_parameters(registered)),
-            hypotheses.places,
+            hypotheses.kinematics,
             "loaded",
         )
         if loaded is not None:
             return [loaded, *said]
-    loads = Loads(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, tracker_level(registered))
+    loads = LoadedRuns(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, gravity_by_tracker(registered))
     if against := listed_issues(data, hypotheses.work):
         hung = _mounting_issue(loads, placed.observations)
         return [*hung, *said, *([] if hung else against)]
-    off = listed_issues(placed, hypotheses.poses)
+    off = listed_issues(placed, hypotheses.single_poses)
     said += off
     wrong = [issue.numbers["pose"] for issue in off]
     loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if off else data)
@@ -111,7 +111,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     pushed = _load_issues(loads, hypotheses)
     if any(issue.name == "mounting" for issue in pushed):
         return [*pushed, *said]
-    runs = {row.name for row in hypotheses.runs}
+    runs = {row.name for row in hypotheses.single_runs}
     if all(issue.name in runs for issue in pushed):  # else a mistake of all loads may look like a step
         return [*moved, *said, *pushed]
     return [*said, *pushed, *moved]
@@ -122,17 +122,17 @@ def _along_lines(registered: RegisteredDataset, prior: Prior, hypotheses: Hypoth
     data, vjm = registered.data, registered.vjm
     if against := listed_issues(data, hypotheses.work):
         return against
-    loads = Loads(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, None)
-    every = tuple(row for row in hypotheses.loads if row.name != "tracker_moved")
-    return _load_issues(loads, replace(hypotheses, loads=every))
+    loads = LoadedRuns(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, None)
+    every = tuple(row for row in hypotheses.all_loads if row.name != "tracker_moved")
+    return _load_issues(loads, replace(hypotheses, all_loads=every))
 
 
-def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:
-    """Issues about where the arm, its targets and the tracker are; and the readings as they were placed."""
+def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], FittedObservations]:
+    """Find mistakes about the places of arm, targets and tracker; return the readings with their fit too."""
     registered = submission.registered
     if registered.frame == "base" or not submission.declared:
         observations = _observations(submission.folder_model, submission.data, submission.data.before)
-        raw, best_fit = best_hypothesis(observations, hypotheses.places)
+        raw, best_fit = best_hypothesis(observations, hypotheses.kinematics)
         if registered.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
             # a tracker's frame is no mistake, but what kept it from being found
             raw = unplaced_runs(submission.folder_model, submission.data, hypotheses) or (
@@ -140,13 +140,13 @@ def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue]
             )
         mistaken = raw is not None and raw.name not in ("frame", "kinematics")
         if registered.frame == "base" or mistaken:
-            return ([] if raw is None else [raw]), Placed(observations, best_fit)
+            return ([] if raw is None else [raw]), FittedObservations(observations, best_fit)
     data = _of_one_station(submission.data)
     issue, _ = best_hypothesis(
-        _observations(registered.vjm, data, data.before, _free_parameters(registered)), hypotheses.places
+        _observations(registered.vjm, data, data.before, _free_parameters(registered)), hypotheses.kinematics
     )
     observations = _observations(registered.vjm, registered.data, registered.data.before)
-    return ([issue] if issue else listed_issues(submission, hypotheses.registered)), Placed(
+    return ([issue] if issue else listed_issues(submission, hypotheses.registration)), FittedObservations(
         observations, fit(observations)
     )
 
@@ -167,7 +167,8 @@ def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) 
     every = [select(data, names == name) for name in np.unique(names)]
     free = FreeParameters(frame=True, targets=True)
     issues = [
-        best_hypothesis(_observations(vjm, runs, runs.before, free), hypotheses.places)[0] for runs in every
+        best_hypothesis(_observations(vjm, runs, runs.before, free), hypotheses.kinematics)[0]
+        for runs in every
     ]
     return min(filter(None, issues), key=lambda issue: issue.name == "kinematics", default=None)
 
@@ -185,41 +186,43 @@ def unplaced_series(vjm: Vjm, series: Series) -> Issue | None:
     """
     if series.distance is not None:
         return None
-    return best_hypothesis(of_series(vjm, series), HYPOTHESES.places, "all")[0]
+    return best_hypothesis(of_series(vjm, series), HYPOTHESES.kinematics, "all")[0]
 
 
-def _mounting_issue(loads: Loads, observations: Observations) -> list[Issue]:
+def _mounting_issue(loads: LoadedRuns, observations: Observations) -> list[Issue]:
     """Name the mounting of the base if it makes targets move against stated weights."""
     vjm, data = loads.vjm, loads.data
-    pull = suspected_gravity(vjm, loads.metric, data, loads.level)
+    pull = suspected_gravity(vjm, loads.scaling, data, loads.level)
     if pull is None:
         return []
     if angle(pull.g, DOWN) > REVERSED_ANGLE and not pull.confirmed_by_level:
-        model = loads.metric
+        model = loads.scaling
         pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected)
-        if not hangs_by_sag(observations, _observations(vjm, data, data.after), model.structure.matrix(pi)):
+        if not sags_like_hanging(
+            observations, _observations(vjm, data, data.after), model.structure.matrix(pi)
+        ):
             return []
     return [mounting(vjm, pull)]
 
 
-def _load_issues(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
-    """Issues of loads and deflections: of all of them by some runs, of single ones by all."""
+def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
+    """Find mistakes of loads: of all runs from a part of the runs, of single runs from all."""
     data = loads.data
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
     parts = max(1, -(-data.runs // max(1, min(RUNS_AT_A_TIME, MAX_READINGS // readings_per_run))))
     subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_PARTS))]
-    issues = load_issues(replace(loads, data=subsets[0]), hypotheses.loads, hypotheses.runs)
-    runs = {row.name for row in hypotheses.runs}
+    issues = load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
+    runs = {row.name for row in hypotheses.single_runs}
     if any(issue.name not in runs for issue in issues):
         return issues
     for subset in stepwise(subsets[1:], "looking for mistakes"):
-        more = load_issues(replace(loads, data=subset), hypotheses.loads, hypotheses.runs)
+        more = load_issues(replace(loads, data=subset), hypotheses.all_loads, hypotheses.single_runs)
         issues += [issue for issue in more if issue.name in runs]
     return sorted(issues, key=lambda issue: -(issue.nats or 0))
 
 
 def _of_one_station(data: Dataset) -> Dataset:
-    """The runs that the station with most of them read."""
+    """Select the runs of the station that read most of them."""
     if data.station is None:
         return data
     names, count = np.unique(data.station, return_counts=True)
@@ -230,16 +233,18 @@ def _free_parameters(registered: RegisteredDataset) -> FreeParameters:
     return FreeParameters(frame=registered.frame == "tracker", targets=registered.frame == "tracker")
 
 
-def _observations(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NO_PARAMETERS) -> Observations:
-    """Readings, unloaded or loaded, of the runs with unloaded readings of their own."""
+def _observations(
+    vjm: Vjm, data: Dataset, position: Array, free: FreeParameters = NO_PARAMETERS
+) -> Observations:
+    """Collect readings, unloaded or loaded, of the runs that have unloaded readings of their own."""
     every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
     runs = np.sort(np.unique(every, axis=0, return_index=True)[1])  # several loads of a pose may share them
     return Observations(
         vjm=vjm,
         q=data.q[runs],
         markers=marker_points(vjm, data.markers),
-        read=read[runs],
-        was_read=data.seen[runs],
+        position=position[runs],
+        seen=data.seen[runs],
         scale=SOUND_DISTANCE * vjm.reach,
         names=data.markers,
         runs=data.run[runs],
@@ -250,7 +255,7 @@ def _observations(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = N
 
 # --- What moved between two readings ------------------------------------------------------------------------
 
-MAX_CHANCE = 0.05
+MAX_P_VALUE = 0.05
 """Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
 MIN_POSES = 3  #: Poses before and behind a step that is doubted.
 MAX_ORDER = 2  #: Periodic errors that may explain it: few poses tell no more.
@@ -264,7 +269,7 @@ def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
 
     It is the step that `calibrate` looks for (`moves`): from one reading on all lie elsewhere than the arm
     says, by a move that no error of geometry, spring or slow joint error explains. Only steps count whose
-    chance is below MAX_CHANCE divided by twice the number of places.
+    chance is below MAX_P_VALUE divided by twice the number of places.
 
     Args:
         vjm: The arm's virtual joint model, with targets as measured.
@@ -286,20 +291,20 @@ def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
     except BenchError:  # too few readings for where arm and targets are: no step can be told
         return []
     linear = nuisance_model(state, series, noise, scale_by_prior(prior, vjm, all153(vjm.arm)), MAX_ORDER)
-    clear = MAX_CHANCE / (2 * sum(map(len, steps)))
+    clear = MAX_P_VALUE / (2 * sum(map(len, steps)))
     moves = [
         with_shift(linear, readings, step)
         for readings, step in most_significant_step(linear, series, steps)
-        if chance(step) < clear
+        if p_value(step) < clear
     ]
     moves = [replace(step, numbers={**step.numbers, "pairs": True}) for step in moves]
     return sorted(moves, key=lambda step: step.name)
 
 
 def _series_in_time(data: Dataset) -> Iterator[Series]:
-    """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
+    """Sort the readings of every station by time; 2 run is an unloaded reading, 2 run + 1 a loaded one.
 
-    An unloaded reading that several loads share is one.
+    An unloaded reading that several loads share is listed once.
     """
     pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
@@ -317,7 +322,7 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
 
 
 def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
-    """The arm as its folder has it, in the base's frame."""
+    """Build the arm as its folder has it, in the base's frame."""
     weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),

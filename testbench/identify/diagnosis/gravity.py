@@ -10,10 +10,10 @@ Deflections alone do not tell an arm that hangs from one whose readings before a
 tracker that stands level does: its z against the registered base. Without one, own weight tells: it has bent
 the arm in the unloaded readings already, towards g.
 
-Absolute readings tell the direction of the arm's own weight (`by_own_weight`). Under gravity from the wrong
-side joint springs that fit would have to be negative; held at zero they explain none of the sag. Turned the
-right way they do, and the readings scatter less about the arm. A few directions are tried: that of a level
-tracker, a ceiling, four walls, and the tilt at which the scatter is least.
+Absolute readings show the direction of the arm's own weight (`mounting_by_own_weight`). With gravity from the
+wrong side, joint springs would have to be negative to fit. They are held at zero, and explain none of the
+sag. With gravity from the right side they explain it, and the readings scatter less about the arm. A few
+directions are tried: that of a level tracker, a ceiling, four walls, and the tilt of least scatter.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -59,10 +59,10 @@ def with_gravity_along(data: Dataset, g: Array) -> Dataset:
         data: The runs, with loads stated for gravity along -z.
         g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
     """
-    return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ rotation_of_down(g).T).reshape(-1, 6))
+    return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ rotation_from_down(g).T).reshape(-1, 6))
 
 
-def mounted_under(vjm: Vjm, g: Array) -> Vjm:
+def with_base_rotated(vjm: Vjm, g: Array) -> Vjm:
     """Rotate the arm's base so that gravity along g becomes gravity along -z.
 
     Args:
@@ -73,11 +73,11 @@ def mounted_under(vjm: Vjm, g: Array) -> Vjm:
         The arm as it is mounted.
     """
     turn = np.eye(4)
-    turn[:3, :3] = rotation_of_down(g).T
+    turn[:3, :3] = rotation_from_down(g).T
     return replace(vjm, base=turn @ vjm.base)
 
 
-def rotation_of_down(g: Array) -> Array:
+def rotation_from_down(g: Array) -> Array:
     """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
@@ -98,17 +98,17 @@ def angle(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def tracker_level(registered: RegisteredDataset) -> Array | None:
+def gravity_by_tracker(registered: RegisteredDataset) -> Array | None:
     """Find gravity in the folder's world, a unit vector, (3,), from a tracker that stands level.
 
     It is None without a registration, or when stations disagree.
     """
     if registered.frame != "tracker" or registered.registration is None:
         return None
-    return mean_level(registered.registration.frames.values())
+    return mean_gravity(registered.registration.frames.values())
 
 
-def mean_level(frames: Iterable[Frame]) -> Array | None:
+def mean_gravity(frames: Iterable[Frame]) -> Array | None:
     """Average the direction of gravity, (3,) [1], over frames of trackers that stand level.
 
     Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world. The result is None when
@@ -133,7 +133,7 @@ class GravityDirection:
         return self.level is not None and bool(angle(self.level, self.g) < SNAP_ANGLE)
 
     @property
-    def certain_by_sag(self) -> bool:
+    def is_certain(self) -> bool:
         """Tell whether gravity is beyond FAR_ANGLE from -z and explains over MIN_EXPLAINED of the sag.
 
         No other mistake does both.
@@ -149,7 +149,7 @@ def weights_only(data: Dataset) -> bool:
 
 
 def suspected_gravity(
-    vjm: Vjm, metric: PriorScaling, data: Dataset, level: Array | None
+    vjm: Vjm, scaling: PriorScaling, data: Dataset, level: Array | None
 ) -> GravityDirection | None:
     """Find another direction of gravity than that of the arm's folder, if the deflections show one.
 
@@ -158,7 +158,7 @@ def suspected_gravity(
 
     Args:
         vjm: The arm's virtual joint model.
-        metric: Prior of its compliances.
+        scaling: Prior of its compliances.
         data: Loaded runs.
         level: Gravity in the folder's world if the tracker stands level, a unit vector, (3,) [1]; None if
             unknown.
@@ -169,7 +169,7 @@ def suspected_gravity(
     """
     if not weights_only(data) or np.count_nonzero(data.seen) < MIN_READINGS:
         return None
-    g, explained = _by_deflections(vjm, metric, data)
+    g, explained = _by_deflections(vjm, scaling, data)
     if level is not None and angle(level, DOWN) < LEVEL_ANGLE:
         return None  # it stands upright, whatever else is wrong
     if level is not None and angle(level, g) < min(SNAP_ANGLE, angle(g, DOWN)):
@@ -195,10 +195,10 @@ def snap_direction(g: Array, angle_limit: float) -> Array:
     return nearest if angle(g, nearest) < angle_limit else g
 
 
-def _by_deflections(vjm: Vjm, metric: PriorScaling, data: Dataset) -> tuple[Array, float]:
-    """The direction in which weights pull, (3,), by robust least squares, and what it explains [1]."""
-    pi = metric.L @ metric.expected
-    read = [single_readings(vjm, metric.structure, with_gravity_along(data, e)) for e in np.eye(3)]
+def _by_deflections(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> tuple[Array, float]:
+    """Fit the direction of gravity, (3,), by robust least squares, and the share that it explains [1]."""
+    pi = scaling.L @ scaling.expected
+    read = [single_readings(vjm, scaling.structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
     for _ in range(ROUNDS):
@@ -229,7 +229,7 @@ def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Iss
 
     arm, root = vjm.arm, read_mjcf(vjm.arm.rigid)
     base_pose = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
-    stands = base_pose @ np.linalg.inv(vjm.base) @ mounted_under(vjm, pull.g).base
+    stands = base_pose @ np.linalg.inv(vjm.base) @ with_base_rotated(vjm, pull.g).base
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
     size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
@@ -237,21 +237,21 @@ def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Iss
 
 
 MAX_ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
-STUCK_SHARE = (
+MIN_CARRYING_COMPLIANCE = (
     0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
 )
 CARRYING_SHARE = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
 MAX_SCATTER = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
-HANGING_NATS, FITTING_SHARE = 8.0, 0.8
+MIN_HANGING_NATS, FITTING_SHARE = 8.0, 0.8
 """Log-likelihood from which an arm hangs [nats]; share of the readings, the nearest, that count [1]."""
 PROBE_TILT = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
-MOUNTING_NATS, LEVELLED_NATS = 20.0, 7.0
+MIN_MOUNTING_NATS, MIN_MOUNTING_NATS_LEVELLED = 20.0, 7.0
 """Log-likelihood that a mounting has to gain, and the same where a level tracker agrees [nats]."""
 #: Ratio of scatter to that with the folder's mounting, above which no mounting is reported [1].
 MAX_SCATTER_RATIO = 0.9
 
 
-def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
+def mounting_by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     """Find a base mounting under which gravity explains absolute readings much better.
 
     With scatter s of the readings in n poses, a mounting gains 3 n log(s_folder / s_mounting) nats.
@@ -265,7 +265,7 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
         much to tell.
     """
     state = calibration.state
-    level = mean_level(state.frames.values())
+    level = mean_gravity(state.frames.values())
     turned = level is not None and angle(level, DOWN) > LEVEL_ANGLE
     if not turned and not _springs_at_zero(state):
         return None
@@ -284,7 +284,7 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
         if _springs_at_zero(state)
         else ()
     )
-    for directions, least in ((first, LEVELLED_NATS), (others, MOUNTING_NATS)):
+    for directions, least in ((first, MIN_MOUNTING_NATS_LEVELLED), (others, MIN_MOUNTING_NATS)):
         tried = [(_scatter(state, series, prior, g), g) for g in directions]
         scatter, g = min(tried, key=lambda trial: trial[0], default=(np.inf, DOWN))
         nats = 3 * poses * float(np.log(folder_scatter / scatter)) if np.isfinite(scatter) else 0.0
@@ -298,24 +298,26 @@ def _springs_at_zero(state: ArmState) -> bool:
     compliance, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
     folder = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > CARRYING_SHARE * state.torque_scale.max(initial=0)
-    return bool((carries & (compliance < STUCK_SHARE * folder)).any())
+    return bool((carries & (compliance < MIN_CARRYING_COMPLIANCE * folder)).any())
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
     """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite if none fits."""
-    vjm, every = mounted_under(state.vjm, g), tuple(series)
+    vjm, every = with_base_rotated(state.vjm, g), tuple(series)
     bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:
         noise = first_fit(align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm)))[1]
     except BenchError:
         return float("inf")
     return float(
-        np.hypot(noise.open_position, np.mean([readings.sigma for readings in series]) * noise.factor[0])
+        np.hypot(
+            noise.position_model_error, np.mean([readings.sigma for readings in series]) * noise.factor[0]
+        )
     )
 
 
 def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, folder_scatter: float) -> Iterator[Array]:
-    """The tilt at which the variance would be least, by a parabola through probes about both level axes."""
+    """Yield the tilt of least variance, by a parabola through probes about both level axes."""
     slope, bend = np.zeros(2), np.zeros(2)
     for k in range(2):
         low, high = (
@@ -327,12 +329,12 @@ def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, folder_scatt
 
 
 def _tilted_gravity(by: Array) -> Array:
-    """Gravity of a base tilted by angles along its x and y, (2,) [rad]."""
+    """Compute gravity in the axes of a base tilted by angles about its x and y, (2,) [rad]."""
     size = float(np.linalg.norm(by))
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
 
 
-def hangs_by_sag(before: Observations, after: Observations, C_theta: Array) -> bool:
+def sags_like_hanging(before: Observations, after: Observations, C_theta: Array) -> bool:
     """Tell whether the unloaded readings sag as those of a hanging arm, not as those of an upright one.
 
     Call it when targets move against stated weights. Three mistakes do that: the arm hangs, readings before
@@ -346,7 +348,7 @@ def hangs_by_sag(before: Observations, after: Observations, C_theta: Array) -> b
         C_theta: Expected compliances, scaled to the readings, (n_theta, n_theta) [m/N, rad/(N m)].
 
     Returns:
-        Whether hanging gains more than HANGING_NATS nats; False when the folder has no masses.
+        Whether hanging gains more than MIN_HANGING_NATS nats; False when the folder has no masses.
     """
     vjm = before.vjm
     try:
@@ -355,15 +357,15 @@ def hangs_by_sag(before: Observations, after: Observations, C_theta: Array) -> b
         return False
     left = []
     for observations, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):
-        turned = mounted_under(vjm, g)
+        turned = with_base_rotated(vjm, g)
         where = chain(turned, observations.q)
         theta = (C_theta @ own_weight(where, weights)).T
-        sag = displacement(where, theta, observations.markers) @ rotation_of_down(g).T
+        sag = displacement(where, theta, observations.markers) @ rotation_from_down(g).T
         bare = replace(
-            observations, read=observations.read - sag, free=FreeParameters(frame=True, targets=True)
+            observations, position=observations.position - sag, free=FreeParameters(frame=True, targets=True)
         )
         off = np.sort(fit(bare).distances(observations))
         left.append(float(np.sqrt(np.square(off[: int(np.ceil(FITTING_SHARE * len(off)))]).mean())))
     hung, *upright = left
     poses = len(np.unique(before.q, axis=0))  # all that is read in one shares its errors of geometry
-    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > HANGING_NATS
+    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > MIN_HANGING_NATS

@@ -21,24 +21,24 @@ from testbench.identify.diagnosis.deflections import (
     MIN_NATS,
     MIN_NATS_OF_AXES,
     MIN_NATS_OF_RUN,
-    Loads,
-    levels,
+    LoadedRuns,
+    load_levels,
 )
 from testbench.identify.diagnosis.gravity import mounting, with_gravity_along
 from testbench.identify.diagnosis.kinematics import (
     HALF,
     Change,
+    FittedObservations,
     Hypothesis,
     Issue,
     Observations,
-    Placed,
     Submission,
     any_above,
     cauchy,
     fit,
     longer_than,
 )
-from testbench.identify.diagnosis.screens import find_slip, likely_orders
+from testbench.identify.diagnosis.screens import find_row_shift, likely_joint_orders
 from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
 
@@ -88,8 +88,8 @@ NOTATIONS: Mapping[str, Axes] = {
     "vector": "",
 }
 """Usual notations of an orientation by three angles, as a map names them and as SciPy does."""
-PlaceChanges = Iterator[Change[Observations]]
-LoadChanges = Iterator[Change[Loads]]
+KinematicChanges = Iterator[Change[Observations]]
+LoadChanges = Iterator[Change[LoadedRuns]]
 
 
 # --- What needs no fit: copied readings, absurd load points, moves against the force ------------------------
@@ -132,7 +132,7 @@ def _far_load(submission: Submission) -> Iterator[Change[Submission]]:
 
 
 def _against(data: Dataset) -> Iterator[Change[Dataset]]:
-    """Targets that move against the force: an elastic arm gives way."""
+    """Count runs whose targets move against the force: an elastic arm yields along it."""
     force = data.wrench[:, :3]
     work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
     against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
@@ -161,7 +161,7 @@ def _near_frame(submission: Submission) -> Iterator[Change[Submission]]:
 
 
 def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Change[Submission]]:
-    """Targets far from where the arm's folder has them, or where it has others."""
+    """Find targets that are far from their nominal places, or at the nominal places of others."""
     registration = submission.registered.registration
     off = (
         np.zeros(0)
@@ -187,10 +187,10 @@ def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Change[
 # --- Readings against the kinematics ------------------------------------------------------------------------
 
 
-def _frame(observations: Observations) -> PlaceChanges:
+def _frame(observations: Observations) -> KinematicChanges:
     if not observations.free.frame:
         free = replace(observations.free, frame=True)
-        yield Change(undone=replace(observations, free=free), large=longer_than(MIN_FRAME_TURN, MIN_SHIFT))
+        yield Change(undone=replace(observations, free=free), is_large=longer_than(MIN_FRAME_TURN, MIN_SHIFT))
 
 
 def _frame_words(issue: Issue, _: Arm) -> str:
@@ -204,11 +204,11 @@ def _frame_words(issue: Issue, _: Arm) -> str:
     return f"the readings {words}, {how}"
 
 
-def _targets(observations: Observations) -> PlaceChanges:
+def _targets(observations: Observations) -> KinematicChanges:
     if not observations.free.targets:
         yield Change(
             undone=replace(observations, free=replace(observations.free, targets=True)),
-            large=longer_than(MIN_TARGET_SHIFT),
+            is_large=longer_than(MIN_TARGET_SHIFT),
         )
 
 
@@ -218,29 +218,33 @@ def _targets_words(issue: Issue, _: Arm) -> str:
     return f"{name} is {off}" if what == "targets" else f"have {name} {off}"
 
 
-def _mirrored(observations: Observations) -> PlaceChanges:
+def _mirrored(observations: Observations) -> KinematicChanges:
     yield Change(undone=replace(observations, free=replace(observations.free, frame=True, mirrored=True)))
 
 
-def _link(observations: Observations) -> PlaceChanges:
+def _link(observations: Observations) -> KinematicChanges:
     for k, link in enumerate(observations.vjm.arm.links[1:-1], start=1):
         free = replace(observations.free, theta=(6 * k, 6 * k + 1, 6 * k + 2))
-        yield Change((link.name,), undone=replace(observations, free=free), large=longer_than(MIN_SHIFT))
+        yield Change((link.name,), undone=replace(observations, free=free), is_large=longer_than(MIN_SHIFT))
 
 
-def _joint_zero(observations: Observations) -> PlaceChanges:
-    """An error of any size, or a quarter or half turn, which no linear fit finds.
+def _joint_zero(observations: Observations) -> KinematicChanges:
+    """Try a zero error of any size, and quarter and half turns, which no linear fit finds.
 
-    A half turn of a wrist may as well be another sign, which is likelier: it counts as one parameter more.
+    A half turn of a wrist may as well be a reversed sign, which is likelier: it counts as one parameter more.
     """
     joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
-        large = any_above(
+        is_large = any_above(
             (LAST_JOINT_FACTOR if k == len(joints) - 1 else 1.0) * MIN_JOINT_ZERO[joint.prismatic]
         )
         free = replace(observations.free, theta=(links + k,))
         yield Change(
-            (joint.name,), np.zeros(1), undone=replace(observations, free=free), parameters=1, large=large
+            (joint.name,),
+            np.zeros(1),
+            undone=replace(observations, free=free),
+            parameters=1,
+            is_large=is_large,
         )
         for turn in () if joint.prismatic else QUARTER_TURNS:
             undone = replace(observations, q=observations.q + turn * np.eye(len(joints))[k])
@@ -253,16 +257,16 @@ def _joint_zero_words(issue: Issue, arm: Arm) -> str:
     return f"fit if the zero of {name} is off by {_angle_text(arm, name, issue.size[0])}{ends.get(name, '')}"
 
 
-def _markers(observations: Observations) -> PlaceChanges:
-    """Other names of the targets: every order of a few; of more the exchange of two that fits best."""
+def _markers(observations: Observations) -> KinematicChanges:
+    """Try other names of the targets: every order of a few; of more, the exchange of two that fits best."""
     m = len(observations.markers)
-    if observations.free.lost:  # nothing says where any of them is
+    if observations.free.targets_unknown:  # nothing says where any of them is
         return
     orders = list(permutations(range(m)))[1:] if m <= MAX_PERMUTED_TARGETS else [_best_exchange(observations)]
     for order in orders:
         wrong = tuple(observations.names[k] for k, other in enumerate(order) if k != other)
         undone = replace(
-            observations, read=observations.read[:, order], was_read=observations.was_read[:, order]
+            observations, position=observations.position[:, order], seen=observations.seen[:, order]
         )
         yield Change(wrong, undone=undone, parameters=CHOICE_PARAMETERS)
 
@@ -276,7 +280,7 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
     pairs = np.empty((m, m))  # of a place and the target that was read there
     for k in range(m):
         pairs[k] = cauchy(
-            np.where(observations.was_read[..., None], x[:, [k]] - observations.read, 0), observations.scale
+            np.where(observations.seen[..., None], x[:, [k]] - observations.position, 0), observations.scale
         ).sum(axis=0)
     unexchanged = np.diag(pairs)
     change = pairs + pairs.T - unexchanged - unexchanged[:, None]
@@ -292,13 +296,13 @@ def _markers_words(issue: Issue, _: Arm) -> str:
     return f"fit if the names of {', '.join(names)} are exchanged"
 
 
-def _unit(observations: Observations) -> PlaceChanges:
+def _unit(observations: Observations) -> KinematicChanges:
     for factor in UNITS:
-        undone = replace(observations, read=factor * observations.read)
+        undone = replace(observations, position=factor * observations.position)
         yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE_PARAMETERS)
 
 
-def _angle_unit(observations: Observations) -> PlaceChanges:
+def _angle_unit(observations: Observations) -> KinematicChanges:
     hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
         undone = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
@@ -311,12 +315,12 @@ def _angle_unit_words(issue: Issue, _: Arm) -> str:
     )
 
 
-def _order(observations: Observations) -> PlaceChanges:
-    """Readings of another pose, from the first row on or from a later one."""
+def _order(observations: Observations) -> KinematicChanges:
+    """Try the readings of the pose before or after, from the first row on or from a later one."""
     for shift in (1, -1):
         undone = replace(observations, q=np.roll(observations.q, shift, axis=0))
         yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE_PARAMETERS)
-    if slip := find_slip(observations):
+    if slip := find_row_shift(observations):
         first, undone = str(observations.runs[slip.first]), replace(observations, q=slip.q)
         yield Change((first,), np.array([slip.shift]), undone=undone, parameters=CHOICE_PARAMETERS + 1)
 
@@ -327,7 +331,7 @@ def _order_words(issue: Issue, _: Arm) -> str:
     return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
 
 
-def _joint_sign(observations: Observations) -> PlaceChanges:
+def _joint_sign(observations: Observations) -> KinematicChanges:
     for k, joint in enumerate(observations.vjm.arm.joints):
         sign = np.where(np.arange(observations.q.shape[1]) == k, -1, 1)
         yield Change(
@@ -335,11 +339,11 @@ def _joint_sign(observations: Observations) -> PlaceChanges:
         )
 
 
-def _joint_coupling(observations: Observations) -> PlaceChanges:
-    """Usual couplings; `where` has for each joint its name, "+" or "-" and that of the other.
+def _joint_coupling(observations: Observations) -> KinematicChanges:
+    """Try usual couplings; `where` holds for each joint its name, "+" or "-" and the other joint's name.
 
-    A pendant's third joint counts the second one where a linkage drives it, or where its angle is that
-    against the floor (FANUC, ABB, Yaskawa); motors of a wrist turn the joints behind it along.
+    A pendant's third joint includes the second one if a linkage drives it, or if its angle is counted against
+    the floor (FANUC, ABB, Yaskawa). The motors of a wrist also turn the joints behind it.
     """
     joints, n = observations.vjm.arm.joints, len(observations.vjm.arm.joints)
     wrist = n - 3
@@ -364,9 +368,9 @@ def _joint_coupling_words(issue: Issue, _: Arm) -> str:
     return f"fit if {sums}: does the robot count {triples[0][0]} together with {triples[0][2]}?"
 
 
-def _joint_order(observations: Observations) -> PlaceChanges:
+def _joint_order(observations: Observations) -> KinematicChanges:
     names = [joint.name for joint in observations.vjm.arm.joints]
-    for order in likely_orders(observations):
+    for order in likely_joint_orders(observations):
         where = tuple(names[k] for k in np.argsort(order))
         yield Change(
             where, undone=replace(observations, q=observations.q[:, order]), parameters=CHOICE_PARAMETERS
@@ -383,11 +387,11 @@ def _joint_order_words(issue: Issue, arm: Arm) -> str:
     return f"fit if the joint order in the file is {', '.join(order)}"
 
 
-def _axes(observations: Observations) -> PlaceChanges:
-    """Positions with the sign of an axis, or two axes exchanged; orientations alone tell which."""
+def _axes(observations: Observations) -> KinematicChanges:
+    """Try positions with one axis reversed, or two exchanged; only orientations can tell."""
     if observations.rotation is None:
         return
-    position = observations.read[:, : len(observations.names)]
+    position = observations.position[:, : len(observations.names)]
     for k, name in enumerate("xyz"):
         flipped = observations.oriented(
             position * np.where(np.arange(3) == k, -1.0, 1.0), observations.rotation
@@ -406,13 +410,13 @@ def _axes_words(issue: Issue, _: Arm) -> str:
     return f"fit if {issue.where[1]} of the positions has the other sign"
 
 
-def _notation(observations: Observations) -> PlaceChanges:
-    """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
+def _notation(observations: Observations) -> KinematicChanges:
+    """Try other notations of the orientations, as meant and as read; equal results count once."""
     if observations.rotation is None:
         return
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    position, rotations = observations.read[:, : len(observations.names)], observations.rotation
+    position, rotations = observations.position[:, : len(observations.names)], observations.rotation
     rotations = np.where(np.isfinite(rotations).all(axis=(1, 2), keepdims=True), rotations, np.eye(3))
     R, by_rotation = Rotation.from_matrix(rotations), dict[bytes, tuple[tuple[str, ...], Array]]()
     for (read, axes), (meant, order) in product(NOTATIONS.items(), NOTATIONS.items()):
@@ -439,12 +443,12 @@ def _notation_words(issue: Issue, _: Arm) -> str:
 # --- Single poses and readings that lie off while most do not -----------------------------------------------
 
 
-def _off_poses(placed: Placed, *, whole_poses: bool) -> Iterator[Change[Placed]]:
-    """Poses most of whose readings lie off, with why; or single readings that do."""
+def _off_poses(placed: FittedObservations, *, whole_poses: bool) -> Iterator[Change[FittedObservations]]:
+    """Find poses most of whose readings are off, with the cause; or single readings that are."""
     observations, far = placed.observations, OUTLYING_DISTANCE * placed.observations.scale
     off = np.linalg.norm(placed.fit.residual, axis=2)
     for row in np.flatnonzero((off > far).any(axis=1)).tolist():
-        run, typical = str(observations.runs[row]), float(np.median(off[row][observations.was_read[row]]))
+        run, typical = str(observations.runs[row]), float(np.median(off[row][observations.seen[row]]))
         numbers = {"pose": int(observations.poses[row])}
         if (typical > far / 2) != whole_poses:
             continue
@@ -456,12 +460,12 @@ def _off_poses(placed: Placed, *, whole_poses: bool) -> Iterator[Change[Placed]]
             yield Change((run, observations.names[k]), numbers={"off": float(off[row, k]), **numbers})
 
 
-def _explain_pose(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
-    """Targets of a pose that may have each other's names, or a joint that may stand farther, and how far."""
+def _explain_pose(placed: FittedObservations, row: int, far: float) -> tuple[tuple[str, ...], Array]:
+    """Find targets of a pose that may be exchanged, or a joint whose angle may be larger, and by how much."""
     frame, observations = placed.fit.frame, placed.observations.select(np.array([row]))
     observations = replace(
         observations,
-        read=(observations.read - frame.translation) @ frame.rotation,
+        position=(observations.position - frame.translation) @ frame.rotation,
         markers=placed.fit.markers,
     )
     observations = replace(observations, free=type(observations.free)())
@@ -488,7 +492,7 @@ def _pose_words(issue: Issue, arm: Arm) -> str:
 # --- Loads and deflections ----------------------------------------------------------------------------------
 
 
-def _mounting(loads: Loads) -> LoadChanges:
+def _mounting(loads: LoadedRuns) -> LoadChanges:
     if loads.gravity is not None:
         issue, data = mounting(loads.vjm, loads.gravity), with_gravity_along(loads.data, loads.gravity.g)
         yield Change(issue.where, issue.size, issue.numbers, undone=replace(loads, data=data))
@@ -510,24 +514,24 @@ def _mounting_words(issue: Issue, _: Arm) -> str:
     return f"the readings fit if {how}: {along}{f' ({known})' * bool(known)}; {state}"
 
 
-def _sized_change(loads: Loads, unit: float, undone: Sequence[Dataset]) -> Change[Loads]:
-    """A mistake of a size for each of some data sets, in which one unit of it is undone."""
+def _sized_change(loads: LoadedRuns, prior_deviation: float, undone: Sequence[Dataset]) -> Change[LoadedRuns]:
+    """Describe a mistake of unknown size by data sets with one prior deviation of it undone in each."""
     assert loads.model is not None
-    return Change(columns=loads.model.columns(undone), unit=unit)
+    return Change(columns=loads.model.columns(undone), prior_deviation=prior_deviation)
 
 
-def _force_offset(loads: Loads) -> LoadChanges:
+def _force_offset(loads: LoadedRuns) -> LoadChanges:
     if loads.model is not None and loads.largest_force > 0:
         data, size = loads.data, FORCE_SHARE * loads.largest_force
         undone = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
-        yield replace(_sized_change(loads, size, undone), large=any_above(0.045 * loads.largest_force))
+        yield replace(_sized_change(loads, size, undone), is_large=any_above(0.045 * loads.largest_force))
 
 
-def _load_point(loads: Loads) -> LoadChanges:
+def _load_point(loads: LoadedRuns) -> LoadChanges:
     if loads.model is not None:
         data = loads.data
         undone = [replace(data, point=data.point + POINT_ERROR * e) for e in np.eye(3)]
-        yield replace(_sized_change(loads, POINT_ERROR, undone), large=any_above(0.05))
+        yield replace(_sized_change(loads, POINT_ERROR, undone), is_large=any_above(0.05))
 
 
 def _load_point_words(issue: Issue, _: Arm) -> str:
@@ -540,8 +544,8 @@ def _load_point_words(issue: Issue, _: Arm) -> str:
     return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
 
-def _touched_tracker(loads: Loads) -> LoadChanges:
-    """A tracker that moved between the two readings of every run, of a station."""
+def _touched_tracker(loads: LoadedRuns) -> LoadChanges:
+    """Try a tracker, of each station, that moved between the two readings of every run."""
     data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
     for name in (
@@ -549,23 +553,23 @@ def _touched_tracker(loads: Loads) -> LoadChanges:
     ):
         here = TRACKER_SHIFT * runs_of_station(data, name)[:, None, None]
         change = _sized_change(loads, TRACKER_SHIFT, [replace(data, after=y - here * move) for move in moves])
-        yield replace(change, where=() if data.station is None else (str(name),), large=any_above(4e-4))
+        yield replace(change, where=() if data.station is None else (str(name),), is_large=any_above(4e-4))
 
 
-def _level(loads: Loads) -> LoadChanges:
-    data, groups = loads.data, levels(loads.data)
+def _level(loads: LoadedRuns) -> LoadChanges:
+    data, groups = loads.data, load_levels(loads.data)
     for mask in groups if len(groups) > 1 and loads.model is not None else ():
         force = float(np.linalg.norm(data.wrench[mask, :3], axis=1).mean())
         change = _sized_change(
             loads, LOAD_FACTOR, [replace(data, wrench=data.wrench * (1 + LOAD_FACTOR * mask)[:, None])]
         )
-        yield replace(change, numbers={"force": force}, large=any_above(0.08))
+        yield replace(change, numbers={"force": force}, is_large=any_above(0.08))
 
 
-def _force_axes(loads: Loads) -> LoadChanges:
+def _force_axes(loads: LoadedRuns) -> LoadChanges:
     data, w = loads.data, loads.data.wrench.reshape(-1, 2, 3)
 
-    def undone(other: Array) -> Loads:
+    def undone(other: Array) -> LoadedRuns:
         return replace(loads, data=replace(data, wrench=other.reshape(-1, 6)))
 
     turned = np.einsum("rxy,rky->rkx", tool_pose(loads.vjm, data.q)[1], w)
@@ -583,9 +587,9 @@ def _force_axes_words(issue: Issue, _: Arm) -> str:
     return f"the readings fit if the forces' axes x, y, z are {', '.join(order)}{minus}"
 
 
-def _levels(loads: Loads) -> LoadChanges:
-    """Loads that were listed in reversed order."""
-    data, groups = loads.data, levels(loads.data)
+def _levels(loads: LoadedRuns) -> LoadChanges:
+    """Try loads that were listed in reversed order."""
+    data, groups = loads.data, load_levels(loads.data)
     sizes = [np.linalg.norm(data.wrench[level, :3], axis=1).mean() for level in groups]
     factor = np.ones(data.runs)
     for level, size, value in zip(groups, sizes, sizes[::-1], strict=True):
@@ -594,39 +598,43 @@ def _levels(loads: Loads) -> LoadChanges:
         yield Change(undone=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
 
 
-def _rows_of_runs(loads: Loads) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Names of runs, and the rows of their readings, one a coordinate."""
+def _rows_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield the name of every run and the range of its equations, three per reading."""
     assert loads.model is not None
-    run = loads.model.read.run
+    run = loads.model.readings.run
     for r, name in enumerate(map(str, loads.data.run)):
         first, end = np.searchsorted(run, [r, r + 1])
         if first < end:
             yield name, (3 * int(first), 3 * int(end))
 
 
-def _run_load(loads: Loads) -> LoadChanges:
+def _run_load(loads: LoadedRuns) -> LoadChanges:
     if (residual_model := loads.model) is not None:
-        expected = (residual_model.read.A @ residual_model.pi).ravel()
+        expected = (residual_model.readings.A @ residual_model.pi).ravel()
         for name, rows in _rows_of_runs(loads):
             columns = LOAD_FACTOR * expected[slice(*rows), None]
-            yield Change((name,), columns=columns, rows=rows, unit=LOAD_FACTOR, large=any_above(0.4))
+            yield Change(
+                (name,), columns=columns, rows=rows, prior_deviation=LOAD_FACTOR, is_large=any_above(0.4)
+            )
 
 
-def _bumps(loads: Loads, *, all_targets: bool) -> LoadChanges:
-    """Targets of a run that moved, each by itself: all of them, or one."""
+def _bumps(loads: LoadedRuns, *, all_targets: bool) -> LoadChanges:
+    """Try displaced targets of one run, each displaced independently: all of them, or one."""
     if (residual_model := loads.model) is not None:
-        size = BUMP_SIZE / np.repeat(residual_model.read.unit, 3)
+        size = BUMP_SIZE / np.repeat(residual_model.readings.unit, 3)
         least = float(np.max([MIN_BUMP, BUMP_SIGMAS * loads.data.sigma * residual_model.misfit]))
 
-        def large(b: Array) -> bool:
+        def is_large(b: Array) -> bool:
             return bool(np.linalg.norm(b) > least)
 
         for name, every in _rows_of_runs(loads):
             for rows in [every] if all_targets else [(k, k + 3) for k in range(*every, 3)]:
-                target = residual_model.read.marker[rows[0] // 3]
+                target = residual_model.readings.marker[rows[0] // 3]
                 label = () if all_targets or target < 0 else (loads.data.markers[target],)
                 columns = np.diag(size[slice(*rows)])
-                yield Change((name, *label), columns=columns, rows=rows, unit=BUMP_SIZE, large=large)
+                yield Change(
+                    (name, *label), columns=columns, rows=rows, prior_deviation=BUMP_SIZE, is_large=is_large
+                )
 
 
 def _reading_words(issue: Issue, _: Arm) -> str:
@@ -644,7 +652,7 @@ def _run_load_words(issue: Issue, _: Arm) -> str:
 
 
 def _distance(issue: Issue) -> float:
-    """Root mean square distance of all targets [mm]."""
+    """Compute the root mean square displacement of all targets [mm]."""
     return MM * float(np.linalg.norm(issue.size)) / math.sqrt(len(issue.size) / 3)
 
 
@@ -652,7 +660,7 @@ def _distance(issue: Issue) -> float:
 
 
 def _moved_words(issue: Issue, _: Arm) -> str:
-    """A tracker that moved between the readings of every run, or what moved between two rows."""
+    """Describe a tracker that moved between the readings of every run, or a move between two rows."""
     size, b = issue.numbers, issue.size
     if not size:
         which = f"the loaded readings of station {issue.where[0]}" if issue.where else "all loaded readings"
@@ -683,23 +691,32 @@ def _moved_words(issue: Issue, _: Arm) -> str:
 class Hypotheses:
     """Hold the table of hypotheses, grouped by what is needed to test them."""
 
-    plain: tuple[Hypothesis[Submission], ...]  #: Tested on the runs as read, without a fit.
-    registered: tuple[Hypothesis[Submission], ...]  #: Tested on frames and targets of a registration.
-    places: tuple[Hypothesis[Observations], ...]  #: Tested on readings against the kinematics.
-    poses: tuple[Hypothesis[Placed], ...]  #: Tested on single poses and readings that lie off.
-    work: tuple[Hypothesis[Dataset], ...]  #: Tested on the work of the force.
-    loads: tuple[Hypothesis[Loads], ...]  #: Tested on all deflections.
-    runs: tuple[Hypothesis[Loads], ...]  #: Tested on deflections of single runs.
+    without_fit: tuple[Hypothesis[Submission], ...]  #: Certain from the runs as they are, without a fit.
+    registration: tuple[Hypothesis[Submission], ...]  #: Tested on frames and targets of the registration.
+    kinematics: tuple[Hypothesis[Observations], ...]  #: Tested by fitting positions to the kinematics.
+    #: Tested on residuals of single poses and readings, once the kinematics fit.
+    single_poses: tuple[Hypothesis[FittedObservations], ...]
+    work: tuple[Hypothesis[Dataset], ...]  #: Tested on the sign of the work of the forces.
+    all_loads: tuple[Hypothesis[LoadedRuns], ...]  #: Tested on the deflections of all runs.
+    single_runs: tuple[Hypothesis[LoadedRuns], ...]  #: Tested on the deflections of single runs.
 
     @property
     def words(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
         """Map the name of each hypothesis to its words and its remedy."""
-        parts = (self.runs, self.loads, self.work, self.poses, self.places, self.registered, self.plain)
+        parts = (
+            self.single_runs,
+            self.all_loads,
+            self.work,
+            self.single_poses,
+            self.kinematics,
+            self.registration,
+            self.without_fit,
+        )
         return {row.name: (row.words, row.remedy) for part in parts for row in part}
 
 
 HYPOTHESES = Hypotheses(
-    plain=(
+    without_fit=(
         Hypothesis("equal", _equal, _equal_words, "was one of them copied?"),
         Hypothesis(
             "repeated",
@@ -711,14 +728,14 @@ HYPOTHESES = Hypotheses(
         ),
         Hypothesis("load_point", _far_load, _load_point_words),
     ),
-    registered=(
+    registration=(
         Hypothesis("frame", _near_frame, _frame_words),
         Hypothesis("markers", partial(_far_targets, exchanged=True), _markers_words),
         Hypothesis("targets", partial(_far_targets, exchanged=False), _targets_words),
     ),
-    places=(
+    kinematics=(
         Hypothesis("frame", _frame, _frame_words),
-        Hypothesis("targets", _targets, _targets_words, loose=True),
+        Hypothesis("targets", _targets, _targets_words, many_parameters=True),
         Hypothesis(
             "mirrored",
             _mirrored,
@@ -733,7 +750,7 @@ HYPOTHESES = Hypotheses(
                 "in its axes"
             ),
             "is this the arm?",
-            loose=True,
+            many_parameters=True,
         ),
         Hypothesis("joint_zero", _joint_zero, _joint_zero_words),
         Hypothesis("markers", _markers, _markers_words),
@@ -746,12 +763,12 @@ HYPOTHESES = Hypotheses(
         Hypothesis("notation", _notation, _notation_words),
         Hypothesis("axes", _axes, _axes_words),
     ),
-    poses=(
+    single_poses=(
         Hypothesis("pose", partial(_off_poses, whole_poses=True), _pose_words),
         Hypothesis("reading", partial(_off_poses, whole_poses=False), _reading_words),
     ),
     work=(Hypothesis("sign", _against, _against_words),),
-    loads=(
+    all_loads=(
         Hypothesis("mounting", _mounting, _mounting_words, nats=MIN_NATS_OF_AXES),
         Hypothesis(
             "force_offset",
@@ -782,7 +799,7 @@ HYPOTHESES = Hypotheses(
             nats=MIN_NATS_OF_AXES,
         ),
     ),
-    runs=(
+    single_runs=(
         Hypothesis("run_load", _run_load, _run_load_words, nats=MIN_NATS_OF_RUN),
         Hypothesis(
             "run",
@@ -803,7 +820,7 @@ HYPOTHESES = Hypotheses(
 
 
 def _scale_words(issue: Issue, arm: Arm) -> str:
-    """A factor between prior and readings; deflections that are no arm's, where a wild one is named."""
+    """Describe a factor between prior and readings, or name a single reading where no compliance fits."""
     factor = issue.numbers["factor"]
     if issue.where:
         largest, median = MM * issue.numbers["largest"], MM * issue.numbers["median"]
@@ -901,4 +918,4 @@ def _vector_text(vector: Array, factor: float, digits: int) -> str:
 
 def _angle_text(arm: Arm, name: str, size: float) -> str:
     joint = next(joint for joint in arm.joints if joint.name == name)
-    return f"{joint.shown * size:.3g} {joint.shown_unit}"
+    return f"{joint.display_factor * size:.3g} {joint.display_unit}"

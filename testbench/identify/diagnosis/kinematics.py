@@ -1,21 +1,19 @@
-"""Readings against the arm's kinematics: what explains them, and which mistake explains them better.
+"""The mechanism of the diagnosis, and its fit of positions to the kinematics.
 
-Readings have to lie where the kinematics has the targets, up to a sound arm's errors: calibration, own
-weight, a target a few millimetres off. The loss is Cauchy's: a few wrong readings do not speak for a mistake
-in all.
+A mistake is data: a change of readings, loads or arm that undoes it, and the words that describe it. Every
+mistake is undone in turn, the changed data are fitted again, and both fits are compared by
 
-A mistake as data: what it changes, in how few parameters, what it is called; and the score of all of them.
-
-Every hypothesis is undone, the readings are fitted again, and the two fits are compared by
-
-    nats = loss as handed in - loss with the mistake undone - what its parameters have to earn
+    nats = loss as read - loss with the mistake undone - cost of its parameters
 
 Where the mistake b adds Z b to the readings, no second fit is needed: with the residuals e, a projector 1 - P
 that takes out all that the fit explains, and b ~ N(0, 1) in the units of Z, the same number is
 
     g = Z^T (1 - P) e,   M = Z^T (1 - P) Z + 1,   nats = (g^T M^-1 g - log det M) / 2
 
-the logarithm of a Bayes factor (Kass and Raftery 1995). `hypotheses` has the table.
+the logarithm of a Bayes factor (Kass and Raftery 1995). `hypotheses` holds the table of mistakes.
+
+Positions must agree with the kinematics up to the errors of a sound arm: calibration, own weight, a target
+that is a few millimetres off. Cauchy's loss keeps a few wrong readings from being taken for a mistake in all.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -70,21 +68,23 @@ class Change(Generic[Case]):
     undone: Case | None = None  #: The data without the mistake, to be fitted again.
     columns: Array | None = None  #: Z of the score test on `rows`, (rows, z) [standard deviations].
     rows: tuple[int, int] | None = None  #: First row, and the one after the last; None for all.
-    unit: float = 1.0  #: Size of one unit of the parameters of Z: their prior deviation, SI.
+    prior_deviation: float = 1.0  #: Size of a mistake b = 1 of the score test, SI.
     parameters: int = 0  #: Number of parameters that the choice of this change counts as.
-    large: Callable[[Array], bool] = lambda _: True  #: Tells whether a size is larger than on sound arms.
+    #: Tells whether a size is larger than those of arms and readings without a mistake.
+    is_large: Callable[[Array], bool] = lambda _: True
 
 
 @dataclass(frozen=True)
 class Hypothesis(Generic[Case]):
     """Define one kind of mistake: a row of the table."""
 
-    name: str  #: A word for programs.
-    changes: Callable[[Case], Iterable[Change[Case]]]  #: Ways to undo the mistake in the data.
-    words: Callable[[Issue, Arm], str]  #: Puts an issue into words: what is wrong, by how much.
+    name: str  #: Identifier in programs and in models.json.
+    changes: Callable[[Case], Iterable[Change[Case]]]  #: Yields the ways to undo the mistake in the data.
+    words: Callable[[Issue, Arm], str]  #: Describes an issue: what is wrong, and by how much.
     remedy: str = ""  #: What the user should check.
     nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
-    loose: bool = False  #: Whether it has so many parameters that others are preferred to it.
+    #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
+    many_parameters: bool = False
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,8 @@ class FreeParameters:
     targets: bool = False  #: Positions of the targets in the tool's frame.
     theta: tuple[int, ...] = ()  #: Virtual joints with a free constant: a joint's zero, a link's end.
     mirrored: bool = False  #: Whether the frame is left-handed.
-    lost: bool = False  #: Whether the targets are unknown: distant readings then count too, at first.
+    #: Whether no nominal targets are known: distant readings then count too, at first.
+    targets_unknown: bool = False
 
 
 @dataclass(frozen=True)
@@ -229,8 +230,8 @@ class Observations:
     vjm: Vjm  #: The arm's virtual joint model.
     q: Array  #: Actuated joints, (poses, n) [rad, m].
     markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
-    read: Array  #: Readings of the targets, (poses, m, 3) [m].
-    was_read: Mask  #: Which were read, (poses, m).
+    position: Array  #: Positions of the targets as read, (poses, m, 3) [m].
+    seen: Mask  #: Tells which targets were read, (poses, m).
     names: tuple[str, ...]  #: Names of the targets.
     runs: Ids  #: Run of each row, (poses,).
     poses: Ids  #: Pose of each row, (poses,).
@@ -240,13 +241,17 @@ class Observations:
     rotation: Array | None = None
 
     def select(self, rows: Ids) -> "Observations":
-        """Select some rows, by their indices, (r,)."""
+        """Select some rows.
+
+        Args:
+            rows: Indices of the rows, (r,).
+        """
         rotation = None if self.rotation is None else self.rotation[rows]
         return replace(
             self,
             q=self.q[rows],
-            read=self.read[rows],
-            was_read=self.was_read[rows],
+            position=self.position[rows],
+            seen=self.seen[rows],
             runs=self.runs[rows],
             poses=self.poses[rows],
             rotation=rotation,
@@ -266,9 +271,9 @@ class Observations:
             The readings, (poses, m + 3, 3) [m], with these positions and orientations.
         """
         more = position[:, :1] + ORIENTATION_ARM * np.where(
-            self.was_read[:, -3:, None], rotation.swapaxes(1, 2), 0
+            self.seen[:, -3:, None], rotation.swapaxes(1, 2), 0
         )
-        return replace(self, read=np.concatenate([position, more], axis=1), rotation=rotation)
+        return replace(self, position=np.concatenate([position, more], axis=1), rotation=rotation)
 
 
 def of_series(vjm: Vjm, series: Series) -> Observations:
@@ -288,13 +293,13 @@ def of_series(vjm: Vjm, series: Series) -> Observations:
         vjm=vjm,
         q=series.q,
         markers=np.zeros((there.shape[1], 3)),
-        read=series.position[:, :m],
-        was_read=there,
+        position=series.position[:, :m],
+        seen=there,
         names=series.markers,
         runs=series.row,
         poses=series.pose,
         scale=SOUND_DISTANCE * vjm.reach,
-        free=FreeParameters(frame=True, targets=True, lost=True),
+        free=FreeParameters(frame=True, targets=True, targets_unknown=True),
     )
     return (
         observations if series.rotation is None else observations.oriented(series.position, series.rotation)
@@ -318,8 +323,15 @@ class Fit:
         return self.loss + PARAMETER_NATS * self.free_numbers
 
     def distances(self, observations: Observations) -> Array:
-        """Compute the distance of every reading from where the fit has its target, (readings,) [m]."""
-        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.was_read])
+        """Compute the distance of every reading from the fitted position of its target.
+
+        Args:
+            observations: The readings that were fitted.
+
+        Returns:
+            Distances, (readings,) [m].
+        """
+        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.seen])
 
     def distance_quantile(self, observations: Observations, share: float = HALF) -> float:
         """Compute a quantile of the distances between readings and fit.
@@ -335,11 +347,11 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Placed:
+class FittedObservations:
     """Hold readings with their fit, after a mistake of all of them is undone."""
 
-    observations: Observations
-    fit: Fit
+    observations: Observations  #: The readings.
+    fit: Fit  #: The fit to them.
 
 
 def cauchy(residual: Array, scale: float) -> Array:
@@ -383,7 +395,7 @@ def best_hypothesis(
         if typical > UNFIT_DISTANCE * observations.scale
         else None
     )
-    needed = max(MIN_NATS, MIN_NATS_PER_READING * sample.was_read.sum())
+    needed = max(MIN_NATS, MIN_NATS_PER_READING * sample.seen.sum())
     as_read = start if sample is observations else fit(observations)
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
@@ -391,10 +403,12 @@ def best_hypothesis(
     # Undo every mistake; the likeliest is large, gains enough, and leaves readings that fit.
     trials = list(_undone(observations, hypotheses, start.cost))
     needed = max(needed, MIN_GAIN_SHARE * max((trial.gain for trial in trials), default=0.0))
-    good = [trial for trial in trials if trial.gain > needed and trial.change.large(trial.size(observations))]
+    good = [
+        trial for trial in trials if trial.gain > needed and trial.change.is_large(trial.size(observations))
+    ]
     if not good:
         return unfit, as_read
-    best = max(good, key=lambda trial: (not trial.hypothesis.loose, trial.gain))
+    best = max(good, key=lambda trial: (not trial.hypothesis.many_parameters, trial.gain))
     now = best.fit.distance_quantile(best.sample)
     if now > UNFIT_DISTANCE * observations.scale:
         return unfit, as_read
@@ -417,15 +431,23 @@ def best_hypothesis(
 class _Trial:
     """Hold readings with one mistake undone, and their fit."""
 
-    hypothesis: Hypothesis[Observations]
-    change: Change[Observations]
+    hypothesis: Hypothesis[Observations]  #: The kind of mistake.
+    change: Change[Observations]  #: The way in which it is undone.
     undone: Observations  #: All readings without the mistake.
     sample: Observations  #: Those of them that were fitted.
-    fit: Fit
+    fit: Fit  #: The fit to the sample.
     gain: float  #: Cost as read, minus the cost without the mistake and that of the choice [nats].
 
     def size(self, observations: Observations) -> Array:
-        """Size the mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
+        """Compute the size of the mistake.
+
+        Args:
+            observations: The readings as they are, with the mistake.
+
+        Returns:
+            Rotation vector and translation of a frame, (6,) [rad, m]; shift of a target or link, (3,) [m];
+            else the size of the change, in SI units.
+        """
         free, theta = self.undone.free, self.fit.theta[list(self.undone.free.theta)]
         if len(theta) == 3:
             return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ theta)
@@ -473,16 +495,19 @@ def fit(observations: Observations) -> Fit:
     free = observations.free
     count = 6 * free.frame + 3 * len(observations.markers) * free.targets + len(free.theta)
     now = Fit(
-        ORIGIN, observations.markers, np.zeros(observations.vjm.arm.n_theta), observations.read, np.inf, count
+        ORIGIN,
+        observations.markers,
+        np.zeros(observations.vjm.arm.n_theta),
+        observations.position,
+        np.inf,
+        count,
     )
     where = _chain(observations, now)
     # Start with the frame in closed form.
     if free.frame:
         base = where.points(now.markers)
         frame = Frame(
-            *kabsch(
-                base[observations.was_read], observations.read[observations.was_read], mirrored=free.mirrored
-            )
+            *kabsch(base[observations.seen], observations.position[observations.seen], mirrored=free.mirrored)
         )
         now = replace(now, frame=frame)
     now = _with_loss(observations, where, now)
@@ -522,13 +547,15 @@ def fit_residuals(observations: Observations, chain: Chain, now: Fit) -> Array:
         Residuals, (poses, m, 3) [m]; 0 where nothing was read.
     """
     x = chain.points(now.markers) @ now.frame.rotation.T + now.frame.translation
-    return np.where(observations.was_read[..., None], x - observations.read, 0.0)
+    return np.where(observations.seen[..., None], x - observations.position, 0.0)
 
 
 def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fit:
-    """One weighted Gauss-Newton step of all that is free."""
+    """Take one weighted Gauss-Newton step of all free parameters."""
     free = observations.free
-    about = now.residual - now.frame.translation + observations.read  # the targets about the frame's origin
+    about = (
+        now.residual - now.frame.translation + observations.position
+    )  # the targets about the frame's origin
     columns: list[Array] = []
     if free.frame:
         columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
@@ -538,8 +565,12 @@ def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fi
             *observations.markers.shape, -1, len(observations.q)
         )
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
-    scale = max(observations.scale, now.distance_quantile(observations)) if free.lost else observations.scale
-    weight = observations.was_read / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
+    scale = (
+        max(observations.scale, now.distance_quantile(observations))
+        if free.targets_unknown
+        else observations.scale
+    )
+    weight = observations.seen / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
     root = np.sqrt(weight)[..., None]
     left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)

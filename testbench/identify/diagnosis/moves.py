@@ -22,7 +22,7 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import (
-    LOOSE_STRENGTH,
+    WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
     activate,
@@ -42,7 +42,9 @@ NUISANCE_FACTOR = 3.0
 MAX_NUMBERS = 3_000_000  #: Most numbers of the equations in memory at a time.
 EQUATIONS_PER_POSE = 6
 """Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
-ALIKE_GAIN = 10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
+AMBIGUOUS_GAIN = (
+    10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
+)
 
 
 @dataclass(frozen=True)
@@ -79,11 +81,11 @@ def nuisance_model(
         activate(unknowns, GEOMETRY | {"harmonics"}, elastic),
         default_scales(unknowns, len(noise.factor)),
     )
-    P, _ = active_prior(active, ErrorScales(NUISANCE_FACTOR * size.deviation, size.factor), LOOSE_STRENGTH)
+    P, _ = active_prior(active, ErrorScales(NUISANCE_FACTOR * size.deviation, size.factor), WIDE_PRIOR)
     return NuisanceModel(active, P, state, noise)
 
 
-def chance(step: Issue) -> float:
+def p_value(step: Issue) -> float:
     """Compute the probability of a step as clear as this one of `best_step` in readings without any.
 
     With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
@@ -136,19 +138,19 @@ def most_significant_step(
         if not len(steps):
             continue
         step = min(
-            (_greatest_step(rest, readings, series_sums, steps, turns=t) for t in (False, True)), key=chance
+            (_greatest_step(rest, readings, series_sums, steps, turns=t) for t in (False, True)), key=p_value
         )
         poses = np.unique(readings.pose, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *series_sums.Z.shape[1:]))
         np.add.at(together, poses, series_sums.Z)
-        alone = [t for Z in (series_sums.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
+        alone = [t for Z in (series_sums.Z, together) for t in rest.score_moves(Z, turns=len(step.size) == 6)]
         if max(t.gain.max() for t in alone) < step.numbers["share"] * rest.before:
             yield readings, step
 
 
 @dataclass(frozen=True)
 class _Sums:
-    """Whitened sums over rows: A is what may be lacking, Z both steps, e the residuals."""
+    """Hold sums over whitened rows: columns A of the nuisance model, Z of both moves, and residuals e."""
 
     AA: Array  #: Over all rows, (c + 1, c + 1), e last.
     Z: Array  #: Over the rows of every cell between two edges, (cells, z, c + 1 + z): Z A, Z e, Z Z.
@@ -167,7 +169,7 @@ class _Unexplained:
     count: float  #: Equations that nothing spends.
     shared: float  #: How many of them say the same.
 
-    def tested(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
+    def score_moves(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
         """Test whether the targets or the tracker moved, in a batch of rows.
 
         Args:
@@ -204,14 +206,14 @@ def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence
 def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     # Score of a step at every place, of targets and of the tracker; the greatest is taken.
-    target, tracker = rest.tested(behind, turns=turns)
+    target, tracker = rest.score_moves(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
     score, other = (target, tracker) if slipped else (tracker, target)
     k = int(score.gain.argmax())
     gain, place = float(score.gain[k]), int(steps[k])
     s2 = max(rest.before - gain, 1e-300) / rest.count
     numbers = {
-        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE_GAIN * s2),
+        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < AMBIGUOUS_GAIN * s2),
         "share": gain / rest.before,
         "free": rest.count / rest.shared,
         "place": place,
@@ -239,7 +241,7 @@ def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
 
 
 def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
-    """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
+    """Whiten [A e], (c + 1, equations), and Z, (z, equations); equations are ordered by row."""
     active, rows = linear.active, series_rows(linear.active.unknowns, linear.state, series)
     W, pull = robust_whitening(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
     W = W * np.sqrt(pull)[..., None, None]
@@ -247,7 +249,7 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     Z = np.concatenate([move_columns(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
     whitened = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if active.elastic is not None:
-        e = slice(active.rigid, len(active.columns))
+        e = slice(active.n_rigid, len(active.columns))
         whitened[e] = np.tensordot(active.elastic.L.T, whitened[e], 1)
     lines = whitened.reshape(len(whitened), -1)
     return lines[: A.shape[2]], lines[A.shape[2] :]
@@ -320,14 +322,14 @@ def step_places(series: Series, min_poses: int) -> Ids:
 
 
 def _poses_so_far(pose: Ids) -> Ids:
-    """Different poses up to and with every row, (rows,)."""
+    """Count the different poses up to and including every row, (rows,)."""
     first = np.zeros(len(pose), dtype=int)
     first[np.unique(pose, return_index=True)[1]] = 1
     return np.cumsum(first)
 
 
 def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
-    """The greatest step in a series, None where there is none that is worth parting it.
+    """Find the greatest step in a series; None if no step is clear enough to divide it.
 
     The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
@@ -380,7 +382,15 @@ def divide_at_moves(
     """
 
     def undo(parts: SeriesParts, now: FittedState) -> tuple[list[Issue], SeriesParts, FittedState] | None:
-        """Fit the parts again, each with its tracker or targets as they moved."""
+        """Fit the parts again, each with its own tracker or targets where they moved.
+
+        Args:
+            parts: The series as divided so far.
+            now: Their fit, state and noise.
+
+        Returns:
+            New issues, the divided series and their fit; None if nothing moved.
+        """
         steps = [
             None if part.distance is not None else _clear_step(now[0], part, now[1], elastic)
             for part in parts
@@ -398,10 +408,10 @@ def divide_at_moves(
 
 
 def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesParts, list[Issue]]:
-    """Series in two where something moved, which has a name of its own behind the step.
+    """Divide each series at its step; what moved gets a name of its own after the step.
 
-    A mount or frame that moved in one series is shared with no other any more: which part that would share it
-    with is not known. Findings say so.
+    A mount or frame that moved in one series is no longer shared with another, because the part that would
+    share it is unknown. Issues report this.
     """
     divided = [part for readings, step in zip(parts, steps, strict=True) for part in _halves(readings, step)]
     unshared: dict[tuple[str, str], Issue] = {}
@@ -418,24 +428,24 @@ def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesPa
 
 
 def _undivided_name(part: Series) -> str:
-    """Name of the series that a part is of."""
+    """Return the name of the series that a part belongs to."""
     return part.name.partition(PART_SUFFIX)[0]
 
 
 def _moved_name(series: Series, step: Issue) -> str:
-    """Name of what moved in a step, for a series."""
+    """Return the name of the frame or mount that moved in a step."""
     return series.target if step.name == "target_moved" else series.frame
 
 
 def _rename_moved(series: Series, step: Issue, name: str) -> Series:
-    """A series with another name for what moved in a step."""
+    """Rename the frame or mount that moved in a step."""
     if step.name == "target_moved":
         return replace(series, target=name)
     return replace(series, frame=name)
 
 
 def _halves(series: Series, step: Issue | None) -> SeriesParts:
-    """A series before and behind a step, whole where there is none."""
+    """Divide a series at a step; without a step it stays whole."""
     if step is None:
         return (series,)
     ordered, words = in_order_of_time(series), f"{PART_SUFFIX}{step.numbers['after']}"

@@ -1,18 +1,18 @@
-"""Two searches among more candidates than can be fitted: orders of the joints, and rows that slipped.
+"""Two searches among more candidates than can be fitted: orders of the joints, and shifted rows.
 
 Of six joints there are 720 orders. With the joints in the right one, the tool's pose R, p by the kinematics
 and a target m on the tool, readings y fit some frame where
 
     A y + b = R m + p
 
-The form is linear in A, b and, where it is not known, m; its residual is small for the right order alone. The
-few orders that fit it best are then fitted as a frame that can only turn and move.
+The form is linear in A, b and, if it is unknown, m. Its residual is small only for the right order. The few
+orders that fit it best are then fitted with a frame, whose A is a rotation.
 
-Readings slip against their poses from some row on where a cell of a table was deleted. The frame is that of
-half of the rows, which are all sound or all slipped; the row is where the summed losses are least.
+If a cell of a table was deleted, all readings from its row on are shifted against their poses. One half of
+the rows is all sound or all shifted: it determines the frame. The shift begins at the row where the summed
+losses are least.
 
-Beside them stand checks of absolute readings that fit the arm and are wrong (`check_order`): the last joint's
-sign, rows that slipped.
+`check_last_joint_sign` and `check_row_order` find absolute readings that fit the arm although they are wrong.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -47,7 +47,7 @@ RIDGE = 1e-9  #: Of the normal equations, over their mean diagonal: a direction 
 MIN_ROWS = 3  #: Rows of half a file, and of what slipped.
 
 
-def likely_orders(observations: Observations) -> Iterator[Ids]:
+def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
     """Find the likeliest orders of the joints in the file, by a linear form (see the module).
 
     Yields:
@@ -59,7 +59,7 @@ def likely_orders(observations: Observations) -> Iterator[Ids]:
         every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
     else:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
-    rows = np.flatnonzero(observations.was_read.any(axis=1))
+    rows = np.flatnonzero(observations.seen.any(axis=1))
     rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
     parts = np.array_split(every, -(-len(every) // ORDERS_AT_ONCE)) if len(every) else []
     cost = [loss for part in parts for loss in _screened(observations, rows, part)]
@@ -73,14 +73,14 @@ def _exchange(n: int, i: int, j: int) -> Ids:
 
 
 def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
-    """Robustly weighted loss of the linear form in every order, (orders,) [nats]."""
+    """Compute the robustly weighted loss of the linear form for every order, (orders,) [nats]."""
     count = len(orders)
     p, R = tool_pose(
         observations.vjm, observations.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1])
     )
-    row, target = np.nonzero(observations.was_read[rows, :SCREENED_TARGETS])
+    row, target = np.nonzero(observations.seen[rows, :SCREENED_TARGETS])
     p, R = p.reshape(count, -1, 3)[:, row], R.reshape(count, -1, 3, 3)[:, row]
-    y = observations.read[rows][row, target]
+    y = observations.position[rows][row, target]
     right, columns = p + np.matvec(R, observations.markers[target]), np.zeros((count, len(row), 3, 0))
     if not observations.free.frame:
         right = right - y
@@ -91,7 +91,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
             fixed[:, axis, 9 + axis] = 1
         columns = np.broadcast_to(fixed, (count, *fixed.shape))
     if observations.free.targets:
-        of = np.equal(target[:, None], np.arange(observations.was_read[:, :SCREENED_TARGETS].shape[1]))
+        of = np.equal(target[:, None], np.arange(observations.seen[:, :SCREENED_TARGETS].shape[1]))
         target_columns = -R[:, :, :, None, :] * of[None, :, None, :, None]
         columns = np.concatenate([columns, target_columns.reshape(*target_columns.shape[:3], -1)], axis=3)
     weight, left = np.ones(right.shape[:2]), right
@@ -108,7 +108,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
 
 
 @dataclass(frozen=True)
-class Slip:
+class RowShift:
     """Hold the row from which all readings belong to another pose."""
 
     first: int  #: The row, counted from 0.
@@ -116,7 +116,7 @@ class Slip:
     q: Array  #: The joint angles that the readings belong to, (poses, n) [rad, m].
 
 
-def find_slip(observations: Observations) -> Slip | None:
+def find_row_shift(observations: Observations) -> RowShift | None:
     """Find the row from which readings are those of the pose before or after, with all rows before it sound.
 
     It is None when no slip explains the readings clearly better.
@@ -134,8 +134,8 @@ def find_slip(observations: Observations) -> Slip | None:
         _median_distance(replace(observations, q=q), best_fit, part)
         for part in (slice(first), slice(first, None))
     )
-    sound = gain > MIN_NATS_PER_READING * observations.was_read[first:].sum() and max(before, behind) < far
-    return Slip(first, shift, q) if sound else None
+    sound = gain > MIN_NATS_PER_READING * observations.seen[first:].sum() and max(before, behind) < far
+    return RowShift(first, shift, q) if sound else None
 
 
 def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
@@ -154,16 +154,16 @@ def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, 
             )
             cost = np.cumsum(as_read - slipped)[:-MIN_ROWS] + slipped.sum()
             # an inserted row fits either way
-            alike = cost < cost.min() + MIN_NATS_PER_READING * observations.was_read.shape[1]
+            alike = cost < cost.min() + MIN_NATS_PER_READING * observations.seen.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
             yield float(cost.min()), float(as_read.sum() - cost.min()), first, shift, half_fit
 
 
 def _fit_half(observations: Observations, half: slice) -> Fit | None:
-    """Frame and targets by half of the rows; None where there are too few."""
+    """Fit frame and targets to half of the rows; None if there are too few."""
     rows = np.arange(len(observations.q))[half]
     sample = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
-    return fit(sample) if len(rows) >= MIN_ROWS and sample.was_read.any() else None
+    return fit(sample) if len(rows) >= MIN_ROWS and sample.seen.any() else None
 
 
 def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
@@ -174,17 +174,17 @@ def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
 
 
 def _median_distance(observations: Observations, fitted: Fit, part: slice) -> float:
-    """Median distance of readings in some rows [m]; 0 without any."""
+    """Compute the median distance of the readings in some rows [m]; 0 without any."""
     off = np.linalg.norm(
         fit_residuals(observations, chain(observations.vjm, observations.q), fitted), axis=2
-    )[part][observations.was_read[part]]
+    )[part][observations.seen[part]]
     return float(np.median(off)) if len(off) else 0.0
 
 
 MAX_SCATTER_RATIO = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 
 
-def check_last_joint(
+def check_last_joint_sign(
     vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
 ) -> None:
     """Refuse readings that fit much better with the last joint's sign reversed.
@@ -206,10 +206,12 @@ def check_last_joint(
     thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
-        mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[1].open_position
+        mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[
+            1
+        ].position_model_error
     except BenchError:
         return
-    as_read = fitted(tuple(thin))[1].open_position
+    as_read = fitted(tuple(thin))[1].position_model_error
     if mirrored < MAX_SCATTER_RATIO * as_read:
         raise BenchError(
             f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
@@ -217,7 +219,7 @@ def check_last_joint(
         )
 
 
-def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
+def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
     """Refuse a series whose rows slipped against their poses.
 
     Args:
@@ -228,6 +230,6 @@ def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
         Misfit: When the rows of one series belong to other poses from some row on.
     """
     for readings in series:
-        if readings.distance is None and (slip := find_slip(of_series(vjm, readings))):
+        if readings.distance is None and (slip := find_row_shift(of_series(vjm, readings))):
             first = readings.row[slip.first]
             raise Misfit(f"{readings.name}: its rows from {first} on do not fit those before", readings)

@@ -27,7 +27,7 @@ from testbench.identify.absolute.fit import (
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, series_equilibrium
 from testbench.identify.diagnosis.moves import in_order_of_time
-from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.posterior import ArmModel
 from testbench.model.vjm import translation_rows
 from testbench.report import colours
@@ -186,7 +186,7 @@ ARM = "ur10"
 FILES = {"A": "series_A_every_8th.csv", "C": "series_C.csv"}
 """Of the arm's folder, by the name that their authors gave the series."""
 SPRINGS, ERRORS, LINKS = "joint springs", "joint errors", "links"
-WEAK = Strength(5.0)  #: Compliances five times as uncertain as they are large: hardly a prior.
+WEAK = PriorUncertainty(5.0)  #: Compliances five times as uncertain as they are large: hardly a prior.
 GEOMETRY, JOINTS, WAVES, CHOSEN = "geometry", "+ joint springs", "+ joint errors", "chosen"
 LINKS_LS, LINKS_GCO, LINKS_PRIOR = "+ links, LS", "+ links, GCO", "+ links, GCO + prior"
 ALL, SHARED = "+ joint errors + links", "+ common pattern"
@@ -199,8 +199,8 @@ def _with(*names: str) -> CalibrationOptions:
 LADDER: Mapping[str, CalibrationOptions] = {
     GEOMETRY: _with(),
     JOINTS: _with(SPRINGS),
-    LINKS_LS: replace(_with(SPRINGS, LINKS), constraint="none", strength=WEAK),
-    LINKS_GCO: replace(_with(SPRINGS, LINKS), strength=WEAK),
+    LINKS_LS: replace(_with(SPRINGS, LINKS), constraint="none", uncertainty=WEAK),
+    LINKS_GCO: replace(_with(SPRINGS, LINKS), uncertainty=WEAK),
     LINKS_PRIOR: _with(SPRINGS, LINKS),
     WAVES: _with(SPRINGS, ERRORS),
     SHARED: _with(SPRINGS, ERRORS, PATTERN),

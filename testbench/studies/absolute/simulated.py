@@ -32,7 +32,7 @@ from testbench.identify.absolute.posterior import (
     predict,
 )
 from testbench.identify.absolute.state import ArmState, unknowns_of
-from testbench.identify.metric import Prior, Strength, scale_by_prior
+from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import SQUARE
 from testbench.identify.regression import Linearisation, reduce_series
@@ -189,11 +189,11 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     for kind, own in unknowns.groups:
         deviation[own] = sizes[kind]
     known = ErrorScales(deviation, np.ones(len(reduced.kinds)))
-    V = solve_active(active, gram_of_active(active, reduced.gram), known, Strength(SHAPE)).covariance
+    V = solve_active(active, gram_of_active(active, reduced.gram), known, PriorUncertainty(SHAPE)).covariance
     assert active.elastic is not None
     lines = series_rows(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(active.columns))
-    A = np.hstack([A[:, : active.rigid], A[:, active.rigid :] @ active.elastic.L])
+    A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.elastic.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
 
 

@@ -20,13 +20,13 @@ from testbench.identify.estimate import Estimate
 from testbench.identify.method import gco, with_prior
 from testbench.identify.metric import (
     PriorScaling,
-    Strength,
+    PriorUncertainty,
     WeightedPrior,
     aggregate,
     cad_prior,
     scale_by_prior,
 )
-from testbench.identify.posterior import Intervals, intervals, linearise
+from testbench.identify.posterior import Intervals, intervals, posterior_of_estimate
 from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHODS, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
@@ -146,7 +146,7 @@ DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order st
 LEVELS = (0.5, 0.8, 0.9, CONFIDENCE, 0.99)  #: Nominal coverages at which intervals are counted [1].
 REJECTIONS = 1000
 CHECKS = 10  #: Poses to predict in: x, y and z of one point in each.
-DRAWN_STRENGTH, ASSUMED_STRENGTH = Strength(0.1), Strength(0.3)
+DRAWN_STRENGTH, ASSUMED_STRENGTH = PriorUncertainty(0.1), PriorUncertainty(0.3)
 """The prior that truths are drawn from, and one that is believed whatever the readings say."""
 TRIED: dict[tuple[Truth, str], str] = {
     ("linear", "scaled"): "linear truth, wrong prior",
@@ -166,7 +166,7 @@ class CoverageCase:
 
     name: str  #: Arm and model, for reports.
     regression: Regression  #: Poses, loads and sigmas.
-    metric: PriorScaling  #: The structure in the metric of the CAD prior.
+    scaling: PriorScaling  #: The structure in the metric of the CAD prior.
     truth: Array  #: Parameters, (n,).
     functionals: Array  #: Deflections asked for, (k, n).
 
@@ -231,7 +231,7 @@ def refitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (solve_gco(regression), "GCO", DRAWS_GCO))
     found = []
     for estimate, method, draws in fits:
-        name, at = f"{case.name}, {method}", partial(linearise(estimate).intervals, rows)
+        name, at = f"{case.name}, {method}", partial(posterior_of_estimate(estimate).intervals, rows)
         found.append(_covered_at(f"{name}, linearised", "linearised", truth, at))
         if bootstrapped:
             seen = bootstrap(estimate, rows, CONFIDENCE, draws=draws, rng=rng)
@@ -252,23 +252,25 @@ def posterior(case: CoverageCase, k: int) -> list[Covered]:
     Returns:
         The intervals.
     """
-    rng, strength = trial_rng(k), DRAWN_STRENGTH
-    pi = case.metric.L @ draw_conservative(case.metric, strength, rng)
+    rng, uncertainty = trial_rng(k), DRAWN_STRENGTH
+    pi = case.scaling.L @ draw_conservative(case.scaling, uncertainty, rng)
     regression, truth = resampler(case.regression)(pi, rng), case.functionals @ pi
     found = []
     for constraint, method in METHODS.items():
-        fit = solve(regression, constraint, WeightedPrior(case.metric, strength))
-        at = partial(linearise(fit).intervals, case.functionals)
+        fit = solve(regression, constraint, WeightedPrior(case.scaling, uncertainty))
+        at = partial(posterior_of_estimate(fit).intervals, case.functionals)
         found.append(_covered_at(f"{case.name}, {method}", "posterior", truth, at))
     return found
 
 
-def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.Generator) -> Array:
+def draw_conservative(
+    scaling: PriorScaling, uncertainty: PriorUncertainty, rng: np.random.Generator
+) -> Array:
     """Draw a conservative x, (n,), of a prior: normal draws until one is positive semi-definite.
 
     Args:
-        metric: Metric of the prior.
-        strength: Strength of the prior.
+        scaling: Units of the prior.
+        uncertainty: PriorUncertainty of the prior.
         rng: Source of randomness.
 
     Returns:
@@ -279,14 +281,14 @@ def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.G
     """
     for _ in range(REJECTIONS):
         scale = 1.0
-        if np.isfinite(strength.scale_uncertainty):
-            scale += strength.scale_uncertainty * rng.standard_normal()
-        x = scale * metric.expected + strength.uncertainty * rng.standard_normal(len(metric.expected))
-        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in metric.matrices(x)):
+        if np.isfinite(uncertainty.scale):
+            scale += uncertainty.scale * rng.standard_normal()
+        x = scale * scaling.expected + uncertainty.relative * rng.standard_normal(len(scaling.expected))
+        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in scaling.matrices(x)):
             return x
     raise BenchError(
         f"prior: expected a conservative model among {REJECTIONS} draws of uncertainty "
-        f"{strength.uncertainty:g}, found none"
+        f"{uncertainty.relative:g}, found none"
     )
 
 
@@ -307,9 +309,9 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     for (truth, name), words in TRIED.items():
         campaign = simulate(arm, Scenario(arm=cell.arm.name, truth=truth, workspace_poses=CHECKS), seed)
         data = campaign.truth
-        kinds: dict[Kind, Strength | None] = {"learnt": None, "believed": ASSUMED_STRENGTH}
-        for kind, strength in kinds.items():
-            method = with_prior(gco, prior_of(cell, name, seed), strength)
+        kinds: dict[Kind, PriorUncertainty | None] = {"learnt": None, "believed": ASSUMED_STRENGTH}
+        for kind, uncertainty in kinds.items():
+            method = with_prior(gco, prior_of(cell, name, seed), uncertainty)
             estimate = method(cell.vjm, all153(cell.arm), campaign.identification)
             at = partial(_of_first_marker, cell, estimate, data)
             yield _covered_at(f"{words}: {kind}", kind, data.deflection[:, 0].ravel(), at)

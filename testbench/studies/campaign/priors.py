@@ -195,10 +195,10 @@ def _judged(
 
     def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
-        belief = estimate.weighted_prior
+        weighted_prior = estimate.weighted_prior
         return {
             "filling": filling[name],
-            "uncertainty_percent": 100 * belief.strength.uncertainty if belief else None,
+            "uncertainty_percent": 100 * weighted_prior.uncertainty.relative if weighted_prior else None,
         }
 
     yield from score_cases(cell, cases, fits, PriorMethodRow, more)

@@ -20,7 +20,7 @@ from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE, Estimate
 from testbench.identify.method import least_squares, paper_gco
-from testbench.model.structure import Structure, free36
+from testbench.model.structure import Structure, mls36
 from testbench.report.badge import of_rivals
 from testbench.report.figure import Figure, forest
 from testbench.report.markdown import Markdown
@@ -153,7 +153,7 @@ def models(cell: Cell) -> list[Model]:
     """List least squares with 36 entries, with 21, and GCO: what symmetry gives, what the constraint."""
     full = partial(Structure.of, cell.arm, links=[link.name for link in cell.arm.links])
     return [
-        Model(LEAST_SQUARES, free36(cell.arm), least_squares),
+        Model(LEAST_SQUARES, mls36(cell.arm), least_squares),
         Model(SYMMETRIC, full(name=SYMMETRIC), least_squares),
         Model(GCO, full(name=GCO), paper_gco),
     ]

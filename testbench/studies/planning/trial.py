@@ -19,7 +19,7 @@ from testbench.design.rows import MeasurementSetup, Specification, Tasks, measur
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, all_deflections
-from testbench.identify.metric import Prior, Strength, scale_by_prior
+from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, chain
@@ -305,7 +305,7 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
         replace(MODELS[name](cell), name=name) for name in (*MODELS_WITHOUT_PRIOR, WHOLE.removesuffix(FILLED))
     )
     models = [
-        *with_priors(cell.arm, plain, prior, Strength(UNCERTAINTY)),
+        *with_priors(cell.arm, plain, prior, PriorUncertainty(UNCERTAINTY)),
         *plain,
         *with_priors(cell.arm, [whole], prior),
     ]
