@@ -76,9 +76,9 @@ class IdentifyOptions:
     check_pose: Annotated[
         list[int] | None, typer.Option(metavar="N", help="Pose to hold out; repeatable.")
     ] = None
-    full_pose: Annotated[bool, typer.Option("--full-pose", help="Require orientations beside positions.")] = (
-        False
-    )
+    full_pose: Annotated[
+        bool, typer.Option("--full-pose", help="Require orientations as well as positions.")
+    ] = False
     no_prior: Annotated[
         bool, typer.Option("--no-prior", help="Fit without the prior of the arm's folder.")
     ] = False

@@ -73,7 +73,7 @@ class SimulateOptions:
     mapping: MapFile = None
     sigma_um: Annotated[
         float | None,
-        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise (default: 50, or a tracker's)."),
+        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise (default: 50, or the tracker's own)."),
     ] = None
     tracker: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")
@@ -133,7 +133,7 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
     if asked.instrument:
         if asked.tracker or asked.sigma_um is not None or absolute.orientations or absolute.series > 1:
             others = "--tracker, --sigma-um, --orientations or --series"
-            raise BenchError(f"--instrument: expected no {others} with it")
+            raise BenchError(f"--instrument excludes {others}")
         found, _ = simulate_distances(cell, campaign, [*map(mounted, asked.instrument)], asked.seed, q)
         files = [found]  # all fixed points and planes in one
     else:
@@ -200,7 +200,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
         loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
     if asked.instrument:
         if trackers or asked.sigma_um is not None:
-            raise BenchError("--instrument: expected neither --tracker nor --sigma-um with it")
+            raise BenchError("--instrument excludes --tracker and --sigma-um")
         own = instruments(asked.instrument, cell.arm.markers, asked.file, pose)
         data = read_instruments(cell, scenario.truth, loaded, own, trial_rng(asked.seed, 1))
     else:

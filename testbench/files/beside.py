@@ -137,7 +137,7 @@ def _from_angles(columns: Columns, notation: str) -> Array:
         if found[0].slot.index < len(XYZ):  # named by their axes
             if len(set(axes)) < len(axes):
                 missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
-                raise columns.lack(missing, f"; the angles {axes} are named by their order")
+                raise columns.lack(missing, f"; name the angles of {axes} by their order")
             angles = angles[:, [XYZ.index(axis) for axis in axes]]
         order = axes.upper() if kind == "intrinsic" else axes
         rotation = Rotation.from_euler(order, angles).as_matrix()
@@ -583,6 +583,6 @@ def unclear(fits: Sequence[OrientationFit]) -> str:
     """
     best = fits[0]
     if best.score > 1:
-        return f"no notation fits the arm as drawn; the nearest is {best}"
+        return f"no notation fits the nominal arm; the nearest is {best}"
     alike = [fit for fit in fits if fit.score <= max(1.0, CLEAR * best.score)]
-    return f"several notations fit the arm as drawn: {', '.join(map(str, alike))}"
+    return f"several notations fit the nominal arm: {', '.join(map(str, alike))}"

@@ -172,7 +172,7 @@ WORDS = {
     "of {formulas} [rad, m]. With r the compensator's lever over its longest lever, it also turns by "
     f"-s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + {UNIT_COMPENSATOR:g} r^2)",
     "weights": "masses [kg] and their centres [m] in the frame of urdf_link, which bend the model",
-    "joint_map": "only if files count joints otherwise: a joint of the URDF is its row of L times "
+    "joint_map": "only if files have other joints than the chain: a joint of the URDF is its row of L times "
     "file_joints, plus its number in q_0 [rad, m]",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",

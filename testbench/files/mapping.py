@@ -385,13 +385,15 @@ def _columns(
 def _by_load(path: Path, found: Map, choices: Mapping[str, list[tuple[str, Words]]]) -> tuple[str, ...]:
     """The names of columns that state a load, with the place of the load and no other placeholder."""
     if several := [key for key, name in found.optional.items() if LOAD.search(" ".join(as_tuple(name)))]:
-        problem = "expected the place of a load in a name of [columns] alone"
+        problem = "the placeholder of a load is allowed only in [columns]"
         raise InputError(path, f"optional.{several[0]}", problem)
     patterns = list[str]()
     for key, names in found.columns.items():
         for name in as_tuple(names):
             if len(LOAD.findall(name)) > 1:
-                raise InputError(path, f"columns.{key}", f"expected one place of a load, got {name!r}")
+                raise InputError(
+                    path, f"columns.{key}", f"expected the placeholder of the load once, got {name!r}"
+                )
             theirs = (their for _, their in expand(key, name.removeprefix("-"), choices))
             patterns += [their for their in theirs if LOAD.search(their)]
     return tuple(patterns)

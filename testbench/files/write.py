@@ -141,7 +141,7 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
     assert data.tilt is not None
     assert data.reach is not None
     if data.slide is not None:
-        raise BenchError("dataset: expected directions as they were stated, got those of the loaded arm")
+        raise BenchError("dataset: expected the stated directions, got those of the loaded arm")
     u, seen = data.direction, data.seen.reshape(-1, 1)
     lines = u.any(axis=2).reshape(-1, 1)
     gauge, meter = lines & (data.reach.reshape(-1, 1) == 0), lines & (data.reach.reshape(-1, 1) > 0)

@@ -129,7 +129,7 @@ def normal(H: Array) -> Normal:
         root = cho_factor(H[:-1, :-1] / np.where(size > 0, size, np.nan) / size[:, None])
     except (np.linalg.LinAlgError, ValueError):  # not positive definite, or not finite
         raise BenchError(
-            "calibration: the readings leave a frame or target open; expected more poses"
+            "calibration: the readings do not determine a frame or target; expected more poses"
         ) from None
     return Normal(cho_solve(root, H[:-1, -1] / size) / size, root, size)
 

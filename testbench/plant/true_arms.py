@@ -326,7 +326,7 @@ TRUE_ARM_LABELS = {
     "following_all": "axes of links follow all joints",
     "tied_joints": "neighbouring joints coupled",
     "tied_all": "all joints coupled",
-    "slipping": "friction slips bit by bit",
+    "slipping": "friction that slips gradually",
 }
 """Names of our true arms in reports; one that is added bears its own."""
 TRUTH_DESCRIPTIONS = {

@@ -332,7 +332,7 @@ def refuse_unlike(runs: Sequence[Finished]) -> None:
         )
         problem = f"the same true arms (and the same seed, if each run has one), got {told}"
     if problem:
-        raise BenchError(f"runs: expected {problem}; --anyway compares them nevertheless")
+        raise BenchError(f"runs: expected {problem}; --anyway compares them")
 
 
 def _true_arms(run: Finished) -> frozenset[str]:

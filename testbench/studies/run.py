@@ -79,7 +79,7 @@ def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool =
     except KeyboardInterrupt as err:
         if not done or not kept:
             raise
-        stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
+        stored = f"at least {done} of {total} {words} are stored: --resume continues"
         raise Interrupted(f"{RESULTS_KEPT}; {stored}") from err
 
 

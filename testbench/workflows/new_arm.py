@@ -563,10 +563,10 @@ def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[
     name = " ".join("".join(c if c.isprintable() else " " for c in name).split())  # on one line
     return [
         f"# {name}: proposed from its geometry; nobody has measured these numbers.",
-        "# To confirm, the largest effect on the sag first; `testbench check` puts numbers to it:",
+        "# Please confirm, the largest effect on the deflection first (`testbench check` prints them):",
         *(f"{CONFIRM}{k}. {words}." for k, words in enumerate(confirm, start=1)),
         '# Where you know better, change the value and its origin: "published", "inferred" or "assumed".',
-        "# Tool, load point and markers are bodies of rigid.xml; take out of to_confirm what stands right.",
+        "# Tool, load point and markers are bodies of rigid.xml. Remove from to_confirm what you checked.",
     ]
 
 

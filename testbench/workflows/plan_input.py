@@ -471,9 +471,7 @@ def _too_few(found: int, count: int, drawn: int, rejected: dict[str, int]) -> st
     came = dict(zip(REASONS, drawn - np.cumsum([0, *rejected.values()]), strict=False))
     most = max(REASONS, key=lambda r: rejected[r])
     strict = max(REASONS, key=lambda r: rejected[r] / max(came[r], 1))
-    refused = (
-        f"; {strict!r} refused {rejected[strict]} of the {came[strict]} that came to it: {ADVICE[strict]}"
-    )
+    refused = f"; {strict!r} refused {rejected[strict]} of the {came[strict]} poses tested: {ADVICE[strict]}"
     table = ", ".join(f"{reason} {n}" for reason, n in rejected.items() if n)
     return (
         f"found {found} of {count} poses in {drawn} draws; most were refused by {most!r}: {ADVICE[most]}"

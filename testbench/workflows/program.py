@@ -200,7 +200,7 @@ def _of_flags(model: ArmModel, program: Program, motions: RobotMotions, k: int) 
     if not len(own):
         flags = motions.text.language.flags
         name = flags.name if flags else ""
-        problem = f"{name} states joints that the arm does not have in this pose; correct it, or give joints"
+        problem = f"no joint angles of this pose have the stated {name}; correct it, or give joints"
         raise InputError(program.path, f"line {program.line[k]}", problem)
     return np.asarray(own[np.linalg.norm(own, axis=1).argmin()])
 

@@ -328,7 +328,7 @@ def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path)
     rapid = f"MODULE m\nCONST robtarget p1:={poses};\nENDMODULE\n"
     krl = "DEFDAT CAL\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
     for content, said in (
-        (pulses, "got pulses, of which nobody knows"),
+        (pulses, "got pulses, whose number per degree"),
         (kawasaki, "or one of FANUC LS program, .*URScript program, got a program in another language"),
         *(
             (own, "got no joint target; save a table with a row for every pose")
@@ -506,7 +506,7 @@ def test_lines_that_name_the_rows_below_tell_unloaded_from_loaded(tmp_path):
     (file := tmp_path / "blocks.csv").write_text("".join(both))
     fits(pairs(file))
     file.write_text("".join(both).replace("Loaded, 100 kg", "Tuesday"))
-    said = "expected 16 fields, got 1; if such lines name the rows below say sections = true"
+    said = "expected 16 fields, got 1; if such lines name the rows below, write sections = true"
     with pytest.raises(InputError, match=said):
         pairs(file)
 
@@ -772,7 +772,7 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
                 ["Name", *(f"A{k}" for k in range(1, 7)), *"XYZ"],
                 [[f"{NAMES[k]}_{w}", *numbers(Q[k]), *numbers(X[k, 0])] for k in range(N) for w in "UL"],
             ),
-            "column Name: nobody knows what 'U' and 'L' mean in names as 'p1_U'",
+            "column Name: the meaning of 'U' and 'L' in names such as 'p1_U'",
         ),
         *(
             (
@@ -804,7 +804,10 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
         table([*names, *"XYZ"], [["10", "-90", "90", "380", "0", "0", "1", "2", "3"]] * 2)
     )
     far = read("far", tmp_path, file.read_text())[0]
-    q, said = far.series[0].q, "warning: grad is read as gon, because degrees would pass a limit: J1 [grad], "
+    q, said = (
+        far.series[0].q,
+        "warning: grad is read as gon, because degrees would exceed a limit: J1 [grad], ",
+    )
     assert any(note.startswith(said) for note in far.notes)
     np.testing.assert_allclose(q[0], np.radians([9, -81, 81, 342, 0, 0]), atol=1e-12)
     (file := tmp_path / "cog.csv").write_text(
@@ -882,7 +885,7 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         ("%PDF-1.7 ...", "expected a table, got a PDF"),
         (log("J{}"), "no column looks like a position"),
         (good.replace("A1 [°]", "Comment"), r"one that never moves goes into \[values\], as joint_1_deg = 0"),
-        (deflections, "of deflections alone the targets' places are not known"),
+        (deflections, "deflections alone do not show where the targets are"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
         (table(twice, [["1"] * 12]), "got 'X' again; say"),
         (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; say"),

@@ -75,7 +75,8 @@ def test_two_layouts_that_fit_are_both_named_and_one_may_be_chosen(tmp_path):
     is_refused(do("data", "map", *flags, "--layout", "figaroh"), "expected a line with the names x1, y1, z1")
     is_refused(do("data", "map", *flags, "--layout", "none"), "no layout 'none'; layouts are abb_rapid, ")
     is_refused(
-        do("data", "check", *flags, "--map", tmp_path / "m.toml"), "--map: expected no --log, --loaded or"
+        do("data", "check", *flags, "--map", tmp_path / "m.toml"),
+        "--map states the log, loaded file and layout",
     )
 
 
@@ -137,7 +138,7 @@ def test_numbers_of_a_cell_are_joints_with_anything_between_them_and_no_fewer(tm
     np.testing.assert_array_equal(series.position[:, 0], X[:, 0])
     file.write_text("\n".join(["P;Q", *rows[:-1], "(1 2 3);1 / 2 / 3 / 4 / 5", ""]))
     with pytest.raises(
-        InputError, match="line 2, column Q: expected 6 numbers in every cell, and further ones al"
+        InputError, match="line 2, column Q: expected 6 numbers in every cell, and any further"
     ):
         read_series(file, ARM, tmp_path / "map.toml")
 

@@ -324,7 +324,7 @@ WRONG = {
         | {"Axe 2 [deg]": lambda r: r.number(-180 / np.pi * r.series.q[r.i, 1])},
     ),
     "the readings are those of the pose after": ("analyzer_bare", slipped),
-    "one has none in 3590 s; do the clocks agree?": ("leica_de", in_log(b"T09:", b"T10:")),
+    "one reading is 3590 s away; do the clocks agree?": ("leica_de", in_log(b"T09:", b"T10:")),
     "line 3: no row of robot.csv is called 'R03'": ("analyzer_bare", in_log(b"R03", b"R3x")),
 }
 

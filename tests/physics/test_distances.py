@@ -411,7 +411,7 @@ def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, n
             lambda one: {"fixed": (1.7, 0.0, 1.4)}, "its plane is 0.60. m and", marks=pytest.mark.study
         ),
         (lambda one: {"q": np.tile(one.q[:1], (one.rows, 1))}, "1 poses with a reading are too few"),
-        (lambda one: {"q": in_a_row(one.q)}, "its poses lie in a row on the plane"),
+        (lambda one: {"q": in_a_row(one.q)}, "its poses touch the plane along a line"),
     ],
     ids=["mm for m", "another normal", "another place", "one pose", "in a row"],
 )

@@ -191,7 +191,7 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
     """The tool has moved and nothing fixed leads to it; the URDF is not what the model is; links couple."""
     state = planted(ur10, rng, ends=True)
     (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, tip=False)[0])
-    with pytest.raises(InputError, match="expected a fixed joint behind 'l6'"):
+    with pytest.raises(InputError, match="expected a fixed joint that leads to 'l6'"):
         draft_robot_urdf(state, file)
     with pytest.raises(InputError, match="no link 'x' for the tip"):
         draft_robot_urdf(state, file, "x")

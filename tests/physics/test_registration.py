@@ -153,7 +153,7 @@ def test_readings_in_the_bases_frame_stay_as_they_are_and_those_of_another_arm_a
     vjm, data = unloaded(kr500, rng, 10)
     found = register_dataset(vjm, replace(data, q=data.q[:, ::-1].copy()))
     assert found.data.before is data.before
-    assert "in no frame do the unloaded readings fit the arm" in registration_notes(found)[0]
+    assert "the unloaded readings do not fit the arm in any frame" in registration_notes(found)[0]
 
 
 def test_given_frame_is_taken_and_other_stations_are_found(kr500, rng):

@@ -122,7 +122,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model",), "expected either --urdf or --into"),
         (
             ("model", "--into", "in/machine.dat", "--gears", "1"),
-            "--gears: expected a file of an ABB controller with it",
+            "--gears is only for a file of an ABB controller",
         ),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),

@@ -56,7 +56,7 @@ WRONG = [
     (f"{TASKED} --uncertainty-percent 30 --no-prior", "expected no --no-prior with it"),
     (
         f"{TASKED} --poses 5 --no-prior",
-        "expected at least 9 poses, or a prior that fills the rest",
+        "expected at least 9 poses, or a prior for the other directions",
     ),
     (f"{TASKED} --model MLS32", "no plan for MLS32"),
     (f"{TASKED} --criterion X", "no criterion 'X'"),

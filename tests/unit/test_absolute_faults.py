@@ -174,8 +174,11 @@ MISTAKES = {
     "joint 3 counts joint 2": (counting(2, 1), "elbow_joint is the file's elbow_joint - shoulder_lift_joint"),
     "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
     "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
-    "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
-    "transposed": (lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)), "the tracker in the target's"),
+    "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz instead of intrinsic xyz"),
+    "transposed": (
+        lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)),
+        "the tracker's in the frame of the target",
+    ),
     "any orientations": (
         lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
         "its positions fit this arm, its orientations do not",

@@ -317,4 +317,4 @@ def test_a_compensator_needs_a_hinge_between_link_1_and_link_2(tmp_path):
     text = (MODELS / "kr500_l480" / "elastic.toml").read_text()
     table = text[text.index("[compensator]") : text.index("[[link]]")]
     swap(r"\[\[link\]\]", table + "[[link]]")(folder / "elastic.toml")
-    assert "expected an arm whose link 1 and link 2 a hinge joins" in refused(load_arm, folder)
+    assert "expected a hinge between link 1 and link 2" in refused(load_arm, folder)

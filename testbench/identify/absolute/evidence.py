@@ -494,7 +494,7 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
     free = np.abs(np.diag(T))[: active.rigid]
     if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.rigid], axis=0)).all():
-        raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
+        raise BenchError("calibration: the readings do not determine a frame or target; expected more poses")
     return T
 
 
