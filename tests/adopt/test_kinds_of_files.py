@@ -309,7 +309,7 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 12 rows"):
         read("", tmp_path, by_target, other)
     (tmp_path / "robot.dat").write_text(fewer)
-    with pytest.raises(InputError, match="expected 3 times 11 rows of robot"):
+    with pytest.raises(InputError, match="expected 3 rows for each of 11 rows of robot"):
         read_series(tmp_path / "export.csv", ARM, tmp_path / "export.toml")
 
 
@@ -726,7 +726,7 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
     for content, said in (
         (
             both(joint="J{} [grad]"),
-            "grad means degrees in German, Spanish and Russian, gon in English; say which in",
+            "grad means degrees in German, Spanish and Russian, gon in English; state which in",
         ),
         (
             both(form="{when} {x}", unit=" mm").replace(" mm", " mm?", 1),
@@ -887,7 +887,7 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         (good.replace("A1 [°]", "Comment"), r"one that never moves goes into \[values\], as joint_1_deg = 0"),
         (deflections, "deflections alone do not show where the targets are"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
-        (table(twice, [["1"] * 12]), "got 'X' again; say"),
+        (table(twice, [["1"] * 12]), "got 'X' again; state"),
         (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; say"),
         (
             by_load("{x} 0 kg", "{x} 9 kg").replace("\n", "\n,,,,,,,,mm,mm,mm,in,mm,mm\n", 1),

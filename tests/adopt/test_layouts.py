@@ -85,7 +85,7 @@ def test_data_check_takes_the_layout_that_fits_and_prints_the_map_to_save(tmp_pa
     flags = [ARM.name, file, "--log", part(tmp_path / "robot.csv", range(7))]
     done = do("data", "check", *flags)
     assert (done.returncode, done.stderr) == (0, "")
-    said, _, rest = done.stdout.partition("To save as take.toml, for --map:\n\n")
+    said, _, rest = done.stdout.partition("Save this map as take.toml and give it with --map:\n\n")
     assert "layout     vicon_nexus (Vicon Nexus, trajectories as CSV)" in said
     fine("data", "map", *flags)
     assert rest.startswith(file.with_suffix(".toml").read_text())

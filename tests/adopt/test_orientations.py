@@ -136,7 +136,7 @@ def test_data_check_names_the_notation_and_how_well_it_fits(tmp_path):
     assert "rotation: only this one fits the nominal arm: intrinsic zyx (0." in said
     assert 'rotation = "intrinsic zyx"' in said
     assert "poses: orientations differ from the nominal arm by 0." in said
-    saved = said.partition("for --map:\n\n")[2].partition("\n\n")[0]
+    saved = said.partition("with --map:\n\n")[2].partition("\n\n")[0]
     (tmp_path / "saved.toml").write_text(saved)
     again = fine("data", "check", ARM.name, file, "--map", tmp_path / "saved.toml")
     assert "poses: orientations differ from the nominal arm by 0." in again

@@ -380,7 +380,7 @@ def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
     assert ("NEST1 without joints" in said) is (name == "nested")
     shots = name in ("leica_en", "leica_shots")
     assert ("shots" in said) is shots
-    assert any("60 shots are 20 readings" in note for note in found.notes) is shots
+    assert any("60 shots are averaged to 20 readings" in note for note in found.notes) is shots
     if name == "leica_fr":
         assert series.sigma == pytest.approx(30e-6)
 

@@ -453,7 +453,10 @@ def test_a_wrong_table_of_distances_is_refused_in_one_line(kr500, tmp_path, old,
 @pytest.mark.parametrize(
     ("spoiled", "words"),
     [
-        (lambda one: {"distance": 1e-3 * one.distance}, "0.000999 times as long as expected; another unit"),
+        (
+            lambda one: {"distance": 1e-3 * one.distance},
+            "0.000999 times as long as expected; is it another unit",
+        ),
         (lambda one: {"fixed": (-2.2, 0.0, 0.1)}, "its fixed point is 4.4 m from where it is stated"),
         (lambda one: {"q": one.q[::-1].copy()}, "do not fit this arm and a fixed point near 2.2, 0, 0.1 m"),
     ],

@@ -136,7 +136,7 @@ def test_frame_that_is_hardly_known_or_open_is_refused_or_the_base(kr500, rng):
     vjm, data = unloaded(kr500, rng, 1)
     (found,) = register(vjm, data).frames.values()
     assert found.deviation > MAX_FRAME_DEVIATION
-    said = r"frame of station 0 is known to \d\.\d deg only; expected more poses"
+    said = r"frame of station 0 is uncertain by \d\.\d deg; expected more poses"
     with pytest.raises(BenchError, match=said):
         register_dataset(vjm, data, "tracker")
     assert register_dataset(vjm, data).frame == "base"

@@ -204,7 +204,7 @@ def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_p
         (5, (), "part: 4 poses with a reading are too few"),
         (41, ("r_3.csv",), "expected new readings: 40 of its 40 are in another file too"),
         (41, ("--without", "springs"), "--without: no errors called springs"),
-        (41, ("--at-most", "1"), "--at-most: expected --score"),
+        (41, ("--at-most", "1"), "--at-most work only with --score"),
     ],
 )
 def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(readings, lines, flags, words, tmp_path):
