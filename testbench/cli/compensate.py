@@ -58,7 +58,7 @@ class CompensateOptions:
     mapping: MapFile = None
     payload: Payload = None
     asked: Annotated[
-        Meant | None, typer.Option(metavar="HOW", help="Which arm positions are for: unloaded or drawn.")
+        Meant | None, typer.Option(metavar="HOW", help="Target: pose of the arm unloaded, or as drawn.")
     ] = None
     hold: Annotated[
         CorrectedPart, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")
@@ -68,7 +68,7 @@ class CompensateOptions:
     ] = "0,0,0"
     spindle: Annotated[str, typer.Option(metavar="AXIS", help="Spindle axis in the tool's frame.")] = "x"
     start: Annotated[
-        str | None, typer.Option(metavar="Q", help="Joints to start the search from, deg or mm.")
+        str | None, typer.Option(metavar="Q", help="Joints near those of the first pose, deg or mm.")
     ] = None
     tolerance: Annotated[
         float | None, typer.Option(min=0, metavar="MM", help="Exit with 1 if an error may exceed it.")

@@ -182,7 +182,7 @@ class MapOptions:
 @group.command("map", cls=ProjectCommand)
 @takes(MapOptions)
 def propose_map(asked: MapOptions) -> None:
-    """Propose a map of an export, and show what it reads and how well that fits the arm."""
+    """Propose a map for an export, and show how well its readings fit the arm."""
     file = sheet_of(asked.dataset)[0]
     out, console = asked.out or file.with_suffix(".toml"), plain_console()
     inputs = [find_arm(asked.arm), file, *(file for file in (asked.log, asked.loaded) if file)]

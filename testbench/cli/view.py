@@ -18,7 +18,9 @@ class ViewOptions:
     """Hold the flags of the command."""
 
     folder: RunFolder
-    web: Annotated[bool, typer.Option("--web", help="Open it in a browser; print its address.")] = False
+    web: Annotated[bool, typer.Option("--web", help="Open the viewer in a browser; print the address.")] = (
+        False
+    )
 
 
 @takes(ViewOptions)

@@ -318,7 +318,7 @@ def read_lines(columns: Columns) -> FileLines | None:
         f"{gauge.sum()} travels of gauges" * bool(gauge.any()),
         f"{meter.sum()} distances" * bool(meter.any()),
     )
-    notes.insert(0, f"{' and '.join(filter(None, kinds))}: one number each, along a line")
+    notes.insert(0, f"{' and '.join(filter(None, kinds))}: each is one number, along a line")
     return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, tuple(notes))
 
 
@@ -368,7 +368,7 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
         zero = _deviation(columns, "zero_sigma", ~plane, (0.0, MAX_ZERO), notes)
     column = columns.get(Slot("distance"))
     read = np.full(table.rows, np.nan) if column is None else columns.values(column)
-    problem = "expected more than 0, got {:g} m; a height over a plane has direction_x, _y and _z"
+    problem = "expected more than 0, got {:g} m; a height over a plane needs direction_x, _y and _z"
     table.refuse(
         np.asarray((read <= 0) & ~plane & (zero == 0)),
         "" if column is None else column.name,

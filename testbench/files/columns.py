@@ -420,7 +420,7 @@ def _warnings(
         words.append(f"warning: other sheets with tables are not read: {', '.join(others)}")
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
-        words.insert(0, f"warning: {log.file} is joined row by row: each row to {each} of readings")
+        words.insert(0, f"warning: {log.file} is joined by the order of rows: each row to {each} of readings")
     if far := [column.name for column in settled.values() if column.unit == GON]:
         words.append(f"warning: grad is read as gon, because degrees would exceed a limit: {', '.join(far)}")
     return tuple(words)

@@ -332,7 +332,9 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
     words = {key: as_tuple(value) for key, value in found.words.items()}
     if blank := [key for key, own in words.items() if "" in own and key != LOST]:
-        raise InputError(path, f"words.{blank[0]}", "expected words, got ''; a blank cell may only be `lost`")
+        raise InputError(
+            path, f"words.{blank[0]}", "expected words, got ''; a blank cell can only mean `lost`"
+        )
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
 
 

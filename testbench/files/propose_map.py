@@ -462,7 +462,10 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
             [Entry("values", f"mass_{hung[1]}", hung[0])],
         )
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
-        found, why = counted, "0 means unloaded, 1 or d loaded: another column has the targets"
+        found, why = (
+            counted,
+            "0 means unloaded, 1 or d means loaded, because another column names the targets",
+        )
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
     whole = [p for p in whole if p.when] or whole
     targets = list(dict.fromkeys(p.target for p in whole if p.target))
@@ -629,7 +632,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
-    shots = "names stand several times in a row: shots" if names and again else ""
+    shots = "names repeat in successive rows: these are shots" if names and again else ""
     lined = any(_lines(table))
     told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
     for name in names:
@@ -1337,7 +1340,7 @@ def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]
     for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
         targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
         if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
-            own = Entry("words", "ignore", sorted(others), f"{', '.join(sorted(others))} without joints")
+            own = Entry("words", "ignore", sorted(others), f"no joints for {', '.join(sorted(others))}")
             return table.take(~alone), [Entry("columns", "marker", name), own]
     return table, []
 

@@ -270,7 +270,9 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | N
         _blocks(columns) if lines is None or columns.all_of("reading") else {("", when): [] for when in WHEN}
     )
     if lines is not None and set(blocks) != {("", when) for when in WHEN}:
-        problem = "travel and distance: expected one row per run and marker, positions as before and after"
+        problem = (
+            "a file with travel or distance needs one row per run and marker, with positions before and after"
+        )
         raise columns.table.header_error(problem)
     everyone = np.arange(columns.table.rows)
     long = "" in {marker for marker, _ in blocks}

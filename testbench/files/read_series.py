@@ -113,7 +113,7 @@ def read_series(
     places = ", ".join(map(str, series_export.lost[:MAX_LISTED_LINES].tolist())) + ", ..." * (
         len(series_export.lost) > MAX_LISTED_LINES
     )
-    lost = f"{len(series_export.lost)} rows without a reading are left out, of line {places}"
+    lost = f"rows without a reading are left out: {len(series_export.lost)} (line {places})"
     return replace(series_export, notes=(*series_export.notes, lost))
 
 
@@ -185,7 +185,7 @@ def _check_alone(columns: Columns, conditions: RowConditions, read: FileReadings
     key = np.column_stack([conditions.q, conditions.wrench])
     same = (key[1:] == key[:-1]).all(axis=1)
     apart = np.linalg.norm(np.diff(read.position, axis=0), axis=1) > APART
-    problem = f"expected a column 'marker': the row above is of the same pose, {APART} m away or more"
+    problem = f"expected a column 'marker': the row above has the same pose, but is {APART} m away or more"
     columns.table.refuse(np.append(False, same & apart), "", problem)
 
 

@@ -364,7 +364,7 @@ def evidence_model(
     gram = gram_matrix(regression, metric)
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
-        raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
+        raise BenchError(f"prior {metric.prior}: expected runs whose loads deflect the model, got none")
     # Places of the hyperparameters in h: K scales, factors of the kinds, widths of whole links, ties, and the
     # last three for the widths of shapes and couplings and for the misfit.
     shares, kinds, _ = metric.scaled

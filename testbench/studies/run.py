@@ -53,7 +53,7 @@ def choose_backend(common: Common) -> Backend:
     if common.cluster is None:
         return partial(on_cores, workers=common.workers)
     if common.workers is not None:
-        raise BenchError("--workers counts processes of this machine: expected it without --cluster")
+        raise BenchError("--workers counts processes of this machine and cannot be combined with --cluster")
     check_address(common.cluster, insecure=common.insecure)
     check_certificates(common.cluster)
     return partial(on_cluster, address=common.cluster, insecure=common.insecure)

@@ -245,7 +245,7 @@ def _check_arm(folder: Path, document: Document, place: Path) -> None:
     for name in ARM_FILES:
         path, other = folder / name, place / name
         if not other.is_file() or files.digest(path) != files.digest(other):
-            problem = f"is a model of another arm, {document.arm}: its {name} is not that of {place}"
+            problem = f"is a model of another arm, {document.arm}: its {name} differs from that of {place}"
             raise InputError(folder, "", problem)
 
 

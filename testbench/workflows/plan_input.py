@@ -233,14 +233,14 @@ def hung_masses(
         BenchError: When two of them say what hangs.
     """
     if loads is not None and payload_kg is not None:
-        raise BenchError("--loads: expected no --payload-kg with it")
+        raise BenchError("--loads cannot be combined with --payload-kg")
     stated = None if file is None else read_loads(file)[0]
     if stated is None:
         mass = payload_of(arm, payload_kg, "--payload-kg") if loads is None else 0.0
         return np.tile([mass] if loads is None else read_masses(loads), (poses, 1))
     for flag, value in (("--payload-kg", payload_kg), ("--loads", loads)):
         if value is not None:
-            problem = f"says what hangs or pulls in every run; leave out {flag}"
+            problem = f"states the load of every run; leave out {flag}"
             raise InputError(file or Path(), "column load_kg" if stated.any() else FORCES, problem)
     return stated[:, None]
 

@@ -300,7 +300,7 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     [by] = [own for own in entries if own.key == "rows"]
     assert by.value == 3
     assert by.why == "no names or times in common, but these counts agree"
-    assert "warning: robot.dat is joined row by row: each row to 3 rows of readings" in found.notes
+    assert "warning: robot.dat is joined by the order of rows: each row to 3 rows of readings" in found.notes
     fewer = "".join(other.splitlines(keepends=True)[:-1])
     with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 11 rows"):
         read("", tmp_path, export, fewer)
@@ -888,7 +888,7 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         (deflections, "deflections alone do not show where the targets are"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
         (table(twice, [["1"] * 12]), "got 'X' again; state"),
-        (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; say"),
+        (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; state"),
         (
             by_load("{x} 0 kg", "{x} 9 kg").replace("\n", "\n,,,,,,,,mm,mm,mm,in,mm,mm\n", 1),
             r"expected one unit of all columns 'X \{mass_kg\}', got in, mm",

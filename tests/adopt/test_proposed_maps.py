@@ -377,7 +377,7 @@ def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
     np.testing.assert_allclose(series.wrench, known.wrench[rows] if loaded else 0, atol=1e-6)
     assert f"{series.rows} readings" in said
     assert "The median distance of these readings from the nominal arm is" in said
-    assert ("NEST1 without joints" in said) is (name == "nested")
+    assert ("no joints for NEST1" in said) is (name == "nested")
     shots = name in ("leica_en", "leica_shots")
     assert ("shots" in said) is shots
     assert any("60 shots are averaged to 20 readings" in note for note in found.notes) is shots

@@ -472,5 +472,5 @@ def test_two_fixed_points_in_one_frame_and_distances_without_one_are_refused(kr5
     both = [replace(one, frame="A") for one in read]
     with pytest.raises(BenchError, match="frame 'A': expected one fixed point, got"):
         calibrate(kr500.vjm, both, cad_prior(kr500.arm))
-    with pytest.raises(BenchError, match="expected them and a fixed point together"):
+    with pytest.raises(BenchError, match="expected distances and a fixed point together"):
         replace(read[0], fixed=None)

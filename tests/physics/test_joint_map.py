@@ -265,7 +265,7 @@ def test_what_ties_no_joint_of_the_arm_is_left_out_as_before(tmp_path):
         (
             '<joint joint1="tilt" joint2="lift" polycoef="0 1 0 0 0"/>'
             '<joint joint1="tilt" polycoef="0.2 0 0 0 0"/><joint joint1="lift" polycoef="0 0 0 0 0"/>',
-            "contradict: no joints satisfy all",
+            "contradict each other: no joint positions satisfy all",
         ),
     ],
 )

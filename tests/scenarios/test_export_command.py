@@ -129,7 +129,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
         (
             ("model", "--into", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"),
-            "--gears: expected turns of the motors",
+            "--gears: expected turns of each motor",
         ),
         (("model", "--into", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
         (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver: a checkout's tools/ur_kinematics.py"),

@@ -128,7 +128,7 @@ TAMPERED = [
     (("weights", "mass_kg"), [1.0] * 7, "mass [kg]: expected shape (8), got (7,)"),
     (("columns",), [0, 10**5], "numbers of this model contradict each other"),
     (("theta_0",), [0.0], "theta_0 [m, rad]: expected shape"),
-    (("noise",), {"open_position_m": 0.0}, "noise.open_rotation_rad: expected it, there is none"),
+    (("noise",), {"open_position_m": 0.0}, "noise.open_rotation_rad: this key is missing"),
     (("arm",), "x" * 5_000_000, "arm: String should have at most 255"),
     (("arm",), "a\0b", "arm: String should match pattern"),  # no XML holds it
     (("name",), "x" * 10**6, "name: String should have at most"),

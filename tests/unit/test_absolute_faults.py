@@ -419,6 +419,6 @@ def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hun
     sound, off = (numbers(found, remaining_errors(found)) for found in every)
     assert sound.far_geometry == ""
     assert off.total_after.mean_mm < 0.3
-    (doubt,) = [text for text in off.doubts if text.startswith("Geometry no arm has: ")]
+    (doubt,) = [text for text in off.doubts if text.startswith("Implausible geometry: ")]
     size = re.search(r"the zero of wrist_2_joint is off by (\S+) deg", doubt)
     assert float(size[1]) == pytest.approx(-5, abs=0.3)  # the arm's own errors are tenths of a degree there

@@ -234,7 +234,7 @@ def test_several_targets_of_the_laboratorys_own_names_some_lost(tmp_path):
     expected = np.nan_to_num(np.delete(places, 3, axis=0))
     np.testing.assert_allclose(one.position, expected, atol=SAME_PLACE)
     np.testing.assert_allclose(one.precision[1], [np.zeros((3, 3)), np.eye(3) / one.sigma**2])
-    assert "1 rows without a reading are left out, of line 5" in wide.notes
+    assert "rows without a reading are left out: 1 (line 5)" in wide.notes
 
 
 def test_pairs_as_readings_keep_their_orientations():

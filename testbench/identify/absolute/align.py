@@ -734,9 +734,9 @@ def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
 def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:
     """Make the error about a series that does not fit, with its distance from the arm."""
     if placed is not None and placed.near:
-        turn = f"{np.degrees(placed.turn):.3g} degrees (median) from any mount"
+        turn = f"{np.degrees(placed.turn):.3g} degrees (median) off for the best mount"
         return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
-    far = "" if placed is None else f", {1e3 * placed.typical:.3g} mm (median) in any frame"
+    far = "" if placed is None else f": they are {1e3 * placed.typical:.3g} mm off (median) in the best frame"
     places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
     spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"

@@ -196,7 +196,7 @@ def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
             "kept": Table(
                 columns(KEPT),
                 [*f.kept, f.kept_joints],
-                "Promises on true arms of the family, with wrong priors",
+                "Predicted and true errors on arms of the family, with wrong priors",
             ),
             "enough": Table(
                 columns("plan fewest"),
