@@ -284,7 +284,7 @@ class BenchOptions(LimitOptions):
 
     entries: Annotated[
         list[str] | None,
-        typer.Argument(metavar="ENTRY.py...", help="Files with a function estimate: docs/own_estimator.md."),
+        typer.Argument(metavar="ENTRY.py...", help="Files with a function estimate (docs/own_estimator.md)."),
     ] = None
     task: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this task; repeatable.")] = None
 

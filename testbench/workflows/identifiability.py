@@ -417,7 +417,7 @@ def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iter
     fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
     yield "as many random poses again", reduce(vjm, structure, without_readings(data, q=fresh))
     points = marker_points(vjm, data.markers)
-    name = f"one more marker off the {'plane' if len(points) > 2 else 'line'} of the {len(points)}"
+    name = f"one more marker, outside the {'plane' if len(points) > 2 else 'line'} of the other {len(points)}"
     name = "a second marker" if len(points) == 1 else name
     marker = reduce(_with_marker(vjm, points, name), structure, without_readings(data, markers=(name,)))
     yield name, replace(marker, terms=marker.terms[:1])
@@ -508,7 +508,7 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         yield (
             f"{found.geometry} directions of geometry, frames and mounts cannot be determined by any "
             "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
-            f"to the link before or behind it. Such directions per joint: {', '.join(shared)}"
+            f"to the link before or after it. Such directions per joint: {', '.join(shared)}"
             f"{f'; {left} concern several links' if left else ''}"
         )
     if found.idle:
@@ -626,7 +626,7 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
         if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
             names += [hidden_quantity.name for hidden_quantity in group]
         else:
-            names.append(f"{len(group)} groups of orders of {_joint(group[0].name)}'s errors")
+            names.append(f"{len(group)} bands of orders in the errors of {_joint(group[0].name)}")
     return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
 
 

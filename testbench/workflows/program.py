@@ -383,7 +383,8 @@ def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
     if language.flags is None or not turned.any():
         return ()
     lines = ", ".join(map(str, program.line[turned][:NAMED])) + ", ..." * (int(turned.sum()) > NAMED)
-    return (f"Check {language.flags.name} of the poses in lines {lines}: a joint passes the limit of a turn",)
+    why = "the correction takes a joint past a whole turn"
+    return (f"Check {language.flags.name} of the poses in lines {lines}: {why}",)
 
 
 def conversion_notes(program: Program, form: str) -> tuple[str, ...]:

@@ -177,7 +177,7 @@ MISTAKES = {
     "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz instead of intrinsic xyz"),
     "transposed": (
         lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)),
-        "the tracker's in the frame of the target",
+        "the tracker's in the target's frame",
     ),
     "any orientations": (
         lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),

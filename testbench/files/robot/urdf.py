@@ -376,7 +376,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
     if scheme == "file" and rest:
         return Path(unquote(urlparse(name.strip()).path))
     if rest and scheme not in ("package", "model"):
-        raise MeshError(f"{scheme}:// is not known; package:// and file:// are")
+        raise MeshError(f"{scheme}:// is not supported; use package:// or file://")
     package, _, path = rest.partition("/")
     if not rest:
         roots, path = [folder], scheme

@@ -431,7 +431,7 @@ def _notation(observations: Observations) -> PlaceChanges:
 
 def _notation_words(issue: Issue, _: Arm) -> str:
     if len(issue.where) == 1:
-        return "fit if each orientation is the tracker's in the frame of the target"
+        return "fit if orientations are inverted: the tracker's in the target's frame"
     ways = zip(issue.where[1::2], issue.where[2::2], strict=True)
     return "fit if orientations are " + ", or ".join(f"{a} instead of {b}" for a, b in ways)
 
