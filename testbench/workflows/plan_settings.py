@@ -119,7 +119,7 @@ class PlanSettings:
             if not isinstance(values, list | tuple):
                 raise BenchError(f"{name}: expected a tuple, got {type(values).__name__}")
         if len(set(loads)) < len(loads) or not (loads or self.absolute):
-            least = "" if self.absolute else "at least one, "
+            least = "" if self.absolute else "one or more "
             raise BenchError(f"loads_kg: expected {least}different loads, got {list(loads)}")
         if len(set(pulls)) < len(pulls):
             raise BenchError(f"pulls_n: expected different pulls, got {list(pulls)}")

@@ -229,7 +229,7 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
         "b": "testbench identify",
     }
     counted = report["inputs"][-1]
-    assert counted["what"] == "number of settings of one alone"
+    assert counted["what"] == "number of settings that only one run has"
     study = json.loads((one / "manifest.json").read_text())["scenario"]
     assert (int(counted["a"]), counted["b"]) == (len([*leaves(study)]), "2")
     assert not [own for own in report["inputs"] if own["what"].startswith("settings.")]
@@ -251,7 +251,10 @@ HOSTILE = {
     ),
     "no report": (lambda run: (run / "report.json").unlink(), "report.json: cannot be read"),
     "no manifest": (lambda run: (run / "manifest.json").unlink(), "manifest.json: cannot be read"),
-    "manifest": (lambda run: (run / "manifest.json").write_text("{}"), "manifest.json: command: expected it"),
+    "manifest": (
+        lambda run: (run / "manifest.json").write_text("{}"),
+        "manifest.json: command: this key is missing",
+    ),
     "trials": (lambda run: (run / "trials.parquet").write_bytes(b"PAR1"), "trials.parquet: expected trials"),
 }
 

@@ -50,7 +50,7 @@ WRONG = [
     (f"{TASKED} --acceptance-deg 30", "expected the position of a tracker too"),
     (f"{TASKED} --poses 201", "poses: expected 1 to 200, got 201"),
     (f"{TASKED} --candidates 5", "--candidates: expected 12 to 50000, got 5"),
-    (f"{TASKED} --load 460", "each once"),
+    (f"{TASKED} --load 460", "different loads"),
     (f"{TASKED} --sigma-um 0", "--sigma-um: expected"),
     (f"{TASKED} --uncertainty-percent 0", "--uncertainty-percent: expected"),
     (f"{TASKED} --uncertainty-percent 30 --no-prior", "cannot be combined with --no-prior"),
