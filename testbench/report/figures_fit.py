@@ -496,7 +496,7 @@ def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> F
     )
     axes.set(xlabel="CPU time of a fit [s]", ylabel=error)
     quiet(axes)
-    answer = f"None is both faster and better than {listed([*map(in_words, best)], 'or')}"
+    answer = f"No other is faster and better than {listed([*map(in_words, best)], 'or')}"
     say(figure, answer, "Dotted: from the fastest to the best; lines: 95 % intervals; filled: with a prior.")
     return figure
 
