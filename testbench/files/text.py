@@ -280,7 +280,7 @@ def split_lines(path: Path, text: str) -> list[str]:
         if first >= 0 and k - first > JOINED:
             break
     if first >= 0:
-        raise InputError(path, f"line {first + 1}", "not a table: quotes without an end")
+        raise InputError(path, f"line {first + 1}", "not a table: a quote is never closed")
     return lines
 
 

@@ -220,7 +220,7 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
         ]
     tables = [_table(arm, s, stem, decimals) | _scatter(s, scatter, decimals) for s in series]
     if any(list(table) != list(tables[0]) for table in tables):
-        raise BenchError("series: expected torques, temperature and time in all of a file or in none")
+        raise BenchError("series: expected torques, temperature and time in all series of a file or in none")
     header = [name for name in tables[0] if name not in silent]
     return _text(header, (row for own in tables for row in zip(*(own[k] for k in header), strict=True)))
 

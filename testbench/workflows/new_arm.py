@@ -400,7 +400,7 @@ SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean 
 CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
-    "density": "{0:.4g} kg in the file are {1:.0f} kg/m^3 inside of the shapes: check the masses",
+    "density": "{0:.4g} kg in the file give a density of {1:.0f} kg/m^3 in the shapes: check the masses",
     "endless limits": "limits of {first} in the file, {2:g} to {3:g} rad, count as none: {deg[0]:.0f} to "
     "{deg[1]:.0f} deg is assumed",
     "endless limits of a slide": "limits of {first} in the file, {2:g} to {3:g} m, count as none (are they "
@@ -419,8 +419,7 @@ WORDS = {
     "narrow limits": "ranges below {deg[0]:.0f} deg, whose numbers may be radians, not degrees: {names}",
     "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg is assumed",
     "no limits of a slide": "no limits of {first} in the file: {0:g} to {1:g} m is assumed",
-    "no masses": "no mass in the file: {0:g} kg/m^3 inside of the shapes is assumed, {1:.4g} kg in all: "
-    "{names}",
+    "no masses": "no mass in the file: {0:g} kg/m^3 in the shapes is assumed, {1:.4g} kg in all: {names}",
     "outside": "not of this arm, so left out: {names}",
     "placeholders": "every link weighs {0:g} kg in the file, which no arm does: not used",
     "renamed": "names changed to allowed ones: {names}",

@@ -207,7 +207,7 @@ def given_poses(
     q = None if file is None else read_poses(file, cell.arm, mapping)
     count = (poses or 0) if q is None else len(q)
     if count * times > MAX_RUNS:
-        most = f"expected at most {MAX_RUNS} runs, poses times loads times series"
+        most = f"expected at most {MAX_RUNS} runs (poses times loads times series)"
         raise BenchError(f"{file or '--poses'}: {most}, got {count} times {times}")
     if q is not None:
         check_poses(cell.room, q)

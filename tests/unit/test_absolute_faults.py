@@ -181,7 +181,7 @@ MISTAKES = {
     ),
     "any orientations": (
         lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
-        "its positions fit this arm, its orientations do not",
+        "its positions fit this arm, but its orientations are",
     ),
     "five poses": (lambda s: select_rows(s, np.arange(5)), "5 poses .* for the 12 numbers .* at least 6"),
     "joint 1 alone": (

@@ -148,7 +148,7 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path):
         (b"\xff\xfe1\x002\x00", "line 1: no column is known, expected joint_1_deg"),
         (b"\xff\xfe1\x002", "byte 5: expected text in utf-16-le: truncated data"),
         (b"run,pose\n1,\x81\n", "byte 12: expected text in utf-8 or cp1252"),
-        (b'run,pose\n"1,2\n', "line 2: not a table: quotes without an end"),
+        (b'run,pose\n"1,2\n', "line 2: not a table: a quote is never closed"),
         (b'run,pose\n"1,2"\n', "line 2: expected 2 fields, got 1"),
         (b"run," + b"x" * 200_000, "line 1: expected a header of at most 20000 letters, got 200004"),
         (b"\0" * 10, "line 1: expected text, got a zero byte"),

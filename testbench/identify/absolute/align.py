@@ -734,8 +734,8 @@ def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
 def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:
     """Make the error about a series that does not fit, with its distance from the arm."""
     if placed is not None and placed.near:
-        turn = f"{np.degrees(placed.turn):.3g} degrees (median) off for the best mount"
-        return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
+        turn = f"{np.degrees(placed.turn):.3g} degrees off (median) for the best mount"
+        return Misfit(f"{series.name}: its positions fit this arm, but its orientations are {turn}", series)
     far = "" if placed is None else f": they are {1e3 * placed.typical:.3g} mm off (median) in the best frame"
     places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
