@@ -127,7 +127,7 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
     referee = 100 * (1 - len(own) / len(found))
     below = f"below it by up to {-min(over):.1e}"
     return [
-        at_most(f"(h) {name}: cost over the referee's", max(over), "", WORSE, below),
+        at_most(f"(h) {name}: excess of the cost over the referee's", max(over), "", WORSE, below),
         at_most(f"(h) {name}: standard deviations off", gap, "", APART, f"of {len(own)} datasets"),
         note(f"    {name}: answered by the referee", referee, "%", ""),
     ]

@@ -69,7 +69,7 @@ def newton_against_forward_passes() -> list[Row]:
     pair, forward = times[0] / POSES, times[1] / FORWARD_PASSES
     return [
         at_most(
-            f"(a) unloaded + loaded equilibrium over a forward pass, {POSES} poses",
+            f"(a) time of an unloaded and a loaded equilibrium over a forward pass, {POSES} poses",
             np.median(pair / forward),
             "x",
             3.5,
@@ -223,7 +223,7 @@ def newton_against_stepping() -> list[Row]:
     a_pose = np.median(ratio, axis=0)
     return [
         at_least(
-            f"(b) stepping to rest over Newton, median of {STEPPED_POSES} poses",
+            f"(b) time of stepping to rest over Newton's method, median of {STEPPED_POSES} poses",
             np.median(a_pose) if reached else 0.0,
             "x",
             800,

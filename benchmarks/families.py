@@ -60,7 +60,7 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
 def _row(name: str, together: Array, own: list[float], bar: float) -> Row:
     each = together / FITS
     behind = f"{spread(each, 1e3, 2)} ms a fit, Clarabel {spread(own, 1e3)} ms"
-    title = f"(i) {FITS} fits at once over as many of Clarabel's own time: {name}"
+    title = f"(i) time of {FITS} fits at once over {FITS} of Clarabel: {name}"
     ratio = np.median(each) / np.median(own)
     return (
         at_most(title, ratio, "x", bar, behind)

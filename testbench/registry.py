@@ -91,7 +91,7 @@ class Registry(MutableMapping[str, T]):
                 f"{self.kind} {name!r}: expected a name of a-z, 0-9 and _, at most 40 characters"
             )
         if name in self.built_in:
-            raise BenchError(f"{self.kind} {name!r}: the name is taken; take another one")
+            raise BenchError(f"{self.kind} {name!r}: the name is taken; choose another")
         self._check(name, part)
 
     def __delitem__(self, name: str) -> None:

@@ -124,7 +124,9 @@ FORBIDDEN_FIRST = "=+-@'"
 def _check_name(name: str) -> str:
     """Refuse a name that does not print, has blanks at an end, or begins with one of `FORBIDDEN_FIRST`."""
     if not name.isprintable() or name != name.strip() or name[0] in FORBIDDEN_FIRST:
-        problem = "expected characters that print, no blank at either end, the first none of {unfit}"
+        problem = (
+            "expected printable characters, no blank at the ends, and a first character other than {unfit}"
+        )
         raise PydanticCustomError("name", problem, {"unfit": " ".join(FORBIDDEN_FIRST)})
     return name
 

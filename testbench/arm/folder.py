@@ -166,7 +166,9 @@ class JointMap:
             BenchError: When joints follow others: their torques cannot be separated.
         """
         if not self.square:
-            raise BenchError("torques do not tell those of joints that follow others: leave them out")
+            raise BenchError(
+                "torques of joints that follow others cannot be separated: leave out the columns of torques"
+            )
         return np.asarray(torque @ self.inverse)
 
     def torque_to_file(self, torque: Array) -> Array:
@@ -277,11 +279,13 @@ def build_map(
     free = _independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
         listed = shorten(", ".join(names), MAX_LISTED) or "none"
-        raise BenchError(f"expected file joints that the chain tells apart, got {listed}: rows depend")
+        raise BenchError(
+            f"expected one independent row of [joints] per file joint, got dependent rows for {listed}"
+        )
     slides = np.array([joint.prismatic for joint in joints], dtype=bool)
     for j, name in enumerate(names):
         if len(set(slides[L[:, j] != 0].tolist())) > 1:
-            raise BenchError(f"{name}: expected a file joint of hinges or of slides, got both")
+            raise BenchError(f"{name}: a file joint may move hinges or slides, but not both")
     # all joints by the free ones: q - q_0 = L L_free^-1 (q - q_0)_free
     inverse = np.asarray(np.linalg.inv(L[free]), dtype=np.float64) + 0.0
     moves = np.zeros((len(L), len(L)))
@@ -342,14 +346,16 @@ def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
             continue
         if not len(drivers):
             if not limits[0, k] <= joint_map.q_0[k] <= limits[1, k]:
-                raise BenchError(f"{joints[k].name}: it is held beyond its limits")
+                raise BenchError(f"{joints[k].name}: it is held at a position outside its limits")
             continue
         j = int(drivers[0])
         # its limits as values of the one joint that it follows
         ends = joint_map.q_0[j] + (limits[:, k] - joint_map.q_0[k]) / D[k, j]
         low, high = max(limits[0, j], ends.min()), min(limits[1, j], ends.max())
         if not low < high:
-            raise BenchError(f"{joints[j].name}: no angle of it is within the limits of {joints[k].name} too")
+            raise BenchError(
+                f"{joints[j].name}: no angle keeps both it and {joints[k].name} within their limits"
+            )
         limits[:, j] = low, high
     return limits
 
@@ -649,7 +655,9 @@ class Arm(Displayed):
                 return q
             q[beyond] = self.with_dependent_joints(rng.uniform(lower, upper, (len(beyond), self.n_joints)))
         if self.dependence is not None:
-            raise PoseError(f"{self.name}: joints that follow others leave their limits in nearly all poses")
+            raise PoseError(
+                f"{self.name}: in nearly all poses, joints that follow others are outside their limits"
+            )
         return q
 
 
@@ -696,7 +704,7 @@ def load_arm(folder: str | Path) -> Arm:
     )
     if arm.compensator is not None and (len(arm.links) < 3 or arm.joints[1].prismatic):
         place = toml_place(toml_path, ["compensator"])
-        raise InputError(toml_path, place, "expected an arm whose link 1 and link 2 a hinge joins")
+        raise InputError(toml_path, place, "expected a hinge between link 1 and link 2")
     _check_chain(rigid, root, arm)
     _check_lengths(toml_path, elastic, chain_length(rigid, root, arm))
     return _with_joint_map(toml_path, elastic, arm)

@@ -70,7 +70,7 @@ def _check_elements(path: Path, root: ET.Element) -> None:
                 allowed = f"not allowed in an arm; allowed are {sorted(ELEMENTS)}"
                 if e.tag in ("equality", "tendon"):
                     allowed = (
-                        "not allowed in an arm: [joints] of elastic.toml says how joints depend on others"
+                        "not allowed in rigid.xml; describe dependent joints in [joints] of elastic.toml"
                     )
                 raise InputError(path, f"<{e.tag}>", allowed)
             _check_values(path, e)
@@ -97,7 +97,9 @@ def _check_values(path: Path, e: ET.Element) -> None:
         problem = f"{extra[0][:MAX_SHOWN]!r} is not allowed; allowed are {sorted(known)}"
         raise InputError(path, place_of(e), problem)
     if e.tag == "default" and e.find("joint") is not None:
-        raise InputError(path, place_of(e), "no defaults for joints: write them at the joint")
+        raise InputError(
+            path, place_of(e), "joint defaults are not allowed; write these attributes at each joint"
+        )
     if e.tag == "option" and "gravity" in e.attrib:
         gravity = numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
@@ -163,7 +165,9 @@ def asset_paths(path: Path, root: ET.Element) -> list[str]:
     for name, file in mesh_files(path, root).items():
         real = os.path.normpath(file.absolute())
         if Path(name).is_absolute() or not Path(real).is_relative_to(folder):
-            raise InputError(path, f"<mesh file={name!r}>", "file: expected a path from the arm's folder")
+            raise InputError(
+                path, f"<mesh file={name!r}>", "file: expected a path relative to the arm's folder"
+            )
         paths.add(Path(real).relative_to(folder).as_posix())
     return sorted(paths)
 

@@ -42,7 +42,7 @@ from testbench.workflows.rows import MM
 if TYPE_CHECKING:
     from testbench.report.figure import Figure
 
-KEPT = "Green kinds of error are kept, because they improve held-out readings. Grey ones are dropped."
+KEPT = "Green: kinds of error that improve held-out readings; they are kept. Grey: dropped."
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 
 
@@ -57,7 +57,7 @@ class CalibrateOptions:
     )
     mapping: Annotated[
         list[Path] | None,
-        typer.Option("--map", metavar="TOML", help="Names of columns: one, or one per file."),
+        typer.Option("--map", metavar="TOML", help="Map of the columns: one, or one per file."),
     ] = None
     sigma_um: SigmaUm = None
     load: Annotated[
@@ -67,7 +67,7 @@ class CalibrateOptions:
         ),
     ] = None
     without: Annotated[
-        list[str] | None, typer.Option(metavar="ERROR", help="Leave this error out; a wrong name lists all.")
+        list[str] | None, typer.Option(metavar="ERROR", help="Error to leave out; a wrong name lists all.")
     ] = None
     orders: Annotated[
         int, typer.Option(min=1, max=400, metavar="N", help="Highest order of periodic errors.")
@@ -81,7 +81,7 @@ class CalibrateOptions:
     ] = False
     frame_poses: Annotated[
         int | None,
-        typer.Option(min=MIN_POSES, metavar="N", help="With --score: poses that only fit the frame."),
+        typer.Option(min=MIN_POSES, metavar="N", help="With --score: poses used only for the frame."),
     ] = None
     at_most: Annotated[
         float | None,
@@ -94,7 +94,7 @@ class CalibrateOptions:
 def command(asked: CalibrateOptions) -> None:
     """Calibrate an arm by where a tracker saw its tool, and write the model; or score one."""
     if not asked.score and (asked.frame_poses or asked.at_most is not None):
-        raise BenchError("--frame-poses, --at-most: expected --score with them")
+        raise BenchError("--frame-poses and --at-most work only with --score")
     files = files_of(asked.readings, asked.mapping, asked.load, asked.sigma_um)
     if asked.score:
         _score(asked, files)
@@ -185,7 +185,7 @@ def report(
         answer = (
             "RMS error at fitted readings (none held out): {every:.3f} mm calibrated, {alone:.3f} mm nominal."
         )
-    heads = (("What is not determined", f.left_open), ("How the readings were read", f.notes))
+    heads = (("What is not determined", f.left_open), ("How the files were read", f.notes))
     lists = [Markdown(f"## {head}\n\n{bullets(texts) or 'Nothing.'}") for head, texts in heads]
     badge = decide((CALIBRATED_ARM, own_mm), rival, "block held out", counted.reason_against_use(f))
     tables = calibration_tables(f)

@@ -209,7 +209,7 @@ def seen(checked: Checked) -> PageContent:
         layers=[*_beams(checked), *_tool(checked, bent)],
         first=1,
     )
-    title = f"Sag under {payload}, from the folder's compliances, x {M:g}. Tubes have their true diameter."
+    title = f"Deflection under {payload}, magnified {M:g} times. Tubes have their true diameter."
     return PageContent(scene=Scene(cell, title, [group]))
 
 

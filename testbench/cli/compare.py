@@ -118,8 +118,8 @@ def report(a: Finished, b: Finished) -> Report:
     models, values = models_compared(a, b), numbers_compared(a, b)
     lead = leading(models, [a, b])
     if lead is None and not values:
-        kinds = f"RUN_A is of {a.manifest.command}, RUN_B of {b.manifest.command}"
-        raise BenchError(f"{kinds}: expected runs that share a model or a number, these share none")
+        kinds = f"RUN_A comes from {a.manifest.command}, RUN_B from {b.manifest.command}"
+        raise BenchError(f"{kinds}: expected runs with a model or a number in common, found none")
     badge = None if lead is None else badge_of(lead, a, b)
     inputs = inputs_differ(a, b)
     led = [row for row in models if lead is not None and row.kind == lead.kind]
@@ -142,7 +142,7 @@ def report(a: Finished, b: Finished) -> Report:
         question=Markdown("Do A and B differ, and which has the smaller error?"),
         title=say("A: {a} ({x}, seeds {s}); B: {b} ({y}, seeds {t})", _made(a, b)),
         answer=answer,
-        claims=[say("These models are in one of the runs only: {only:list}.", only=only)]
+        claims=[say("These models are in only one of the runs: {only:list}.", only=only)]
         if only and led
         else [],
         numbers=Row(

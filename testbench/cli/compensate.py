@@ -58,7 +58,7 @@ class CompensateOptions:
     mapping: MapFile = None
     payload: Payload = None
     asked: Annotated[
-        Meant | None, typer.Option(metavar="HOW", help="Meaning of positions: unloaded or drawn.")
+        Meant | None, typer.Option(metavar="HOW", help="Target: pose of the arm unloaded, or as drawn.")
     ] = None
     hold: Annotated[
         CorrectedPart, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")
@@ -67,16 +67,16 @@ class CompensateOptions:
         str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point in the tool's frame, m.")
     ] = "0,0,0"
     spindle: Annotated[str, typer.Option(metavar="AXIS", help="Spindle axis in the tool's frame.")] = "x"
-    start: Annotated[str | None, typer.Option(metavar="Q", help="Joints near the first pose, deg or mm.")] = (
-        None
-    )
+    start: Annotated[
+        str | None, typer.Option(metavar="Q", help="Joints near those of the first pose, deg or mm.")
+    ] = None
     tolerance: Annotated[
         float | None, typer.Option(min=0, metavar="MM", help="Exit with 1 if an error may exceed it.")
     ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Keep unreachable points unchanged.")
     ] = False
-    jumps: Annotated[bool, typer.Option("--jumps", help="Accept points that are far apart.")] = False
+    jumps: Annotated[bool, typer.Option("--jumps", help="Accept large steps between points.")] = False
     force: Force = False
 
 
@@ -213,8 +213,14 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "expected error as programmed, median, mm", f.before_mm.median
     yield "expected error as programmed, largest, mm", f.before_mm.max
     yield "probability that a point improves, median, %", f.chance and 100 * f.chance
-    yield "95 % half width between points, median, mm", f.half_fitted_mm and f.half_fitted_mm.median
-    yield "95 % half width between points, largest, mm", f.half_fitted_mm and f.half_fitted_mm.max
+    yield (
+        "95 % half width relative to the other points, median, mm",
+        f.half_fitted_mm and f.half_fitted_mm.median,
+    )
+    yield (
+        "95 % half width relative to the other points, largest, mm",
+        f.half_fitted_mm and f.half_fitted_mm.max,
+    )
     if f.open:
         yield f"variance of the corrected tool position from {f.open.name}, %", 100 * f.open.share
     yield "largest orientation change that is not corrected, mrad", f.turns_mrad or None

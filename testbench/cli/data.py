@@ -39,9 +39,7 @@ from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-LogFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="File with the joints, if it is another one.")
-]
+LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File with the joints, if separate.")]
 LoadedReadings = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Loaded readings, if in another file or FILE.xlsx#SHEET.")
 ]
@@ -115,7 +113,9 @@ def _map_of_layout(
 ) -> Path | Map | None:
     """The map that is given, else that of the layout that fits, which is printed; None without either."""
     if runs.mapping and (asked.log or asked.layout or asked.loaded):
-        raise BenchError("--map: expected no --log, --loaded or --layout, because the map states them")
+        raise BenchError(
+            "--map states the log, loaded file and layout: leave out --log, --loaded and --layout"
+        )
     fits = runs.mapping is None and (
         asked.log
         or asked.loaded
@@ -153,7 +153,7 @@ def _shown_as_poses(console: Console, cell: Cell, dataset: Path, mapping: Path |
 def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
     """Print a proposed map, to be saved."""
     file = sheet_of(dataset)[0]
-    hint = f"To save as {file.with_suffix('.toml').name}, for --map:"
+    hint = f"Save this map as {file.with_suffix('.toml').name} and give it with --map:"
     console.print("\n".join([*_origin(proposal), "", hint, "", _map_file(file, proposal)]), soft_wrap=True)
 
 
@@ -182,7 +182,7 @@ class MapOptions:
 @group.command("map", cls=ProjectCommand)
 @takes(MapOptions)
 def propose_map(asked: MapOptions) -> None:
-    """Propose a map of an export, and show what it reads and how well that fits the arm."""
+    """Propose a map for an export, and show how well its readings fit the arm."""
     file = sheet_of(asked.dataset)[0]
     out, console = asked.out or file.with_suffix(".toml"), plain_console()
     inputs = [find_arm(asked.arm), file, *(file for file in (asked.log, asked.loaded) if file)]

@@ -90,7 +90,7 @@ def _write_into(asked: ExportOptions, file: Path) -> None:
     except ValueError as err:
         raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
     if gears and form is not ABB:
-        raise BenchError("--gears: expected a file of an ABB controller with it")
+        raise BenchError("--gears is only for a file of an ABB controller")
     model = _read(asked, out, CONTROLLER, [file])
     _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 
@@ -113,7 +113,9 @@ def _export(model: ArmModel, draft: Draft, out: Path) -> None:
 
 def _say(model: ArmModel, lines: list[str]) -> None:
     if not model.absolute:
-        lines.append("warning    a model of identify contains no geometry: the nominal geometry is written")
+        lines.append(
+            "warning    testbench identify does not change the geometry: the nominal geometry is written"
+        )
     plain_console().print("\n".join(lines), soft_wrap=True)
 
 

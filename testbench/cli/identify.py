@@ -76,9 +76,9 @@ class IdentifyOptions:
     check_pose: Annotated[
         list[int] | None, typer.Option(metavar="N", help="Pose to hold out; repeatable.")
     ] = None
-    full_pose: Annotated[bool, typer.Option("--full-pose", help="Require orientations beside positions.")] = (
-        False
-    )
+    full_pose: Annotated[
+        bool, typer.Option("--full-pose", help="Require orientations as well as positions.")
+    ] = False
     no_prior: Annotated[
         bool, typer.Option("--no-prior", help="Fit without the prior of the arm's folder.")
     ] = False
@@ -102,7 +102,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
     arm, out = find_arm(readings.arm), asked.out
     with claim_folder(out, COMMAND, own=OLD, inputs=[arm, *files_read(readings)], force=asked.force):
         if asked.uncertainty_percent is not None and asked.no_prior:
-            raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
+            raise BenchError("--uncertainty-percent cannot be combined with --no-prior")
         filed = build_cell(readings.arm)
         cell, runs = read_runs(filed, readings, asked.check_pose or (), full_pose=asked.full_pose)
         prior, percent = None if asked.no_prior else cad_prior(cell.arm), asked.uncertainty_percent

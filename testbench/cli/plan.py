@@ -245,9 +245,9 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
         yield say(
             "**The tasks have a moment about {joints:list}, the planned loads have none**. "
             + (
-                "Add `--pull {pull}`, which has one about {turned:list}."
+                "Add `--pull {pull}`, which loads {turned:list}."
                 if pull
-                else "No force at the load point has one."
+                else "No force at the load point can load these joints."
             ),
             vars(u),
             pull=pull,
@@ -265,4 +265,4 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
             vars(law) | {"kind": law.kind.capitalize(), "by": by},
         )
     if f.joints_alone_mm <= f.error_mm.expected:
-        yield Markdown("**Joints-only has no larger expected error here.**")
+        yield Markdown("**The expected error of Joints-only is no larger here.**")

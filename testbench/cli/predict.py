@@ -60,7 +60,7 @@ class PredictOptions:
     payload: Payload = None
     push: Annotated[
         float | None,
-        typer.Option(min=0.001, max=1e6, metavar="N", help="Force of the map, N (default: the payload's)."),
+        typer.Option(min=0.001, max=1e6, metavar="N", help="Force for the map, N (default: the payload)."),
     ] = None
     box: Annotated[str | None, typer.Option(metavar="X0,...,Z1", help="Corners of the map, m.")] = None
     force: Force = False

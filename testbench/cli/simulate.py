@@ -74,7 +74,7 @@ class SimulateOptions:
     mapping: MapFile = None
     sigma_um: Annotated[
         float | None,
-        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise (default: 50, or a tracker's)."),
+        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise (default: 50, or the tracker's own)."),
     ] = None
     tracker: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")
@@ -84,7 +84,7 @@ class SimulateOptions:
         typer.Option(metavar="KIND:...", help="gauge:P1:z, wire:P1:X,Y,Z, ...; repeatable."),
     ] = None
     geometry_mm: Annotated[
-        float, typer.Option(min=0, max=10, metavar="MM", help="Error of joint frames, mm and mrad.")
+        float, typer.Option(min=0, max=10, metavar="MM", help="Size of geometric errors, mm and mrad.")
     ] = 0.0
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Seed of poses, noise and true arm.")] = 1
     force: Force = False
@@ -134,7 +134,7 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
     if asked.instrument:
         if asked.tracker or asked.sigma_um is not None or absolute.orientations or absolute.series > 1:
             others = "--tracker, --sigma-um, --orientations or --series"
-            raise BenchError(f"--instrument: expected no {others} with it")
+            raise BenchError(f"--instrument cannot be combined with {others}")
         found, _ = simulate_distances(cell, campaign, [*map(mounted, asked.instrument)], asked.seed, q)
         files = [found]  # all fixed points and planes in one
     else:
@@ -201,7 +201,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
         loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
     if asked.instrument:
         if trackers or asked.sigma_um is not None:
-            raise BenchError("--instrument: expected neither --tracker nor --sigma-um with it")
+            raise BenchError("--instrument cannot be combined with --tracker or --sigma-um")
         own = instruments(asked.instrument, cell.arm.markers, asked.file, pose)
         data = read_instruments(cell, scenario.truth, loaded, own, trial_rng(asked.seed, 1))
     else:

@@ -18,7 +18,9 @@ class ViewOptions:
     """Hold the flags of the command."""
 
     folder: RunFolder
-    web: Annotated[bool, typer.Option("--web", help="Open it in a browser; print its address.")] = False
+    web: Annotated[bool, typer.Option("--web", help="Open the viewer in a browser; print the address.")] = (
+        False
+    )
 
 
 @takes(ViewOptions)
@@ -26,7 +28,7 @@ def command(asked: ViewOptions) -> None:
     """Open it."""
     file = viewer.newest(asked.folder)
     if not asked.web and not viewer.has_display():
-        raise BenchError(f"no display to open {file} on: {_other_ways(asked.folder, file)}")
+        raise BenchError(f"there is no display to open {file}: {_other_ways(asked.folder, file)}")
     viewer.check_whole(file)
     viewer.view(file, web=asked.web)
 

@@ -96,7 +96,9 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     if start is None and not model.absolute:
-        raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
+        raise BenchError(
+            "intervals of positions need a model of absolute readings; this one predicts deflections only"
+        )
     scatter, widths = _scatter(model), []
     for batch in batches(len(end.q)):
         before = None if start is None else start.select(batch)

@@ -278,7 +278,7 @@ def _check_lines(data: Dataset) -> None:
     if data.direction is None or data.tilt is None or data.reach is None:
         return
     if data.precision is None:
-        raise BenchError("readings along lines: expected a precision with them, got None")
+        raise BenchError("readings along lines: expected their precision too, got None")
     for name, values in (("tilt [rad]", data.tilt), ("reach [m]", data.reach)):
         if values.size and values.min() < 0:
             raise BenchError(f"{name}: expected 0 or more, got {values.min():g}")
@@ -476,11 +476,11 @@ class Series(Displayed):
         shapes |= {"torque [N m, N]": np.shape(self.q), "distance [m]": (rows, m)}
         check_rows(self, rows, ("row", "pose"), shapes)
         if (self.distance is None) != (self.fixed is None):
-            raise BenchError("distances: expected them and a fixed point together, or none")
+            raise BenchError("expected distances and a fixed point together, or neither")
         if self.distance is not None:
             self._check_distances(self.distance)
         elif self.normal is not None:
-            raise BenchError("normal: expected heights over the plane beside it, got none")
+            raise BenchError("normal: expected heights over this plane too, got none")
         if self.rotation is not None:
             if self.rotation.shape != (rows, 3, 3):
                 raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
@@ -489,7 +489,7 @@ class Series(Displayed):
     def _check_distances(self, distance: Array) -> None:
         """Refuse distances that no instrument reads, and what cannot stand beside them, by BenchError."""
         if self.rotation is not None or self.position.any():
-            raise BenchError("distances: expected neither positions nor orientations beside them")
+            raise BenchError("a series of distances has neither positions nor orientations")
         for name in ("fixed_sigma", "tilt"):
             if not 0 < getattr(self, name) < np.inf:
                 raise BenchError(f"{name} [m, rad]: expected more than 0, got {getattr(self, name)}")

@@ -269,9 +269,9 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     seen, r = min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0]))), problem.r
     if spec.uncertainty is None and seen < r:
         raise BenchError(
-            f"poses: {spec.poses} poses see at most {seen} of the {r} directions of "
-            f"{spec.experiment.scaling.structure.name} that these loads can show, {r - seen} would be lost; "
-            f"expected at least {-(-r * spec.poses // seen)} poses, or a prior that fills the rest"
+            f"poses: {spec.poses} poses determine at most {seen} of the {r} directions of "
+            f"{spec.experiment.scaling.structure.name} that these loads can determine; "
+            f"expected at least {-(-r * spec.poses // seen)} poses, or a prior for the other directions"
         )
     return CandidateSet(every, load, problem)
 

@@ -228,7 +228,7 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
     R: Array = np.asarray(np.linalg.qr(rows.reshape(-1, n), mode="r"))
     _, s, Vt = np.linalg.svd(R)
     if not s[0] > 0:
-        raise BenchError("candidates: expected loads that move a target, no reading changes under them")
+        raise BenchError("candidates: expected loads that move a target; these change no reading")
     r = int((s > RANK_TOLERANCE * s[0]).sum())
     seen, rest = Vt[:r].T, Vt[r:].T
     if uncertainty is None:

@@ -137,7 +137,7 @@ def _from_angles(columns: Columns, notation: str) -> Array:
         if found[0].slot.index < len(XYZ):  # named by their axes
             if len(set(axes)) < len(axes):
                 missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
-                raise columns.lack(missing, f"; the angles {axes} are named by their order")
+                raise columns.lack(missing, f"; name the angles of {axes} by their order")
             angles = angles[:, [XYZ.index(axis) for axis in axes]]
         order = axes.upper() if kind == "intrinsic" else axes
         rotation = Rotation.from_euler(order, angles).as_matrix()
@@ -323,7 +323,7 @@ def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
         f"{gauge.sum()} travels of gauges" * bool(gauge.any()),
         f"{meter.sum()} distances" * bool(meter.any()),
     )
-    notes.insert(0, f"{' and '.join(filter(None, kinds))}: one number each, along a line")
+    notes.insert(0, f"{' and '.join(filter(None, kinds))}: each is one number, along a line")
     by_state = one_state is not None
     return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, by_state, tuple(notes))
 
@@ -374,7 +374,7 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
         zero = _deviation(columns, "zero_sigma", ~plane, (0.0, MAX_ZERO), notes)
     column = columns.get(Slot("distance"))
     read = np.full(table.rows, np.nan) if column is None else columns.values(column)
-    problem = "expected more than 0, got {:g} m; a height over a plane has direction_x, _y and _z"
+    problem = "expected more than 0, got {:g} m; a height over a plane needs direction_x, _y and _z"
     table.refuse(
         np.asarray((read <= 0) & ~plane & (zero == 0)),
         "" if column is None else column.name,
@@ -589,6 +589,6 @@ def unclear(fits: Sequence[OrientationFit]) -> str:
     """
     best = fits[0]
     if best.score > 1:
-        return f"no notation fits the arm as drawn; the nearest is {best}"
+        return f"no notation fits the nominal arm; the nearest is {best}"
     alike = [fit for fit in fits if fit.score <= max(1.0, CLEAR * best.score)]
-    return f"several notations fit the arm as drawn: {', '.join(map(str, alike))}"
+    return f"several notations fit the nominal arm: {', '.join(map(str, alike))}"

@@ -133,7 +133,7 @@ class Columns:
         Raises:
             InputError: When a cell is no number, too large, or too close to zero.
         """
-        lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'
+        lost = '; if this word means a lost target, add it to the map: [words] lost = "NaN"'
         words = lost if column.slot.what == "reading" else ""
         values = self.table.numbers(column.index, self.mark, words)
         if column.unit is None:
@@ -169,11 +169,11 @@ class Columns:
         if blank.any():
             last = int(blank.argmax()) == self.table.rows - 1
             what, key = (
-                ("a line behind the table", "footer = 1") if last else ("merged cells", "merged = true")
+                ("a line after the table", "footer = 1") if last else ("merged cells", "merged = true")
             )
-            hint = f"for {what} say {key} in the map's [file]"
+            hint = f"for {what}, write {key} in [file] of a map"
             if column.slot.what in ACTS:
-                hint = "say 0 where none acts"
+                hint = "write 0 if none acts"
             self.table.refuse(blank, column.name, f"expected a finite number, got ''; {hint}")
         return values
 
@@ -376,7 +376,7 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
                 table, problem, joints=any(own.slot.what == "joint" for own in named.values())
             )
         if slot in names.values:
-            problem = f"expected no value in the map for {table.names[k]!r}, which the file has"
+            problem = f"{table.names[k]!r} is a value in the map and a column of the file: remove one of them"
             raise names.error(table.path, "values", problem)
         found[slot] = ReadColumn(k, table.names[k], slot, unit, own.sign)
     ignored = tuple(
@@ -401,9 +401,9 @@ def _refuse_blanks(table: TableCells, columns: Sequence[ReadColumn]) -> None:
     """Refuse blank cells of readings in a sheet: they may be errors, or formulas without a result."""
     blank = np.array([table.blank(c.index) for c in columns], dtype=bool).reshape(-1, table.rows).T
     problem = (
-        "expected a number, got a blank cell, an error or a formula without its result; if blank cells are "
+        "expected a number, got a blank cell, an error or a formula without its result; if blank cells mean "
     )
-    problem += 'lost targets say so in the map: [words] lost = ""'
+    problem += 'lost targets, add to the map: [words] lost = ""'
     table.refuse(blank, [c.name for c in columns], problem)
 
 
@@ -420,9 +420,9 @@ def _warnings(
         words.append(f"warning: other sheets with tables are not read: {', '.join(others)}")
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
-        words.insert(0, f"warning: {log.file} is joined row by row: each row to {each} of readings")
+        words.insert(0, f"warning: {log.file} is joined by the order of rows: each row to {each} of readings")
     if far := [column.name for column in settled.values() if column.unit == GON]:
-        words.append(f"warning: grad is read as gon, because degrees would pass a limit: {', '.join(far)}")
+        words.append(f"warning: grad is read as gon, because degrees would exceed a limit: {', '.join(far)}")
     return tuple(words)
 
 
@@ -475,7 +475,7 @@ def _settled(table: TableCells, found: Mapping[Slot, ReadColumn], arm: Arm) -> d
             return {slot: replace(column, unit=GON) for slot, column in of.items()}
     first = next(iter(of.values())).name
     says = "grad means degrees in German, Spanish and Russian, gon in English"
-    hint = 'say which in [columns] of a map, as "joint_{n}_deg" or "joint_{n}_gon" = '
+    hint = 'state which in [columns] of a map, as "joint_{n}_deg" or "joint_{n}_gon" = '
     raise table.header_error(f"{says}; {hint}{re.sub(NUMBER, '{n}', first, count=1)!r}", first)
 
 
@@ -748,11 +748,11 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         if not acts and not needed:
             return np.zeros((table.rows, 6)), ["no column gives a load, so only own weight is assumed"]
         if not acts:
-            hint = "; one for the whole file is said by --load, or in [values] of a map, as mass_kg = 150; "
+            hint = "; for one load in the whole file, give --load, or mass_kg = 150 in [values] of a map; "
             hint += "absolute readings without a load are for `testbench calibrate`"
             if own := [name for name in columns.ignored if looks_like(name, "forces")]:
-                hint = f"; {', '.join(own[:6])}: forces in world axes are named in [columns] of a map, as "
-                hint += 'force_x = "Fx"; a mass by --load'
+                hint = f"; {', '.join(own[:6])}: name forces in world axes in [columns] of a map, as "
+                hint += 'force_x = "Fx"; for a mass, give --load'
             raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
         raise table.header_error("expected a mass or forces, got both")
     if not acts:
@@ -762,7 +762,9 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         weight = np.zeros((table.rows, 6))
         weight[:, 2] = -GRAVITY * kg
         notes = (
-            [f"no column states a mass: loaded rows have {told:g} kg, as stated"] if told is not None else []
+            [f"no column states a mass: the stated {told:g} kg are used in loaded rows"]
+            if told is not None
+            else []
         )
         return weight, [
             *notes,
@@ -789,7 +791,7 @@ def _load(columns: Columns, own: ReadColumn | float | None) -> Array:
         and not any(c.slot.when for c in columns.all_of("reading"))
     ):
         idle = np.isnan(values)  # nothing hangs
-    hint = "; say 0 where nothing hangs" if columns.table.sheet else ""
+    hint = "; write 0 if nothing hangs" if columns.table.sheet else ""
     problem = f"expected a finite number in a loaded row, got ''{hint}"
     columns.table.refuse(np.isnan(values) & ~idle, own.name if isinstance(own, ReadColumn) else "", problem)
     return np.where(idle, 0.0, values)
@@ -897,9 +899,9 @@ def _other_columns(columns: Columns, joints: Sequence[ArmJoint], q: Array, k: in
         return ""
     if within([k], -q[:, [k]]):
         other = own.name if own.sign < 0 else f"-{own.name}"
-        found.append(f"with the other sign ([columns] of a map reads it so as {other!r})")
+        found.append(f"with the other sign (name it {other!r} in [columns] of a map)")
     for m, column in enumerate(others):
         alike = m != k and joints[m].prismatic == joints[k].prismatic
         if column and alike and within([k, m], q[:, [m, k]]):
             found.append(f"with {own.name!r} and {column.name!r} exchanged")
-    return f"; all rows are within {', or '.join(found)}" if found else ""
+    return f"; all rows are within the limits {', or '.join(found)}" if found else ""

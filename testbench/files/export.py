@@ -172,7 +172,7 @@ WORDS = {
     "of {formulas} [rad, m]. With r the compensator's lever over its longest lever, it also turns by "
     f"-s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + {UNIT_COMPENSATOR:g} r^2)",
     "weights": "masses [kg] and their centres [m] in the frame of urdf_link, which bend the model",
-    "joint_map": "only if files count joints otherwise: a joint of the URDF is its row of L times "
+    "joint_map": "only if files have other joints than the chain: a joint of the URDF is its row of L times "
     "file_joints, plus its number in q_0 [rad, m]",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",
@@ -624,14 +624,16 @@ def export_offsets(
     new = old + turns @ offsets
     said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
     new -= FULL_ROTATION * np.trunc(new / FULL_ROTATION) if form is ABB else 0
-    written = exchanged(form, text, numbers, new.tolist(), "beyond offsets are, at the tool", *said)
+    written = exchanged(form, text, numbers, new.tolist(), "not in the offsets, at the tool:", *said)
     change = read_numbers(form, out, written, keys) - old
     change -= FULL_ROTATION * np.round((change - turns @ offsets) / FULL_ROTATION) if form is ABB else 0
     read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
     read = arm.to_model(read) - arm.to_model(np.zeros(AXES))
     off, _ = frame_distance(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
     if not off <= MAX_URDF_ERROR:
-        raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
+        raise BenchError(
+            f"read back, the offsets are wrong by up to {1e6 * off:.3g} um at the tool; nothing is written"
+        )
     with whole_file(out) as path:
         path.write_bytes(written.encode(BYTES))
     return best, off
@@ -664,5 +666,5 @@ def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Arra
         raise BenchError(f"--gears: expected {n} numbers, or {n * n} row by row, got {len(gears)}")
     turns = np.diag(gears) if len(gears) == n else np.reshape(gears, (n, n))
     if not abs(np.linalg.det(turns)) >= 1:
-        raise BenchError("--gears: expected turns of the motors for one of their axes, such as 120 or -98.5")
+        raise BenchError("--gears: expected turns of each motor per turn of its axis, such as 120 or -98.5")
     return [f"rob1_{k + 1}" for k in range(n)], -turns

@@ -460,12 +460,14 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
     )
     far = frame_distance(root @ theirs, tool_poses(vjm, q) @ tip)
     if not max(far) <= MAX_DIFFERENCE:
-        problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from that of"
+        problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from the tool of"
         limits = f"{1e3 * MAX_DIFFERENCE:g} mm and mrad"
-        why = "it is another robot, or counts its joints otherwise"
+        why = "it is another robot, or has other joint zeros or signs"
         if re.match(BEGINS_NEW, robot_chain.text.encode()):
             why = "testbench export wrote it from scratch, with the geometry of a calibration"
-        raise InputError(robot_chain.file, "", f"{problem} {vjm.arm.name} as drawn; expected {limits}: {why}")
+        raise InputError(
+            robot_chain.file, "", f"{problem} the nominal {vjm.arm.name}; expected {limits}: {why}"
+        )
     exact = [
         onto_axis(link, theirs, ours, slide=slide)
         for link, theirs, ours, slide in zip(links[1:], axes, vjm.axes, slides, strict=True)
@@ -504,7 +506,7 @@ def robot_origins(robot_chain: RobotChain, placed: UrdfFrames, geometry: Rigid) 
         raise InputError(
             robot_chain.file,
             "",
-            f"expected a fixed joint behind {robot_chain.tip!r}: the tool has moved on it",
+            f"expected a fixed joint that leads to {robot_chain.tip!r}: the calibration moved the tool",
         )
     if moved:
         poses[robot_chain.names[cuts[-1]]] = wanted @ relative_pose(

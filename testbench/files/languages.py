@@ -424,7 +424,9 @@ def read_motions(path: Path, language: Language) -> ProgramText:
     if not moves:
         raise InputError(path, "", f"expected moves in this {language.title} program, got none")
     _refuse_assigned(program, moves)
-    notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
+    notes = tuple(
+        f"Moves to {name} are unchanged, because its coordinates are not in the program" for name in left
+    )
     every = (re.findall(language.moves.others, source.code, FLAGS) for source in program.sources)
     others = tuple(sorted({found.upper() for own in every for found in own}))
     mark = _mark(program)
@@ -632,7 +634,7 @@ def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
         if at in here or name is None:
             return here.get(at)
         if name["name"].casefold() in twice:
-            raise source.error(place, f"the point {name['name']} has its numbers twice in the program")
+            raise source.error(place, f"the program defines the point {name['name']} twice")
         return named.get(name["name"].casefold())
 
     moves, left = list[MoveText](), dict[str, None]()
@@ -650,7 +652,7 @@ def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
         else:
             got = re.split(r"[\n;]", source.text[at:])[0].strip()[:MAX_SHOWN]
             where = f" or in {program.path.stem}{language.beside} beside it" * bool(language.beside)
-            problem = f"expected a point whose numbers are in the program{where}, got {got!r}"
+            problem = f"expected a point whose coordinates are in the program{where}, got {got!r}"
             raise source.error(place, problem)
     return tuple(moves), list(left)
 

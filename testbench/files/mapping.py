@@ -339,7 +339,9 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
     words = {key: as_tuple(value) for key, value in found.words.items()}
     if blank := [key for key, own in words.items() if "" in own and key != LOST]:
-        raise InputError(path, f"words.{blank[0]}", "expected words, got ''; a blank cell may only be `lost`")
+        raise InputError(
+            path, f"words.{blank[0]}", "expected words, got ''; a blank cell can only mean `lost`"
+        )
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
 
 
@@ -401,7 +403,7 @@ def _stacked(
 ) -> tuple[str, ...]:
     """The names of columns that differ in a load, a target or a direction, with its place in them."""
     if several := [key for key, name in found.optional.items() if HOLE.search(" ".join(as_tuple(name)))]:
-        problem = "expected the place of a load in a name of [columns] alone"
+        problem = "the placeholder of a load is allowed only in [columns]"
         raise InputError(path, f"optional.{several[0]}", problem)
     patterns = list[str]()
     for key, names in found.columns.items():
@@ -409,7 +411,9 @@ def _stacked(
             for our, their in expand(key, name.removeprefix("-"), choices):
                 holes = HOLE.findall(their)
                 if len({*holes}) < len(holes) or sum(hole.startswith("mass_") for hole in holes) > 1:
-                    problem = f"expected each place of a load, a target or a direction once, got {name!r}"
+                    problem = (
+                        f"expected each placeholder of a load, a target or a direction once, got {name!r}"
+                    )
                     raise InputError(path, f"columns.{key}", problem)
                 patterns += [their] * bool(holes and _may_have_holes(recognise(our, ours), their))
     return tuple(patterns)

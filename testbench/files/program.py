@@ -210,10 +210,8 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
     frame_notes, unknown = _frame_notes(text, controller) if posed.any() else ((), "")
     outer, kept_notes = _external_axes(text, arm), list[str]()
     if outer:
-        why = (
-            f"{arm.name} has no such joint, so they count as if they moved neither the arm nor its workpiece"
-        )
-        kept_notes.append(f"External axes stay as they are: {', '.join(outer.values())}. {why}")
+        why = f"{arm.name} has no such joint, so we assume that they move neither the arm nor its workpiece"
+        kept_notes.append(f"External axes are unchanged: {', '.join(outer.values())}. {why}")
     motions = RobotMotions(
         text,
         linear=np.array([move.linear for move in text.moves], dtype=bool),
@@ -271,11 +269,11 @@ def _frame_notes(text: ProgramText, controller: Controller) -> tuple[tuple[str, 
         if getattr(controller, what) or (frame.numbers and np.allclose(R, np.eye(3)) and np.allclose(p, 0)):
             continue
         if what == "base" and frame.numbers:
-            notes.append(f"The base that the program states, {frame.text}, counts in the arm's world")
+            notes.append(f"The base that the program states, {frame.text}, is taken in world axes of the arm")
         else:
             unknown.append(f"{what} {frame.text}")
     if unknown:
-        meant = "Its poses count as those of the arm's tool" + " in the arm's world" * (not notes)
+        meant = "Its poses are taken as poses of the arm's tool" + " in the arm's world" * (not notes)
         hint = "unless [controller] of a map says where its tool and base are"
         notes.append(f"The program states {' and '.join(unknown)}. {meant}, {hint}")
     return tuple(notes), " and ".join(unknown)
@@ -597,7 +595,7 @@ def _other_program(path: Path) -> InputError | None:
             return InputError(path, "", problem)
     if has_line(OTHERS, text):
         read = ", ".join(f"{own.title} ({own.suffixes[0]})" for own in languages)
-        return InputError(path, "", f"a program in another language; read are {read}, and tables")
+        return InputError(path, "", f"a program in another language; testbench reads {read}, and tables")
     return None
 
 
@@ -656,7 +654,7 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
             one, two = joint.display_factor * here[i], joint.display_factor * other[i]
             got = f"{one:.4f} and {two:g} {joint.display_unit}"
             place = f"line {table.lines[i]}, columns {both}"  # an edit of one of them counts
-            raise InputError(path, place, f"expected the same twice, got {got}")
+            raise InputError(path, place, f"expected equal values in both columns, got {got}")
     return q
 
 
@@ -682,7 +680,7 @@ def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
         raise columns.lack(list(wanted))
     if rotation is None:
         angles = (
-            "rotation_1_deg ... in [columns] of a map for three angles, whose order is rotation in [series]"
+            "rotation_1_deg ... in [columns] of a map for three angles, with their order in [series] rotation"
         )
         hint = f"; or rotation_x_deg ... of a rotation vector, rotation_11 ..., or {angles}"
         raise columns.lack(list(columns_of("quaternion")), hint)
@@ -732,5 +730,5 @@ def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) 
 
 
 def _refuse(path: Path, lines: Ids, got: str, most: str) -> None:
-    problem = f"the path jumps, {got}: expected at most {most} from point to point unless jumps are allowed"
+    problem = f"the path jumps, {got}: expected at most {most} between two points, unless --jumps allows more"
     raise InputError(path, f"lines {lines[0]} and {lines[1]}", problem)

@@ -101,7 +101,7 @@ WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGN
 UNREADABLE = (
     (
         re.compile("(d|delta|δ|defl(ection)?|disp(lacement)?|verschiebung|auslenkung)[xyz]"),
-        "of deflections alone the targets' places are not known: add the unloaded positions, as before_x_mm",
+        "deflections alone do not show where the targets are: add the unloaded positions, as before_x_mm",
     ),
     (
         re.compile(
@@ -230,7 +230,7 @@ def _lines(table: TableCells) -> Iterator[Entry]:
             alone = [name for text, name in names.items() if text and re.fullmatch(own["reading"], text)]
             by_states = _by_states(table)
             read = {"" if by_states else "after": alone[0]} if len(alone) == 1 else {}
-            why = "" if by_states else "the gauge is at zero unloaded"
+            why = "" if by_states else "the gauge reads zero without load"
         whole = {*read} == {*STATES} or (what == "travel" and len(read) == 1 and {*read} <= {"", "after"})
         if whole and ({*axes} == {*XYZ} or directed):
             keys = ("_".join(filter(None, (what, when))) for when in read)
@@ -264,7 +264,7 @@ def _refuse_twice(table: TableCells, columns: Sequence[int]) -> None:
     """Refuse columns of positions that have one name: nobody knows which of them is meant."""
     names = [table.names[k] for k in columns]
     if again := next((name for name in names if names.count(name) > 1), ""):
-        hint = f'say in [columns] of a map which is which, as before_x = "{again}", after_x = "{again} (2)"'
+        hint = f'state in [columns] of a map which is which, as before_x = "{again}", after_x = "{again} (2)"'
         raise table.header_error(f"expected every name once, got {again!r} again; {hint}")
 
 
@@ -289,7 +289,7 @@ def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
         said = "" if unit else f"_{min(units, default='kg')}"
         if len({*units, *([unit.name] if unit and units else [])}) > 1:
             raise table.header_error(f"expected masses in one unit, got {' and '.join(sorted(units))}", name)
-        told = "" if column_meaning(name) == "mass" else "its unit is of a mass"
+        told = "" if column_meaning(name) == "mass" else "its unit is a unit of mass"
         why = "; ".join(filter(None, [told if unit else "no unit", left and f"not {left}"]))
         yield Entry("columns", f"mass{said}", name, why)
         for text, own in weighed.items():
@@ -482,11 +482,14 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
     if (hung := _one_load(table, arm)) and not mass_columns(table):
         found, why = (
             _by_one_load(table, place, found),
-            f"{hung[0]} {hung[1]} in the names of some columns alone",
+            f"{hung[0]} {hung[1]} is in the names of some columns only",
         )
         said = [Entry("values", f"mass_{hung[1]}", hung[0])]
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
-        found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"
+        found, why = (
+            counted,
+            "0 means unloaded, 1 or d means loaded, because another column names the targets",
+        )
     elif {at.target for at in found} == {"0"} and len(arm.markers) > 1 and _names_targets(table, arm):
         problem = "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ"
         raise table.header_error(f"{problem}; columns are {listed(table.names)}")
@@ -694,7 +697,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
-    shots = "names stand several times in a row: shots" if names and again else ""
+    shots = "names repeat in successive rows: these are shots" if names and again else ""
     lined = any(_lines(table))
     told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
     for name in names:
@@ -865,8 +868,12 @@ def _refuse_unknown_words(table: TableCells, name: str, texts: Sequence[str], ar
             unknown.append(kinds)
     if unknown:
         few = " and ".join(map(repr, min(unknown, key=len)[:3]))
-        hint = f'say it in a map, as [cells] {json.dumps(name)} = "{{pose}}_{{when}}", [words] before = "..."'
-        raise table.header_error(f"nobody knows what {few} mean in names as {texts[0]!r}; {hint}", name)
+        hint = (
+            f'state it in a map, as [cells] {json.dumps(name)} = "{{pose}}_{{when}}", [words] before = "..."'
+        )
+        raise table.header_error(
+            f"the meaning of {few} in names such as {texts[0]!r} is unknown; {hint}", name
+        )
 
 
 class _Parts(NamedTuple):
@@ -990,7 +997,7 @@ def _joined(
     keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
     why = {
         "rows": "no names or times in common, but these counts agree",
-        "parts": "names of the log are parts of the names here",
+        "parts": "each name here contains a name of the log",
     }
     entries = [Entry("log", key, value, why.get(key, "")) for key, value in keys.items()]
     entries += _file_entries("log.table", written)
@@ -1039,7 +1046,7 @@ def propose(
         blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
         alone = np.all(blank, axis=0)
         if merged := _merged(table, arm, alone, joints):
-            entries.append(Entry("file", "merged", True, "joints are blank below those of the pose"))
+            entries.append(Entry("file", "merged", True, "joints are only in the first row of each pose"))
             table, alone = table.filled(merged), np.zeros(table.rows, dtype=bool)
         table, points = _of_the_arm(table, alone)
     else:
@@ -1094,7 +1101,7 @@ def _orientations(
         if fit := export.fit or fit_of_series(arm, export.series[0]):
             if not export.fit:
                 fit = replace(fit, notation=f"{columns[0].key} = {columns[0].value}")
-            why = f"alone fits the arm as drawn: {fit}"
+            why = f"only this one fits the nominal arm: {fit}"
             stated = [Entry("series", "rotation", fit.notation, why)] if export.fit else []
             found.append((fit, [*columns, *stated]))
     fits = sorted((fit for fit, _ in found), key=lambda fit: fit.score)
@@ -1463,7 +1470,7 @@ def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]
     for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
         targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
         if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
-            own = Entry("words", "ignore", sorted(others), f"{', '.join(sorted(others))} without joints")
+            own = Entry("words", "ignore", sorted(others), f"no joints for {', '.join(sorted(others))}")
             return table.take(~alone), [Entry("columns", "marker", name), own]
     return table, []
 
@@ -1526,7 +1533,7 @@ def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Lo
     alone = late > SOON
     apart = float(late[~alone].max() if alone.mean() < 0.5 else late.max())
     if apart > SOON:
-        problem = f"expected a row within {SOON:g} s of every reading, one has none in {apart:.4g} s"
+        problem = f"expected a row within {SOON:g} s of every reading, but one reading is {apart:.4g} s away"
         raise InputError(log.path, "", f"{problem}; do the clocks agree?")
     how = Log(file=log.path.name, on=both[0], to=both[1], within_s=max(1.0, float(np.ceil(2 * apart))))
     return how, alone

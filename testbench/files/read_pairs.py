@@ -271,7 +271,9 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | N
         along = {("", when): [] for when in ("",) * lines.by_state or WHEN}
     blocks = _blocks(columns) if lines is None or columns.all_of("reading") else along
     if lines is not None and blocks.keys() != along.keys():
-        problem = "travel and distance: expected one row per run and marker, positions as before and after"
+        problem = (
+            "a file with travel or distance needs one row per run and marker, with positions before and after"
+        )
         raise columns.table.header_error(problem)
     everyone = np.arange(columns.table.rows)
     long = "" in {marker for marker, _ in blocks}
@@ -392,8 +394,8 @@ def _positions(columns: Columns, triple: list[ReadColumn]) -> Array:
 
         def problem(row: int) -> str:
             text = table.texts(first.index)[row]
-            hint = f'for a lost target say so in the map: [words] lost = "{text}"'
-            return f"expected a place, got {text!r} three times; {hint}"
+            hint = f'if this means a lost target, add to the map: [words] lost = "{text}"'
+            return f"expected a position, got {text!r} three times; {hint}"
 
         table.refuse((found == found[:, :1]).all(axis=1), first.name, problem)
     return found
@@ -438,13 +440,13 @@ def average_shots(columns: Columns) -> tuple[Columns, list[str]]:
         table = table.with_numbers(column.index, mean)
     shots, scatter = float(np.median(count)), float(np.sqrt(squares / max(free, 1)))
     words = (
-        f"the means of {len(code)} shots are {len(first)} readings; shots scatter by {1e6 * scatter:.3g} um"
+        f"{len(code)} shots are averaged to {len(first)} readings; shots scatter by {1e6 * scatter:.3g} um"
     )
     silent = columns.source_of(Slot("sigma")) is None and not columns.all_of("deviation", "spread")
     if free and scatter > 0 and silent:
         sigma = scatter / np.sqrt(shots)
         names = replace(names, values={**names.values, Slot("sigma"): (sigma, UNITS_BY_NAME["m"])})
-        words += f", so sigma is {1e6 * sigma:.3g} um; it lacks errors that all shots of a point share"
+        words += f", so sigma is {1e6 * sigma:.3g} um; errors common to all shots of a point are not included"
     return replace(columns, names=names, table=table), [words]
 
 
@@ -490,9 +492,9 @@ def untold_readings(columns: Columns) -> list[str]:
             if force
             else f'mass_kg, state or marker = "{name}"'
         )
-        hint = f"{what}; if rows are repeated readings say average = true in [file]"
+        hint = f"{what}; or, if rows are repeated readings, write average = true in [file]"
         problem = f"only this column, {few}, tells readings of one point apart, and it is not read"
-        raise table.header_error(f"{problem}; say what it is in [columns] of a map, as {hint}", name)
+        raise table.header_error(f"{problem}; state what it is in [columns] of a map, as {hint}", name)
     return []
 
 
@@ -563,7 +565,9 @@ def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings
     table.refuse(again, "", lambda row: f"run {run[code[row]]} is in the file twice")
     if read.long:
         short = np.bincount(code) < len(read.markers)
-        each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"
+        each = (
+            f"expected one line for each of {', '.join(read.markers)}; leave the cells of a lost target blank"
+        )
         for k in np.flatnonzero(short)[:1]:
             raise table.error(first[k], "", f"run {run[k]}: {each}")
     before, after = (readings_by_group(read, code, read.after == state) for state in (False, True))
@@ -592,9 +596,9 @@ def _state_by_state(
     loaded[read.row] = read.after
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
-        hint = "if the others are in another file or sheet, testbench data check reads both: --loaded FILE"
+        hint = "if the others are in another file or sheet, testbench data check --loaded FILE reads both"
         if {*DIFFERENCES} <= {re.sub("^(δ|delta)", "d", plain(name)) for name in table.names}:
-            hint = "if dx, dy, dz are loaded minus unloaded positions, say so in [columns] of a map, as "
+            hint = "if dx, dy, dz are loaded minus unloaded positions, state it in [columns] of a map, as "
             hint += 'before_x = "X", deflection_x = "dX"'
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")
     # Number readings of one pose, load and state; unloaded rows have no load.
@@ -622,10 +626,10 @@ def _notes(table: TableCells, idle: Ids, unloaded: Ids) -> list[str]:
     """Note unloaded readings that serve several runs or none."""
     shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
     alone = np.setdiff1d(np.arange(len(idle)), unloaded)
-    notes = [f"{shared} unloaded readings belong to several loads each"] * bool(shared)
+    notes = [f"{shared} unloaded readings each serve several loads"] * bool(shared)
     if len(alone):
         lines = ", ".join(str(table.lines[r]) for r in idle[alone[:5]])
-        notes.append(f"{len(alone)} unloaded readings have no loaded one, from line {lines}")
+        notes.append(f"{len(alone)} unloaded readings have no loaded one (lines {lines} ...)")
     return notes
 
 
@@ -637,7 +641,7 @@ def _repeated(table: TableCells, code: Ids, marker: Ids) -> Ids:
     count = np.zeros((int(code.max()) + 1, int(marker.max()) + 1), dtype=int)
     np.add.at(count, (code, marker), 1)
     uneven = (count != count.max(axis=1, keepdims=True)).any(axis=1)
-    problem = "this marker was read before in its pose and load, other markers were not: "
+    problem = "this marker has more readings in its pose and load than the others: "
     problem += "add a column run that tells measurements apart, or leave the row out"
     table.refuse((again > 0) & uneven[code], "", problem)
     return number_rows(code, again)
@@ -662,8 +666,10 @@ def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids,
         for row in rows[conditions.taken_off[rows] & (of_run < 0)][:1]:
             raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
     for row in rows[found < 0][:1]:
-        hint = "" if conditions.named else "; without a column of poses equal joints are one"
-        problem = f"a loaded reading in pose {conditions.pose[row]}, which has no unloaded one{hint}"
+        hint = (
+            "" if conditions.named else "; there is no column of poses, so rows of equal joints are one pose"
+        )
+        problem = f"expected an unloaded reading in pose {conditions.pose[row]}, got loaded ones only{hint}"
         raise table.error(row, "", problem)
     return np.where(of_run < 0, found, of_run)
 

@@ -113,7 +113,7 @@ def read_series(
     places = ", ".join(map(str, series_export.lost[:MAX_LISTED_LINES].tolist())) + ", ..." * (
         len(series_export.lost) > MAX_LISTED_LINES
     )
-    lost = f"{len(series_export.lost)} rows without a reading are left out, of line {places}"
+    lost = f"rows without a reading are left out: {len(series_export.lost)} (line {places})"
     return replace(series_export, notes=(*series_export.notes, lost))
 
 
@@ -136,7 +136,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     alone = alone and not any(c.slot.marker for c in columns.all_of("reading"))
     if alone:
         arm = replace(arm, markers=(ALONE,))
-        notes.append(f"no column says a marker: all readings are of one, called {ALONE!r}")
+        notes.append(f"no column names the marker: all readings are taken to be of one, called {ALONE!r}")
     read = (read_distances if meters else read_readings)(columns, arm, conditions.loaded)
     if alone and not meters:
         _check_alone(columns, conditions, read)
@@ -150,7 +150,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
     notes += [] if fixed is None else fixed.notes
     if columns.names.map.frame == "base":
-        notes.append("the map says that readings are in the base's frame: the frame is fitted all the same")
+        notes.append("the map says that readings are in the base's frame, but the frame is fitted anyway")
     parts = _parted(columns, whole, first, scatter, fixed)
     return SeriesExport(parts, columns, tuple(notes), lost, fit)
 
@@ -185,7 +185,7 @@ def _check_alone(columns: Columns, conditions: RowConditions, read: FileReadings
     key = np.column_stack([conditions.q, conditions.wrench])
     same = (key[1:] == key[:-1]).all(axis=1)
     apart = np.linalg.norm(np.diff(read.position, axis=0), axis=1) > APART
-    problem = f"expected a column 'marker': the row above is of the same pose, {APART} m away or more"
+    problem = f"expected a column 'marker': the row above has the same pose, but is {APART} m away or more"
     columns.table.refuse(np.append(False, same & apart), "", problem)
 
 
@@ -243,7 +243,9 @@ def _assembled(
     there = whole.seen.any(axis=1) | whole.oriented
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
-    turned = [f"the angles are {fit.notation}, which alone fits the arm as drawn: {fit}"] if fit else []
+    turned = (
+        [f"the angles are {fit.notation}, the only notation that fits the nominal arm: {fit}"] if fit else []
+    )
     notes = [*turned, *warm, *timed]
     return select_rows(whole, there), first[there], table.lines[first[~there]], notes
 
@@ -315,7 +317,7 @@ def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array
     found = np.where((leader >= 0)[:, None, None], rotation[leader], np.nan)
     differs = np.abs(rotation - found[code]).max(axis=(1, 2)) > TURNED_APART  # NaN differs from nothing
     name = columns.all_of(*ROTATIONS)[0].name
-    columns.table.refuse(differs, name, "expected the orientation of the other rows of the reading")
+    columns.table.refuse(differs, name, "expected the same orientation in all rows of a reading")
     return found
 
 

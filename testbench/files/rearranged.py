@@ -87,7 +87,7 @@ def _read_targets(path: Path, language: Language) -> TableCells:
     point_texts = [point for point in point_texts if point.name] or point_texts
     if not point_texts:
         pulses = any(point.mode == language.pulses for point in program.points if language.pulses)
-        got = "pulses, of which nobody knows how many make a degree" if pulses else "no joint target"
+        got = "pulses, whose number per degree is unknown" if pulses else "no joint target"
         raise InputError(path, "", f"expected joints in this {language.title} program, got {got}; {ASKED}")
     names = [point.name for point in point_texts]
     if language.drop and all(name.casefold().startswith(language.drop.casefold()) for name in names):
@@ -265,7 +265,7 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
                 raise names.error(table.path, place, problem)
             wholes.append(_expression(pattern))
         parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
-        expected = f"{' or '.join(map(repr, patterns))} as the map says"
+        expected = f"{' or '.join(map(repr, patterns))} as in the map"
         table = table.with_parts(table.names.index(header), parts, _parted_by(wholes), expected)
         read_as += parts
         if not names.maps(header):
@@ -309,7 +309,7 @@ def _numbers_apart(
     divided = {
         text: dict(zip(parts, own, strict=True)) for text, own in zip(texts, found or (), strict=False)
     }
-    expected = f"{len(parts)} numbers in every cell, and further ones alike in all"
+    expected = f"{len(parts)} numbers in every cell, and any further numbers equal in all cells"
     return table.with_parts(k, parts, divided.get, expected), parts
 
 
@@ -402,7 +402,7 @@ def _rows_of_points(table: TableCells, axis: int) -> Ids:
     for row, text in enumerate(texts):
         if text not in XYZ:
             got = table.texts(axis)[row][:80]
-            problem = f"no axis {got!r}; axes are {', '.join(XYZ)}, a map's [words] may ignore others"
+            problem = f"no axis {got!r}; axes are {', '.join(XYZ)}; [words] of a map can ignore others"
             raise table.error(row, table.names[axis], problem)
     for row in range(0, len(texts), 3):
         if sorted(texts[row : row + 3]) != list(XYZ):
@@ -542,7 +542,11 @@ def join_log(table: TableCells, log: TableCells, how: Log) -> TableCells:
 def _row_by_row(table: TableCells, log: TableCells, count: int) -> TableCells:
     """So many rows of a table in turn with one of the log; InputError where the counts do not agree."""
     if table.rows != count * log.rows:
-        expected = f"{count} times {log.rows} rows of {log.path.name}" if count > 1 else f"{log.rows} rows"
+        expected = (
+            f"{count} rows for each of {log.rows} rows of {log.path.name}"
+            if count > 1
+            else f"{log.rows} rows"
+        )
         raise table.error(0, "", f"expected {expected} to join row by row, got {table.rows}")
     return table.with_columns_of(log, np.arange(table.rows) // count)
 

@@ -518,7 +518,7 @@ class TableCells:
         if len(bad):
             text = self.texts(k)[bad[0]]
             marked = len(text) > 1 and text.strip("+-.,' 0123456789") == ""
-            hint = f"the decimal mark here is {mark!r}; thousands are divided before one only"
+            hint = f"the decimal mark here is {mark!r}; a thousands separator must come before it"
             hint = f"; {hint}" if marked else words
             raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
         return values

@@ -228,7 +228,7 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
             if name == tried[-1]:
                 place = f"byte {len(found) + err.start + 1}"
                 problem = f"expected text in {' or '.join(tried)}: {err.reason}"
-                raise InputError(path, place, f"{problem}; a map's [file] may say the encoding") from err
+                raise InputError(path, place, f"{problem}; state the encoding in [file] of a map") from err
         else:
             if what := next((what for what, begins in NO_TABLES.items() if re.match(begins, text)), ""):
                 raise InputError(
@@ -236,7 +236,7 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
                 )
             if "\0" in text:
                 line = text.count("\n", 0, text.index("\0")) + 1
-                hint = "for UTF-16 without a mark say the encoding in a map"
+                hint = "if it is UTF-16 without a mark, state the encoding in a map"
                 raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
             return text.replace(MINUS, "-"), name
     raise AssertionError
@@ -282,7 +282,7 @@ def split_lines(path: Path, text: str) -> list[str]:
         if first >= 0 and k - first > JOINED:
             break
     if first >= 0:
-        raise InputError(path, f"line {first + 1}", "not a table: quotes without an end")
+        raise InputError(path, f"line {first + 1}", "not a table: a quote is never closed")
     return lines
 
 
@@ -616,10 +616,10 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
             while len(cells) > count and not cells[-1].strip():
                 cells.pop()
             if len(cells) != count:
-                hint = "; for a line behind the table say footer = 1 in the map's [file]"
+                hint = "; for a line after the table, write footer = 1 in [file] of a map"
                 hint *= k == header.body[-1]
                 if not hint and _title(lines[k], header.delimiter, count):
-                    hint = "; if such lines name the rows below say sections = true in the map's [file]"
+                    hint = "; if such lines name the rows below, write sections = true in [file] of a map"
                 problem = f"expected {count} fields, got {len(cells)}{hint}"
                 raise UnevenRows(path, f"line {k + 1}", problem)
             line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)

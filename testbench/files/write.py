@@ -141,7 +141,7 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
     assert data.tilt is not None
     assert data.reach is not None
     if data.slide is not None:
-        raise BenchError("dataset: expected directions as they were stated, got those of the loaded arm")
+        raise BenchError("dataset: expected the stated directions, got those of the loaded arm")
     u, seen = data.direction, data.seen.reshape(-1, 1)
     lines = u.any(axis=2).reshape(-1, 1)
     gauge, meter = lines & (data.reach.reshape(-1, 1) == 0), lines & (data.reach.reshape(-1, 1) > 0)
@@ -220,7 +220,7 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
         ]
     tables = [_table(arm, s, stem, decimals) | _scatter(s, scatter, decimals) for s in series]
     if any(list(table) != list(tables[0]) for table in tables):
-        raise BenchError("series: expected torques, temperature and time in all of a file or in none")
+        raise BenchError("series: expected torques, temperature and time in all series of a file or in none")
     header = [name for name in tables[0] if name not in silent]
     return _text(header, (row for own in tables for row in zip(*(own[k] for k in header), strict=True)))
 

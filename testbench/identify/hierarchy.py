@@ -140,7 +140,7 @@ def solve_normal_equations(H: Array) -> NormalSolution:
         root = cho_factor(H[:-1, :-1] / np.where(size > 0, size, np.nan) / size[:, None])
     except (np.linalg.LinAlgError, ValueError):  # not positive definite, or not finite
         raise BenchError(
-            "calibration: the readings leave a frame or target open; expected more poses"
+            "calibration: the readings do not determine a frame or target; expected more poses"
         ) from None
     return NormalSolution(cho_solve(root, H[:-1, -1] / size) / size, root, size)
 
@@ -388,7 +388,7 @@ def evidence_model(
     gram = gram_matrix(regression, scaling)
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
-        raise BenchError(f"prior {scaling.prior}: expected runs under load, none moves the model")
+        raise BenchError(f"prior {scaling.prior}: expected runs whose loads deflect the model, got none")
     # Places of the hyperparameters in h: K scales, factors of the kinds, widths of whole links, ties, and the
     # last three for the widths of shapes and couplings and for the misfit.
     shares, kinds, _ = scaling.entry_scales

@@ -70,7 +70,7 @@ class Method:
         """Refuse by BenchError a prior where it would leave nothing to complete, or a negative weight."""
         if self.prior is not None and self.constraint == "free":
             raise BenchError(
-                "prior: expected least squares or GCO; with a prior no direction is free to be completed"
+                "prior: expected least squares or GCO; with a prior, no direction is left to complete"
             )
         if self.trace_weight is not None and not 0 <= self.trace_weight < np.inf:
             raise BenchError(f"trace_weight [N m/rad]: expected 0 or more, got {self.trace_weight}")
@@ -251,4 +251,4 @@ def _as_method(estimator: Estimator, what: str) -> Method:
     if isinstance(estimator, Method):
         return estimator
     name = getattr(estimator, "__name__", type(estimator).__name__)
-    raise BenchError(f"{name}: an estimator of your own runs as it is, it cannot be given a {what}")
+    raise BenchError(f"{name}: your own estimator cannot be given a {what}")

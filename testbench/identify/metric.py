@@ -417,7 +417,7 @@ def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScali
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
         raise BenchError(
-            f"prior {scaling.prior}: expected data that move with the load, its best scale is {scale:.3g}"
+            f"prior {scaling.prior}: expected readings that move with the load; the best scale is {scale:.3g}"
         )
     return replace(scaling, L=np.where(scaling.law, 1.0, scale) * scaling.L)
 

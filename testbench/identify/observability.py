@@ -652,9 +652,9 @@ def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iter
         yield words, reduce(vjm, structure, without_readings(data, **extra))
     poses = np.unique(data.q, axis=0, return_inverse=True)[1].ravel()
     fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
-    yield "as many random poses again", reduce(vjm, structure, without_readings(data, q=fresh))
+    yield "as many more random poses", reduce(vjm, structure, without_readings(data, q=fresh))
     points = marker_points(vjm, data.markers)
-    name = f"one more marker off the {'plane' if len(points) > 2 else 'line'} of the {len(points)}"
+    name = f"one more marker, outside the {'plane' if len(points) > 2 else 'line'} of the other {len(points)}"
     name = "a second marker" if len(points) == 1 else name
     marker = reduce(_with_marker(vjm, points, name), structure, without_readings(data, markers=(name,)))
     yield name, replace(marker, terms=marker.terms[:1])
@@ -678,7 +678,7 @@ def _loads(data: Dataset) -> Iterator[tuple[str, dict[str, Array]]]:
         for k, axis in enumerate("xy"):
             side = np.zeros((data.runs, 6))
             side[:, k] = force
-            yield f"the force as a side load along world {axis}", {"wrench": side}
+            yield f"the same force, as a side load along world {axis}", {"wrench": side}
         for k, axis in enumerate("xyz"):
             point = data.point + OFFSET * np.eye(3)[k]
             yield f"load point moved {OFFSET:g} m along tool {axis}", {"point": point}

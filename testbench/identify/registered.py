@@ -90,7 +90,7 @@ def register_dataset(
         far = arm_reach(vjm, data.q)
         if frame == "auto" and registration.typical > MAX_NOMINAL_DISTANCE * far:
             fit = f"({1e3 * registration.rms:.3g} mm RMS)"
-            raise BenchError(f"in no frame do the unloaded readings fit the arm {fit}")
+            raise BenchError(f"the unloaded readings do not fit the arm in any frame {fit}")
         if frame == "auto" and all(
             _is_base(readings, registration.frames[readings.frame], far) for readings in series
         ):
@@ -143,7 +143,7 @@ def _check_known(registration: Registration) -> None:
         if frame.deviation > MAX_FRAME_DEVIATION:
             degrees = f"{math.degrees(frame.deviation):.1f} deg"
             raise BenchError(
-                f"registration: the frame of {name} is known to {degrees} only; "
+                f"registration: the frame of {name} is uncertain by {degrees}; "
                 "expected more poses, over more joints, or the frame itself"
             )
 

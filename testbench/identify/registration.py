@@ -499,17 +499,15 @@ def moving_joints(vjm: Vjm, series: Sequence[Series]) -> list[str]:
 def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> str:
     """Explain why the registration failed, and what would help."""
     if DIVERGED in tried:
-        return f"{DIVERGED}; a wrong unit, order of joints or sign of an angle?"
+        return f"{DIVERGED}; is a unit, the order of joints or the sign of an angle wrong?"
     for readings in series:
         if readings.seen.sum() < MIN_POINTS:
             return f"{readings.frame} read {readings.seen.sum()} targets; expected at least {MIN_POINTS}"
     poses = len(np.unique(np.concatenate([readings.q for readings in series]), axis=0))
     return (
-        f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, leave a "
-        f"frame or a "
-        f"target open; expected at least {MIN_POSES} poses that turn three joints, or nominal "
-        f"positions of all "
-        "targets"
+        f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, do not "
+        f"determine a frame or target; expected at least {MIN_POSES} poses that turn "
+        f"three joints, or nominal positions of all targets"
     )
 
 

@@ -138,7 +138,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
     if plain.conservative:
         return plain
     if regression.rank == regression.structure.n:
-        return replace(plain, status=f"{NO_CONSERVATIVE_FIT}: the data leave nothing free")
+        return replace(plain, status=f"{NO_CONSERVATIVE_FIT}: the data determine all unknowns")
     # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
     free = free_directions(regression, plain.pi)
     shortest = cone.norm_below(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
@@ -158,7 +158,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
     allowed = EQUAL_FIT * plain.f_m + EXACT_FIT * f_m(regression, np.zeros(len(pi)))
     good = estimate.conservative and estimate.f_m <= plain.f_m + allowed
     if not good:
-        estimate = replace(plain, status=f"{solution.failure}, and its digits do not suffice")
+        estimate = replace(plain, status=f"{solution.failure}, and the solution is not exact enough")
     return replace(estimate, status="solved" if good else estimate.status, solver_seconds=solution.seconds)
 
 

@@ -233,7 +233,7 @@ def _check(name: str, law: JointLaw) -> None:
     """Refuse an object that is no law, before a fit fails of it."""
     check_has("joint law", name, law, ("unit", "unit_words", "size_prior", "formula", "turn", "slope"))
     if name == STRUT:
-        raise BenchError(f"joint law {name!r}: the name is taken; take another one")
+        raise BenchError(f"joint law {name!r}: the name is taken; choose another")
     median, width = law.size_prior
     if not (law.unit > 0 and median > 0 and width > 0):
         raise BenchError(f"joint law {name!r}: expected a unit and a size_prior above 0")

@@ -321,7 +321,7 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     per_body = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
     pairs = int(per_body.sum() ** 2 - (per_body**2).sum()) // 2
     if pairs > MAX_PAIRS:
-        problem = f"expected at most {MAX_PAIRS} pairs of geoms of different bodies that collide, got {pairs}"
+        problem = f"expected at most {MAX_PAIRS} colliding pairs of geoms of different bodies, got {pairs}"
         raise InputError(path, "<geom>", problem)
 
 

@@ -540,7 +540,7 @@ def _newton(poses: Batch, row: ArmCopies) -> Array:
         # An equilibrium that needed its tangent may be unstable.
         for i in inverses.keys() & set(active[done].tolist()):
             if _unstable(tangent(poses, row, qpos[i], i)):
-                lost[i] = f"only an unstable equilibrium after {k} Newton steps, it buckles"
+                lost[i] = f"the arm buckles: the equilibrium after {k} Newton steps is unstable"
         active = active[going]
         if not active.size:
             break

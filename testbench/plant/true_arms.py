@@ -310,15 +310,16 @@ HELD_OUT: Mapping[str, TrueArm] = {
 """True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
 them."""
 TRUTH_DESCRIPTIONS = {
-    "tubes": "the folder's: every link a straight tube, which the template contains",
+    "tubes": "the arm's folder: every link is a straight tube, which the template contains",
     **{
-        f"off_{percent}": f"every link {percent} % off any tube along its axes, and these turned by "
+        f"off_{percent}": f"every link is {percent} % off any tube along its axes, and these are turned by "
         f"{np.rad2deg(percent / 100):.0f} degrees"
         for percent in (10, 20, 40)
     },
-    "cast": "every link a cast box, tapered, bowed, beside its joints, half of them with an open side; as "
-    "long as the tube and in the mean as compliant under moments",
-    "joints": f"joints other than the folder's, standard deviation of the logarithm {JOINT_LOG_DEVIATION:g}",
+    "cast": "every link is a cast box, tapered, bowed, and beside the axes of its joints; half of the boxes "
+    "have an open side. Length and mean compliance under moments are those of the tube",
+    "joints": "joints differ from the folder's: their log compliance has a standard deviation of "
+    f"{JOINT_LOG_DEVIATION:g}",
 }
 """Descriptions of TRUTHS."""
 
@@ -326,7 +327,7 @@ TRUTH_DESCRIPTIONS = {
 def _check(name: str, kind: TrueArm) -> None:
     """Refuse what is no TrueArm, and the name of the family."""
     if name == FAMILY or not isinstance(kind, TrueArm):
-        problem = f"expected a TrueArm of another name than {FAMILY!r}, got {type(kind).__name__}"
+        problem = f"expected a TrueArm with a name other than {FAMILY!r}, got {type(kind).__name__}"
         raise BenchError(f"true arm {name!r}: {problem}")
 
 

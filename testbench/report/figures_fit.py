@@ -351,7 +351,7 @@ def compliance_figure(rows: Sequence[Row], model: str, reference: str) -> Figure
     reading = (
         f"{own} causes {most.share_percent:.0f} % of the load's deflection, more than any other. Entry "
         f"(i, j) is divided by the square root of entries (i, i) and (j, j) of the {reference}, so that "
-        "metres and radians compare: 1 on the diagonal is as soft as that. Below: all links, each with its "
+        "metres and radians compare: on the diagonal, 1 is the reference. Below: all links, each with its "
         "joint. Grey: rigid in the reference, or no interval is known. report.json has all numbers."
     )
     say(figure, answer, reading)
@@ -496,7 +496,7 @@ def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> F
     )
     axes.set(xlabel="CPU time of a fit [s]", ylabel=error)
     quiet(axes)
-    answer = f"No other is both faster and better than {listed([*map(in_words, best)], 'or')}"
+    answer = f"No other is faster and better than {listed([*map(in_words, best)], 'or')}"
     say(figure, answer, "Dotted: from the fastest to the best; lines: 95 % intervals; filled: with a prior.")
     return figure
 

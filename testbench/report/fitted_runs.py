@@ -241,6 +241,6 @@ def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
     if taken.intervals and not taken.prior:
         yield Markdown("Without a prior, intervals contain the noise only.")
     if f.map is None and taken.intervals:
-        yield say("No map: {no_map}.", f)
+        yield say("There is no map of the workspace: {no_map}.", f)
     if f.map is not None and f.map.missing:
-        yield say("Without equilibrium over the workspace: {missing:list}.", f.map)
+        yield say("No static equilibrium in some poses of the workspace: {missing:list}.", f.map)

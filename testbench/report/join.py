@@ -298,7 +298,9 @@ def inputs_differ(a: Finished, b: Finished) -> list[Row]:
     ]
     if alone:
         counts = (str(len([key for key in alone if key in own])) for own in (ours, theirs))
-        rows.append(Row(what="number of settings of one alone", **dict(zip("ab", counts, strict=True))))
+        rows.append(
+            Row(what="number of settings that only one run has", **dict(zip("ab", counts, strict=True)))
+        )
     return rows
 
 
@@ -332,7 +334,7 @@ def refuse_unlike(runs: Sequence[Finished]) -> None:
         )
         problem = f"the same true arms (and the same seed, if each run has one), got {told}"
     if problem:
-        raise BenchError(f"runs: expected {problem}; --anyway compares them nevertheless")
+        raise BenchError(f"runs: expected {problem}; --anyway compares them")
 
 
 def _true_arms(run: Finished) -> frozenset[str]:

@@ -40,7 +40,10 @@ from testbench.workflows.plan import Planned
 OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
 CHANCE = Look(GREY, 0, prior=False)  #: Of plans that were not chosen.
 MADE = "this plan"  #: How the plan that was made is called.
-ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; weights have the size of steel."
+ORDER, UNSCALED = (
+    "Plan, in the order of measuring",
+    "Nothing is magnified; weights have the size of steel weights.",
+)
 SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
 NOWHERE = "no bound"
 
@@ -257,4 +260,4 @@ def _map(error_places: ErrorPlaces, group: int, when: str) -> PlaceMap:
     lines = [ModelLine(name, look, error_places.errors(name)) for name, look in looks.items()]
     without = NOWHERE if any(map(error_places.unbounded, looks)) else ""
     title = f"Expected error over the workspace, {when} (mm)"
-    return PlaceMap(title, group, np.array(error_places.position_m), lines, "Where it will err", without)
+    return PlaceMap(title, group, np.array(error_places.position_m), lines, "Expected errors", without)

@@ -164,7 +164,7 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
     soft = draw.ModelLine("tool", TOOL, MM * field.worst)
     return draw.PageContent(
         scene=draw.Scene(made.cell, title, [poses, _places(made)]),
-        map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
+        map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where the arm is soft"),
         runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
     )
 

@@ -363,11 +363,11 @@ def _single_numbers(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "solver", f"{f.program.method}: {f.program.status}" if f.program else "the arm is rigid"
     yield "smallest eigenvalue of the compliances, SI", min((row.smallest for row in f.blocks), default=None)
-    yield "noise of a reading along an axis, as stated, um", f.noise.sigma_um
+    yield "stated noise of a reading along an axis, um", f.noise.sigma_um
     yield "error of the model at a position, without noise, um", f.noise.open_position_um
     yield "error of the model at an orientation, without noise, urad", f.noise.open_rotation_urad or None
     yield "scatter of the readings / (noise and model error together)", f.noise.position_factor
-    yield "positions that count less as likely outliers, % (0.7 % expected)", f.less_pull_percent
+    yield "positions with less weight, as likely outliers, % (0.7 % expected)", f.less_pull_percent
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm
         yield (

@@ -680,8 +680,8 @@ def stiffness_figure(rows: Sequence[Row], force: float) -> Figure:
     if sizes[soft, 0] > sizes[stiff, 0]:
         answer += f"; stiffest at {named[1]}: {sizes[stiff, 0]:.3f} mm"
     reading = (
-        f"Ellipsoids at {len(rows)} poses: where {force:,.0f} N of any direction move the loaded tool, "
-        f"magnified. Dotted: their order. Named: the softest pose."
+        f"Ellipsoids at {len(rows)} poses: how far {force:,.0f} N in any direction move the loaded tool, "
+        f"magnified. Dotted: order of the poses. Named: the softest pose."
     )
     say(figure, answer, reading)
     return figure

@@ -53,8 +53,8 @@ def check_address(address: str, *, insecure: bool = False) -> None:
         raise BenchError(f"--cluster: {expected}, got {address!r}")
     if parts.scheme == "tcp" and not insecure and not _is_here(str(host)):
         raise BenchError(
-            f"--cluster: {expected}, got {address!r}: over plain tcp:// anybody on the way can "
-            "run programs here and there; --insecure does it all the same"
+            f"--cluster: {expected}, got {address!r}: plain tcp:// lets anybody on the network "
+            "run programs on both machines; --insecure allows it"
         )
 
 
@@ -179,11 +179,11 @@ def _check_workers(client: Any, address: str, patience: float) -> None:
     advice = "install the same checkout and requirements.lock there"
     for worker, found in client.run(numeric_versions, on_error="return").items():
         if not isinstance(found, dict):
-            raise BenchError(f"--cluster: worker {worker} cannot tell its versions: {found!r}; {advice}")
+            raise BenchError(f"--cluster: worker {worker} does not report its versions: {found!r}; {advice}")
         for name, here in numeric_versions().items():
             if found.get(name) != here:
                 raise BenchError(
-                    f"--cluster: worker {worker}: expected {name} {here} as here, "
+                    f"--cluster: worker {worker}: expected {name} {here}, as on this machine, "
                     f"got {found.get(name, 'none')}; {advice}"
                 )
 

@@ -132,7 +132,7 @@ def run_study(
         except WorkersLost as err:
             lost = 1 if done > before else lost + 1
             if lost > RETRIES:
-                raise _resumable(f"{err}, {lost} times in a row", store) from err
+                raise _resumable(f"{err} ({lost} times in a row)", store) from err
         except BenchError as err:
             raise _resumable(str(err), store) from err
 
@@ -152,7 +152,7 @@ def _resumable(problem: str, store: TrialStore[Any]) -> BenchError:
     if not store.count:
         return BenchError(problem)
     held = f"{store.count} of {len(store.experiment.seeds)} trials are stored"
-    return BenchError(f"{problem}; {held}, --resume goes on with them")
+    return BenchError(f"{problem}; {held}; --resume continues")
 
 
 MOST_A_CORE = 8  #: Most processes of a core: each takes the memory of a program.
@@ -179,7 +179,7 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
     cores = cpu_count()
     highest = MOST_A_CORE * cores
     if workers is not None and not 1 <= workers <= highest:
-        raise BenchError(f"workers: expected 1 to {highest}, {MOST_A_CORE} a core, got {workers}")
+        raise BenchError(f"workers: expected 1 to {highest} ({MOST_A_CORE} per core), got {workers}")
     count = min(workers or cores, len(chunks))
     if count <= 1:
         yield from here(work, chunks)

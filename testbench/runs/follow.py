@@ -62,7 +62,7 @@ class Follower:
 
     def log(self) -> str:
         """Write when the command began, its words, and of every kind of steps beginning and length."""
-        return "\n".join([*self.lines, f"{time.monotonic() - self.began:9.2f} s  files are written", ""])
+        return "\n".join([*self.lines, f"{time.monotonic() - self.began:9.2f} s  writing files", ""])
 
 
 @contextmanager

@@ -48,7 +48,7 @@ def session(own: Session) -> Iterator[None]:
 
 SIGNALLED = 128  #: Exit code after a signal, less its number.
 INTERRUPTED = SIGNALLED + signal.SIGINT
-RESULTS_KEPT = "earlier results stand as they were"
+RESULTS_KEPT = "earlier results are unchanged"
 
 
 def handle(handler: Callable[..., object]) -> dict[int, Callable[..., object] | int | None]:

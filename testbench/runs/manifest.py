@@ -113,7 +113,7 @@ def input_error(file: Path, err: ValidationError) -> InputError:
     first = err.errors(include_url=False, include_context=False)[0]
     place = ".".join(map(str, first["loc"]))
     if first["type"] == "missing":
-        return InputError(file, place, "expected it, there is none")
+        return InputError(file, place, "this key is missing")
     return InputError(file, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}")
 
 

@@ -91,8 +91,8 @@ def check_header(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]
             raise InputError(
                 path,
                 "",
-                f"{name}: the trials in this folder have {have!r}, this run has {want!r}; "
-                "resume with what they were started with, or choose another folder",
+                f"{name}: {have!r} in the stored trials, {want!r} in this run; "
+                "resume with the same settings, or choose another folder",
             )
 
 
@@ -145,7 +145,7 @@ def arrow_table(
         try:
             found.append(pa.array(cells[field.name], field.type))
             if pa.types.is_integer(field.type) and found[-1].to_pylist() != cells[field.name]:
-                raise OverflowError("Arrow would cut a fraction off")
+                raise OverflowError("a fraction cannot be stored in an integer column")
         except (pa.ArrowException, OverflowError, UnicodeEncodeError) as err:
             raise BenchError(f"rows: {field.name}: expected {field.type}: {err}") from err
     return pa.table(found, schema=schema)
@@ -377,8 +377,8 @@ class TrialStore(Generic[R]):
         if parts:
             held = [seed for path in parts for seed in part_seeds(path)]
             if not resume:
-                problem = f"holds {len(held)} trials of a run that was stopped: --resume goes on with them"
-                afresh = "to start afresh, choose another folder or remove this one"
+                problem = f"holds {len(held)} trials of a stopped run: --resume continues it"
+                afresh = "to start again, choose another folder or remove this one"
                 raise InputError(self.parts, "", f"{problem}; {afresh}")
             check_header(self.parts, read_about(parts[0], HEADER)[0], self.header)
             self.done = set(held) & set(self.experiment.seeds)

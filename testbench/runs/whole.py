@@ -115,13 +115,13 @@ def _settle(place: Path) -> None:
     if not os.path.lexists(home):
         return
     if home.is_symlink() or {path.name for path in home.iterdir()} - {NEW, EARLIER, GONE}:
-        raise InputError(home, "", "is not what a killed run leaves; move it away")
+        raise InputError(home, "", "is not a leftover of a killed run; move it away")
     earlier = home / EARLIER
     if os.path.lexists(earlier):
         if not os.path.lexists(place):  # killed between the two renames
             earlier.rename(place)
         elif os.path.lexists(home / NEW / place.name):
-            raise InputError(place, "", f"stands in the place of the run that is in {earlier}; move one away")
+            raise InputError(place, "", f"is in the place of the run that is now in {earlier}; move one away")
         else:
             for guest in guests(earlier, read_manifest(earlier).files):
                 if not os.path.lexists(place / guest):
@@ -238,7 +238,7 @@ def reading(folder: Path) -> Iterator[None]:
         yield
     finally:
         if _identity(folder) != before:
-            raise InputError(folder, "", "another run took its place while it was read: begin again")
+            raise InputError(folder, "", "another run replaced it while it was read: try again")
 
 
 def _identity(folder: Path) -> tuple[int, int] | None:

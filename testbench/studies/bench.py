@@ -163,7 +163,7 @@ TASKS: Mapping[str, Task] = {
     "frame": Task("one tracker in an unknown frame, 12 poses", 12, trackers=(NEAR,)),
     "stations": Task("two trackers, disturbed arm, 12 poses", 12, disturbed=True, trackers=(NEAR, ASIDE)),
     "other-arms": Task("true arms of kinds held out of the family, 12 poses", 12, arms=OTHERS),
-    "ur10": Task("a real UR10's own weight, poses of series C; series A judges", 200, arm=REAL, version=2),
+    "ur10": Task("a real UR10's own weight, poses of series C, judged on series A", 200, arm=REAL, version=2),
     "wrong-prior": Task("a prior wrong in a part of it, 12 poses", 12, priors=WRONG),
 }
 """By name."""
@@ -284,7 +284,7 @@ class BenchOptions(LimitOptions):
 
     entries: Annotated[
         list[str] | None,
-        typer.Argument(metavar="ENTRY.py...", help="Files with a function estimate: docs/own_estimator.md."),
+        typer.Argument(metavar="ENTRY.py...", help="Files with a function estimate (docs/own_estimator.md)."),
     ] = None
     task: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this task; repeatable.")] = None
 

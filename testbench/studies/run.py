@@ -54,7 +54,7 @@ def choose_backend(common: Common) -> Backend:
     if common.cluster is None:
         return partial(on_cores, workers=common.workers)
     if common.workers is not None:
-        raise BenchError("--workers counts processes of this machine: expected it without --cluster")
+        raise BenchError("--workers counts processes of this machine and cannot be combined with --cluster")
     check_address(common.cluster, insecure=common.insecure)
     check_certificates(common.cluster)
     return partial(on_cluster, address=common.cluster, insecure=common.insecure)
@@ -80,7 +80,7 @@ def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool =
     except KeyboardInterrupt as err:
         if not done or not kept:
             raise
-        stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
+        stored = f"at least {done} of {total} {words} are stored: --resume continues"
         raise Interrupted(f"{RESULTS_KEPT}; {stored}") from err
 
 

@@ -244,7 +244,7 @@ def calibrate_with_masses(
     with raise_explanation(vjm):
         calibration = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     said += [
-        f"{one.name}: {few}; taken from the series that share it"
+        f"{one.name}: {few}, so they are taken from the series that share them"
         for one in series
         if (few := underdetermined_reason(vjm, one))
     ]
@@ -264,7 +264,7 @@ def hidden_geometry(calibrated: Calibrated) -> str:
     """Say what geometry that no arm has may hide, such as a joint's zero."""
     why = unplaced_series(calibrated.calibration.state.vjm, calibrated.series[0])
     if why is None or why.name == "kinematics":
-        return "is a joint's zero off, or is it another arm?"
+        return "is the zero of a joint wrong, or is it another arm?"
     return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joints).sentence
 
 
@@ -278,7 +278,11 @@ def of_held(calibration: Calibration) -> list[str]:
             if series.normal is None:
                 zero = calibration.state.frame(series).zero
                 place = f"its fixed point is {place} from where it is stated"
-                place += f", and its distances count from {1e3 * zero:.3f} mm" if series.zero_sigma else ""
+                place += (
+                    f", and {1e3 * zero:.3f} mm are subtracted from its distances"
+                    if series.zero_sigma
+                    else ""
+                )
                 unseen = "distances do not show how the base is turned about it"
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
@@ -324,18 +328,22 @@ def of_masses(mass_fit: MassFit) -> str:
     """Say where masses from torques come from."""
     if not mass_fit.explained:
         return (
-            "masses stay those of rigid.xml: fitted ones would leave "
-            f"{mass_fit.residual:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter (order of joints, "
-            "unit or payload?)"
+            "the masses of rigid.xml are used, because fitted masses would leave "
+            f"{mass_fit.residual:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter "
+            "unexplained: check the order of joints, the unit and the payload"
         )
-    whose = "the motors' against the weight" if mass_fit.motors else "the weight's on the joints"
+    whose = (
+        "those of the motors against the weight" if mass_fit.motors else "those of the weight on the joints"
+    )
     limited = (
-        f"; as far from rigid.xml as is allowed: {', '.join(mass_fit.limited)}" if mass_fit.limited else ""
+        f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.limited)}"
+        if mass_fit.limited
+        else ""
     )
     return (
-        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of a scatter of "
-        f"{mass_fit.spread:.3g} N m they leave {mass_fit.residual:.3g} N m, the masses of rigid.xml "
-        f"{mass_fit.nominal_residual:.3g} N m{limited}"
+        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of their scatter of "
+        f"{mass_fit.spread:.3g} N m, fitted masses leave {mass_fit.residual:.3g} N m unexplained, those "
+        f"of rigid.xml {mass_fit.nominal_residual:.3g} N m{limited}"
     )
 
 
@@ -419,7 +427,9 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
                 placed = locate_series(with_drift(model), one, evenly_spaced_rows(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
         if not rest.rows:
-            raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
+            raise BenchError(
+                f"{one.name}: all {len(placed.rows)} rows fit its frame, so no row validates the model"
+            )
         left, covariance = predict(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
         within.append(inside_ellipsoid(left, covariance, one.quantile_95)[rest.seen])

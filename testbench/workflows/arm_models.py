@@ -209,7 +209,9 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
         except InputError:
             raise
         except (BenchError, ValueError, IndexError) as err:
-            raise InputError(folder / DOCUMENT, "", f"numbers do not belong together: {err}") from err
+            raise InputError(
+                folder / DOCUMENT, "", f"the numbers of this model contradict each other: {err}"
+            ) from err
 
 
 def read_model(folder: Path) -> ArmModel:
@@ -226,7 +228,7 @@ def _read_document(folder: Path) -> Document:
     if not path.is_file():
         problem = f"expected the folder of a model, with {DOCUMENT}"
         if (folder / FITS).is_file():
-            problem = f"has fits of an earlier version and no {DOCUMENT}: identify again"
+            problem = f"was written by an earlier version and has no {DOCUMENT}: identify again"
         raise InputError(folder, "", problem)
     text = read_text(path, MAX_BYTES)
     try:
@@ -243,7 +245,7 @@ def _check_arm(folder: Path, document: Document, place: Path) -> None:
     for name in ARM_FILES:
         path, other = folder / name, place / name
         if not other.is_file() or files.digest(path) != files.digest(other):
-            problem = f"is a model of another arm, {document.arm}: its {name} is not that of {place}"
+            problem = f"is a model of another arm, {document.arm}: its {name} differs from that of {place}"
             raise InputError(folder, "", problem)
 
 

@@ -267,7 +267,7 @@ def calibration_doubts(f: Row) -> Iterator[tuple[str, str]]:
             far = f"held-out ones are {f.held_out_mm[1]:.3f} mm RMS {arms}"
         yield "Too few poses", f"{far}. Do not use the model; measure more poses."
     if f.far_geometry:
-        yield "Geometry no arm has", f"{f.far_geometry}."
+        yield "Implausible geometry", f"{f.far_geometry}."
     if ranges := _unread_words(f):
         yield "Extrapolated at joint angles without a reading", f"{ranges}."
     if f.weight_alone and f.compliances:
@@ -499,7 +499,7 @@ def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
     if worst is None or abs(worst.value) <= most:
         return ""
     return (
-        f"{worst.name} is {worst.value:.0f} {worst.unit}, sound arms stay below {most:.0f}: "
+        f"{worst.name} is {worst.value:.0f} {worst.unit}; sound arms stay below {most:.0f}. "
         f"{hidden_geometry(calibrated)}"
     )
 

@@ -265,7 +265,7 @@ def read_instruments(
     """
     check_markers(cell, mounted)
     if any(isinstance(own.instrument, PlaneProbe) for own in mounted):
-        raise BenchError("--instrument: expected --absolute with a plane; a gauge reads deflections")
+        raise BenchError("--instrument: a plane needs --absolute; a gauge reads deflections")
     probes = [own for own in mounted if isinstance(own.instrument, Tracker) and own.instrument.sigma_rotation]
     if not mounted or (probes and len(mounted) > 1):
         raise BenchError("instruments: expected at least one, a probe of orientations alone")

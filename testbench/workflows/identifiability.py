@@ -72,7 +72,7 @@ def structure_words(found: StructuralDirections, joints: Sequence[str], complian
         yield (
             f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any "
             "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
-            f"to the link before or behind it. Such directions per joint: {', '.join(shared)}"
+            f"to the link before or after it. Such directions per joint: {', '.join(shared)}"
             f"{f'; {left} concern several links' if left else ''}"
         )
     if found.inactive_joints:
@@ -190,7 +190,7 @@ def _unseen(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
         if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
             names += [hidden_quantity.name for hidden_quantity in group]
         else:
-            names.append(f"{len(group)} groups of orders of {_joint(group[0].name)}'s errors")
+            names.append(f"{len(group)} bands of orders in the errors of {_joint(group[0].name)}")
     return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
 
 

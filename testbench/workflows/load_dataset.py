@@ -140,7 +140,7 @@ def read_table(path: Path, names: Sequence[str], **kept: str | None) -> dict[str
     try:
         lacking = [name for name in (*names, *kept) if name not in parquet.read_schema(path).names]
         if lacking:
-            raise InputError(path, f"column {lacking[0]}", "expected it, there is none")
+            raise InputError(path, f"column {lacking[0]}", "this column is missing")
         table = parquet.read_table(path, columns=list(names), filters=words or None)
         return {name: _array(table[name]) for name in names}
     except (OSError, ValueError, pa.ArrowException) as err:

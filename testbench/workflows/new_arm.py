@@ -400,7 +400,7 @@ SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean 
 CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
-    "density": "{0:.4g} kg in the file are {1:.0f} kg/m^3 inside of the shapes: check the masses",
+    "density": "{0:.4g} kg in the file give a density of {1:.0f} kg/m^3 in the shapes: check the masses",
     "endless limits": "limits of {first} in the file, {2:g} to {3:g} rad, count as none: {deg[0]:.0f} to "
     "{deg[1]:.0f} deg is assumed",
     "endless limits of a slide": "limits of {first} in the file, {2:g} to {3:g} m, count as none (are they "
@@ -419,8 +419,7 @@ WORDS = {
     "narrow limits": "ranges below {deg[0]:.0f} deg, whose numbers may be radians, not degrees: {names}",
     "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg is assumed",
     "no limits of a slide": "no limits of {first} in the file: {0:g} to {1:g} m is assumed",
-    "no masses": "no mass in the file: {0:g} kg/m^3 inside of the shapes is assumed, {1:.4g} kg in all: "
-    "{names}",
+    "no masses": "no mass in the file: {0:g} kg/m^3 in the shapes is assumed, {1:.4g} kg in all: {names}",
     "outside": "not of this arm, so left out: {names}",
     "placeholders": "every link weighs {0:g} kg in the file, which no arm does: not used",
     "renamed": "names changed to allowed ones: {names}",
@@ -563,10 +562,10 @@ def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[
     name = " ".join("".join(c if c.isprintable() else " " for c in name).split())  # on one line
     return [
         f"# {name}: proposed from its geometry; nobody has measured these numbers.",
-        "# To confirm, the largest effect on the sag first; `testbench check` puts numbers to it:",
+        "# Please confirm, the largest effect on the deflection first (`testbench check` prints them):",
         *(f"{CONFIRM}{k}. {words}." for k, words in enumerate(confirm, start=1)),
         '# Where you know better, change the value and its origin: "published", "inferred" or "assumed".',
-        "# Tool, load point and markers are bodies of rigid.xml; take out of to_confirm what stands right.",
+        "# Tool, load point and markers are bodies of rigid.xml. Remove from to_confirm what you checked.",
     ]
 
 

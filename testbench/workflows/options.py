@@ -428,7 +428,7 @@ def absolute_alone(flags: "DataclassInstance") -> None:
     """
     for own in fields(flags):
         if not getattr(flags, "absolute", True) and getattr(flags, own.name) != own.default:
-            raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
+            raise BenchError(f"--{own.name.replace('_', '-')} is only for --absolute")
 
 
 def mass(text: str) -> float:
@@ -445,7 +445,7 @@ def mass_or_none(text: str) -> float:
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or name of a built-in one.")]
-MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
+MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Map of the table's columns.")]
 SigmaUm = Annotated[
     float | None,
     typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise per axis, if the file has none."),
@@ -455,7 +455,7 @@ Load = Annotated[
     typer.Option(
         parser=mass,
         metavar="MASS",
-        help="Payload if the file has none, kg or as 530lb.",
+        help="Payload if the file has none: 240 or 530lb.",
     ),
 ]
 Payload = Annotated[
@@ -464,11 +464,11 @@ Payload = Annotated[
         "--load",
         parser=mass_or_none,
         metavar="MASS",
-        help="Load if the file has none, kg or as 530lb (default: rated).",
+        help="Hung mass if the file has no load (default: rated).",
     ),
 ]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
-ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Reject a model of any other arm.")]
+ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Stop if the model is of another arm.")]
 ShownFolder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for picture, recording and page.")
 ]

@@ -245,11 +245,11 @@ class LimitOptions:
     """Hold the flags of what a call may use."""
 
     estimator_timeout: Annotated[
-        float, typer.Option(min=0.01, max=86_400, metavar="S", help="Time limit of a call of your estimator.")
+        float, typer.Option(min=0.01, max=86_400, metavar="S", help="Time limit per call of your estimator.")
     ] = 60.0
     estimator_memory: Annotated[
         float,
-        typer.Option(min=0.01, max=1000, metavar="GB", help="Memory limit of a call of your estimator."),
+        typer.Option(min=0.01, max=1000, metavar="GB", help="Memory limit per call of your estimator."),
     ] = 2.0
 
     @property
@@ -403,5 +403,7 @@ def parameters_of(structure: Structure, found: Array) -> Array:
     rest = np.argwhere((found != 0) & (structure.matrix(np.ones(structure.n)) == 0))
     if len(rest):
         a, b = rest[0]
-        raise BenchError(f"expected 0 between {structure.labels[a]} and {structure.labels[b]}: no unknown")
+        raise BenchError(
+            f"expected 0 between {structure.labels[a]} and {structure.labels[b]}: no unknown there"
+        )
     return structure.entries(found)

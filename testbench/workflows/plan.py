@@ -156,9 +156,9 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     indices = observability(best.examined.problem, best.chosen)
     if spec.uncertainty is None and indices.seen < indices.of:
         raise BenchError(
-            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions "
+            f"poses: {settings.poses} poses determine {indices.seen} of the {indices.of} directions "
             f"that these "
-            "loads can show; give more poses, or plan with a prior"
+            "loads can determine; give more poses, or plan with a prior"
         )
     fit = linear_fit_after(spec, cad_prior(cell.arm), best.read)
     poses, forecast, around = (
@@ -297,8 +297,8 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
-            "these loads cannot show, so the error has no bound; add a prior, or a load or pull in another "
-            "direction"
+            "the planned loads cannot determine, so the error has no bound; "
+            "add a prior, or a load or pull in another direction"
         )
 
 

@@ -207,7 +207,7 @@ def given_poses(
     q = None if file is None else read_poses(file, cell.arm, mapping)
     count = (poses or 0) if q is None else len(q)
     if count * times > MAX_RUNS:
-        most = f"expected at most {MAX_RUNS} runs, poses times loads times series"
+        most = f"expected at most {MAX_RUNS} runs (poses times loads times series)"
         raise BenchError(f"{file or '--poses'}: {most}, got {count} times {times}")
     if q is not None:
         check_poses(cell.room, q)
@@ -233,14 +233,14 @@ def hung_masses(
         BenchError: When two of them say what hangs.
     """
     if loads is not None and payload_kg is not None:
-        raise BenchError("--loads: expected no --payload-kg with it")
+        raise BenchError("--loads cannot be combined with --payload-kg")
     stated = None if file is None else read_loads(file)[0]
     if stated is None:
         mass = payload_of(arm, payload_kg, "--payload-kg") if loads is None else 0.0
         return np.tile([mass] if loads is None else read_masses(loads), (poses, 1))
     for flag, value in (("--payload-kg", payload_kg), ("--loads", loads)):
         if value is not None:
-            problem = f"says what hangs or pulls in every run; leave out {flag}"
+            problem = f"states the load of every run; leave out {flag}"
             raise InputError(file or Path(), "column load_kg" if stated.any() else FORCES, problem)
     return stated[:, None]
 
@@ -471,9 +471,7 @@ def _too_few(found: int, count: int, drawn: int, rejected: dict[str, int]) -> st
     came = dict(zip(REASONS, drawn - np.cumsum([0, *rejected.values()]), strict=False))
     most = max(REASONS, key=lambda r: rejected[r])
     strict = max(REASONS, key=lambda r: rejected[r] / max(came[r], 1))
-    refused = (
-        f"; {strict!r} refused {rejected[strict]} of the {came[strict]} that came to it: {ADVICE[strict]}"
-    )
+    refused = f"; {strict!r} refused {rejected[strict]} of the {came[strict]} poses tested: {ADVICE[strict]}"
     table = ", ".join(f"{reason} {n}" for reason, n in rejected.items() if n)
     return (
         f"found {found} of {count} poses in {drawn} draws; most were refused by {most!r}: {ADVICE[most]}"

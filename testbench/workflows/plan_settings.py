@@ -109,7 +109,7 @@ class PlanSettings:
         for own in ranges:
             _check_range(*own)
         if self.acceptance_deg is not None and self.tracker_m is None:
-            raise BenchError("acceptance_deg: expected the place of a tracker with it")
+            raise BenchError("acceptance_deg: expected the position of a tracker too")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
             raise BenchError(f"box_m: expected the lower corner first, got {self.box_m}")
 
@@ -119,10 +119,10 @@ class PlanSettings:
             if not isinstance(values, list | tuple):
                 raise BenchError(f"{name}: expected a tuple, got {type(values).__name__}")
         if len(set(loads)) < len(loads) or not (loads or self.absolute):
-            least = "" if self.absolute else "at least one, "
-            raise BenchError(f"loads_kg: expected {least}each once, got {list(loads)}")
+            least = "" if self.absolute else "one or more "
+            raise BenchError(f"loads_kg: expected {least}different loads, got {list(loads)}")
         if len(set(pulls)) < len(pulls):
-            raise BenchError(f"pulls_n: expected each once, got {list(pulls)}")
+            raise BenchError(f"pulls_n: expected different pulls, got {list(pulls)}")
         for load in loads:
             _check_range("loads_kg", load, *LOAD_RANGE)
         for pull in pulls:
@@ -134,10 +134,10 @@ class PlanSettings:
         if not self.instruments:
             return
         if not self.absolute:
-            raise BenchError("instruments: expected --absolute with them; gauges are planned by --gauges")
+            raise BenchError("instruments are only for --absolute; plan gauges with --gauges")
         others = {"tracker_m": self.tracker_m, "orientations": self.orientations, "given": self.given}
         if named := [name for name, own in others.items() if own]:
-            raise BenchError(f"instruments: expected no {named[0]} with them")
+            raise BenchError(f"instruments: cannot be combined with {named[0]}")
         if any(own.fixed is None for own in self.mounted):
             raise BenchError("instruments: expected ballbar, bar, wire or plane")
 
@@ -204,7 +204,7 @@ def structure(cell: Cell, name: str) -> Structure:
     if not model.structure.has_full_blocks:
         others = ", ".join(other for other in arm_model_names(cell.arm) if other != name)
         raise BenchError(
-            f"no plan for {name}: it leaves out entries by what one dataset shows; expected one of {others}"
+            f"no plan for {name}, because its unknowns depend on the readings; expected one of {others}"
         )
     return model.structure
 
@@ -237,7 +237,7 @@ class PlanOptions:
     ] = None
     load: Annotated[
         list[float] | None,
-        typer.Option(parser=mass, metavar="MASS", help="Payload, kg or as 530lb; repeat it for a choice."),
+        typer.Option(parser=mass, metavar="MASS", help="Hung mass: 240 or 530lb; repeat to offer several."),
     ] = None
     pull: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Force instead of a weight, N; repeatable.")
@@ -264,7 +264,7 @@ class PlanOptions:
     sling_m: Annotated[float, typer.Option(metavar="M", help="Length from load point to weight.")] = 0.5
     floor_z: Annotated[float | None, typer.Option(metavar="M", help="Height of a floor.")] = None
     gauges: Annotated[
-        int, typer.Option(metavar="N", help="Gauges per pose, 1 to 3, which the plan places.")
+        int, typer.Option(metavar="N", help="Number of gauges per pose, 1 to 3, to be placed.")
     ] = 0
     gauge_um: Annotated[float, typer.Option(metavar="UM", help="Noise of a gauge.")] = 5.0
     tilt_deg: Annotated[float, typer.Option(metavar="DEG", help="Error of a gauge's direction.")] = 0.5
@@ -376,6 +376,6 @@ def _check(options: PlanOptions, flags: AbsolutePlanOptions) -> None:
         "--map": mapping,
     }
     if named := [flag for flag, given in others.items() if flags.absolute and given]:
-        raise BenchError(f"{named[0]}: expected no --absolute with it")
+        raise BenchError(f"{named[0]} cannot be combined with --absolute")
     if options.uncertainty_percent is not None and options.no_prior:
-        raise BenchError("--uncertainty-percent: expected no --no-prior with it")
+        raise BenchError("--uncertainty-percent cannot be combined with --no-prior")

@@ -191,7 +191,7 @@ def _of_flags(model: ArmModel, program: Program, motions: RobotMotions, k: int) 
     if not len(own):
         flags = motions.text.language.flags
         name = flags.name if flags else ""
-        problem = f"{name} states joints that the arm does not have in this pose; correct it, or give joints"
+        problem = f"no joint angles of this pose have the stated {name}; correct it, or give joints"
         raise InputError(program.path, f"line {program.line[k]}", problem)
     return np.asarray(own[np.linalg.norm(own, axis=1).argmin()])
 
@@ -374,7 +374,8 @@ def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
     if language.flags is None or not turned.any():
         return ()
     lines = ", ".join(map(str, program.line[turned][:NAMED])) + ", ..." * (int(turned.sum()) > NAMED)
-    return (f"Check {language.flags.name} of the poses in lines {lines}: a joint passes the limit of a turn",)
+    why = "the correction takes a joint past a whole turn"
+    return (f"Check {language.flags.name} of the poses in lines {lines}: {why}",)
 
 
 def conversion_notes(program: Program, form: str) -> tuple[str, ...]:

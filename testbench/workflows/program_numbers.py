@@ -153,7 +153,8 @@ def correction_warnings(f: Row) -> Iterator[str]:
         yield f"{f.points - f.corrected} of {f.points} points are not corrected"
     yield from f.extrapolated
     if f.open and (not f.half_95_mm or f.half_95_mm.median > UNDETERMINED_SHARE * f.before_mm.median):
-        yield f"{100 * f.open.share:.0f} % of the corrected tool position's variance comes from {f.open.name}"
+        share = f"{100 * f.open.share:.0f} %"
+        yield f"{share} of the variance of the corrected tool position comes from {f.open.name}"
     if f.turned:
         most = f.turn_left_mrad
         yield (

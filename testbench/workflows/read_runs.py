@@ -49,7 +49,7 @@ class ReadingOptions:
     sigma_um: SigmaUm = None
     load: Load = None
     frame: Annotated[
-        str, typer.Option(metavar="FRAME", help="Frame of the readings: auto, base, tracker, TOML.")
+        str, typer.Option(metavar="FRAME", help="Frame of the readings: auto, base, tracker or TOML.")
     ] = "auto"
     new_target: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Target that the arm lacks; repeatable.")

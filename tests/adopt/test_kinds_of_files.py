@@ -300,7 +300,7 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     [by] = [own for own in entries if own.key == "rows"]
     assert by.value == 3
     assert by.why == "no names or times in common, but these counts agree"
-    assert "warning: robot.dat is joined row by row: each row to 3 rows of readings" in found.notes
+    assert "warning: robot.dat is joined by the order of rows: each row to 3 rows of readings" in found.notes
     fewer = "".join(other.splitlines(keepends=True)[:-1])
     with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 11 rows"):
         read("", tmp_path, export, fewer)
@@ -309,7 +309,7 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 12 rows"):
         read("", tmp_path, by_target, other)
     (tmp_path / "robot.dat").write_text(fewer)
-    with pytest.raises(InputError, match="expected 3 times 11 rows of robot"):
+    with pytest.raises(InputError, match="expected 3 rows for each of 11 rows of robot"):
         read_series(tmp_path / "export.csv", ARM, tmp_path / "export.toml")
 
 
@@ -328,7 +328,7 @@ def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path)
     rapid = f"MODULE m\nCONST robtarget p1:={poses};\nENDMODULE\n"
     krl = "DEFDAT CAL\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
     for content, said in (
-        (pulses, "got pulses, of which nobody knows"),
+        (pulses, "got pulses, whose number per degree"),
         (kawasaki, "or one of FANUC LS program, .*URScript program, got a program in another language"),
         *(
             (own, "got no joint target; save a table with a row for every pose")
@@ -506,7 +506,7 @@ def test_lines_that_name_the_rows_below_tell_unloaded_from_loaded(tmp_path):
     (file := tmp_path / "blocks.csv").write_text("".join(both))
     fits(pairs(file))
     file.write_text("".join(both).replace("Loaded, 100 kg", "Tuesday"))
-    said = "expected 16 fields, got 1; if such lines name the rows below say sections = true"
+    said = "expected 16 fields, got 1; if such lines name the rows below, write sections = true"
     with pytest.raises(InputError, match=said):
         pairs(file)
 
@@ -726,7 +726,7 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
     for content, said in (
         (
             both(joint="J{} [grad]"),
-            "grad means degrees in German, Spanish and Russian, gon in English; say which in",
+            "grad means degrees in German, Spanish and Russian, gon in English; state which in",
         ),
         (
             both(form="{when} {x}", unit=" mm").replace(" mm", " mm?", 1),
@@ -772,7 +772,7 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
                 ["Name", *(f"A{k}" for k in range(1, 7)), *"XYZ"],
                 [[f"{NAMES[k]}_{w}", *numbers(Q[k]), *numbers(X[k, 0])] for k in range(N) for w in "UL"],
             ),
-            "column Name: nobody knows what 'U' and 'L' mean in names as 'p1_U'",
+            "column Name: the meaning of 'U' and 'L' in names such as 'p1_U'",
         ),
         *(
             (
@@ -804,7 +804,10 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
         table([*names, *"XYZ"], [["10", "-90", "90", "380", "0", "0", "1", "2", "3"]] * 2)
     )
     far = read("far", tmp_path, file.read_text())[0]
-    q, said = far.series[0].q, "warning: grad is read as gon, because degrees would pass a limit: J1 [grad], "
+    q, said = (
+        far.series[0].q,
+        "warning: grad is read as gon, because degrees would exceed a limit: J1 [grad], ",
+    )
     assert any(note.startswith(said) for note in far.notes)
     np.testing.assert_allclose(q[0], np.radians([9, -81, 81, 342, 0, 0]), atol=1e-12)
     (file := tmp_path / "cog.csv").write_text(
@@ -882,10 +885,10 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         ("%PDF-1.7 ...", "expected a table, got a PDF"),
         (log("J{}"), "no column looks like a position"),
         (good.replace("A1 [°]", "Comment"), r"one that never moves goes into \[values\], as joint_1_deg = 0"),
-        (deflections, "of deflections alone the targets' places are not known"),
+        (deflections, "deflections alone do not show where the targets are"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
-        (table(twice, [["1"] * 12]), "got 'X' again; say"),
-        (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; say"),
+        (table(twice, [["1"] * 12]), "got 'X' again; state"),
+        (by_load("{x} 0 kg", "{x} 9 kg").replace("Y 9", "X 9"), "got 'X 9 kg' again; state"),
         (
             by_load("{x} 0 kg", "{x} 9 kg").replace("\n", "\n,,,,,,,,mm,mm,mm,in,mm,mm\n", 1),
             r"expected one unit of all columns 'X \{mass_kg\}', got in, mm",

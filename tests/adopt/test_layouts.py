@@ -75,7 +75,8 @@ def test_two_layouts_that_fit_are_both_named_and_one_may_be_chosen(tmp_path):
     is_refused(do("data", "map", *flags, "--layout", "figaroh"), "expected a line with the names x1, y1, z1")
     is_refused(do("data", "map", *flags, "--layout", "none"), "no layout 'none'; layouts are abb_rapid, ")
     is_refused(
-        do("data", "check", *flags, "--map", tmp_path / "m.toml"), "--map: expected no --log, --loaded or"
+        do("data", "check", *flags, "--map", tmp_path / "m.toml"),
+        "--map states the log, loaded file and layout",
     )
 
 
@@ -84,7 +85,7 @@ def test_data_check_takes_the_layout_that_fits_and_prints_the_map_to_save(tmp_pa
     flags = [ARM.name, file, "--log", part(tmp_path / "robot.csv", range(7))]
     done = do("data", "check", *flags)
     assert (done.returncode, done.stderr) == (0, "")
-    said, _, rest = done.stdout.partition("To save as take.toml, for --map:\n\n")
+    said, _, rest = done.stdout.partition("Save this map as take.toml and give it with --map:\n\n")
     assert "layout     vicon_nexus (Vicon Nexus, trajectories as CSV)" in said
     fine("data", "map", *flags)
     assert rest.startswith(file.with_suffix(".toml").read_text())
@@ -137,7 +138,7 @@ def test_numbers_of_a_cell_are_joints_with_anything_between_them_and_no_fewer(tm
     np.testing.assert_array_equal(series.position[:, 0], X[:, 0])
     file.write_text("\n".join(["P;Q", *rows[:-1], "(1 2 3);1 / 2 / 3 / 4 / 5", ""]))
     with pytest.raises(
-        InputError, match="line 2, column Q: expected 6 numbers in every cell, and further ones al"
+        InputError, match="line 2, column Q: expected 6 numbers in every cell, and any further"
     ):
         read_series(file, ARM, tmp_path / "map.toml")
 

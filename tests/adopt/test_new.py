@@ -277,7 +277,7 @@ WRONG = {
     ("</robot>", "<link name='more'/></robot>"): "Two root links found: [base_link] and [more]",
     ('<child link="link_4"/>', '<child link="link_9"/>'): "child link [link_9] of joint [joint_a4] not found",
     ('<parent link="base_link"/><child link="link_1"/>', '<parent link="link_6"/><child link="link_1"/>'): (
-        "no way leads from the first one over joint_a1, joint_a2"
+        "not connected to the first link: joint_a1, joint_a2"
     ),
     (
         '<axis xyz="-1 0 0"/>',

@@ -105,7 +105,7 @@ def test_notations_that_fit_alike_are_named_and_the_user_is_asked(tmp_path):
     C = made[2][0].T @ made[2]  # turns of few degrees
     file = export(tmp_path / "poses.csv", made, ["A", "B", "C"], DEG * angles_in("intrinsic zyx", C))
     proposal = propose(file, ARM, None, tmp_path)
-    assert "several notations fit the arm as drawn: " in proposal.asked
+    assert "several notations fit the nominal arm: " in proposal.asked
     assert "intrinsic zyx (" in proposal.asked
     assert "extrinsic xyz (" in proposal.asked
     assert "rotation" not in map_text(proposal.entries)
@@ -122,7 +122,7 @@ def test_angles_that_no_notation_explains_are_not_read(tmp_path):
     made = measured()
     wrong = Rotation.random(len(made[0]), rng=np.random.default_rng(1)).as_euler("xyz", degrees=True)
     file = export(tmp_path / "poses.csv", made, ["A", "B", "C"], wrong)
-    assert "no notation fits the arm as drawn; the nearest is " in propose(file, ARM, None, tmp_path).asked
+    assert "no notation fits the nominal arm; the nearest is " in propose(file, ARM, None, tmp_path).asked
     few = tuple(own[:3] for own in made)
     file = export(tmp_path / "few.csv", few, ["A", "B", "C"], wrong[:3])
     assert "it is found from 4 poses or more" in propose(file, ARM, None, tmp_path).asked
@@ -133,10 +133,10 @@ def test_data_check_names_the_notation_and_how_well_it_fits(tmp_path):
     made = measured()
     file = export(tmp_path / "poses.csv", made, head, values(made[2]))
     said = do("data", "check", ARM.name, file).stdout
-    assert "rotation: alone fits the arm as drawn: intrinsic zyx (0." in said
+    assert "rotation: only this one fits the nominal arm: intrinsic zyx (0." in said
     assert 'rotation = "intrinsic zyx"' in said
     assert "poses: orientations differ from the nominal arm by 0." in said
-    saved = said.partition("for --map:\n\n")[2].partition("\n\n")[0]
+    saved = said.partition("with --map:\n\n")[2].partition("\n\n")[0]
     (tmp_path / "saved.toml").write_text(saved)
     again = fine("data", "check", ARM.name, file, "--map", tmp_path / "saved.toml")
     assert "poses: orientations differ from the nominal arm by 0." in again

@@ -324,7 +324,7 @@ WRONG = {
         | {"Axe 2 [deg]": lambda r: r.number(-180 / np.pi * r.series.q[r.i, 1])},
     ),
     "the readings are those of the pose after": ("analyzer_bare", slipped),
-    "one has none in 3590 s; do the clocks agree?": ("leica_de", in_log(b"T09:", b"T10:")),
+    "one reading is 3590 s away; do the clocks agree?": ("leica_de", in_log(b"T09:", b"T10:")),
     "line 3: no row of robot.csv is called 'R03'": ("analyzer_bare", in_log(b"R03", b"R3x")),
 }
 
@@ -377,10 +377,10 @@ def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
     np.testing.assert_allclose(series.wrench, known.wrench[rows] if loaded else 0, atol=1e-6)
     assert f"{series.rows} readings" in said
     assert "The median distance of these readings from the nominal arm is" in said
-    assert ("NEST1 without joints" in said) is (name == "nested")
+    assert ("no joints for NEST1" in said) is (name == "nested")
     shots = name in ("leica_en", "leica_shots")
     assert ("shots" in said) is shots
-    assert any("60 shots are 20 readings" in note for note in found.notes) is shots
+    assert any("60 shots are averaged to 20 readings" in note for note in found.notes) is shots
     if name == "leica_fr":
         assert series.sigma == pytest.approx(30e-6)
 

@@ -427,7 +427,7 @@ def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_a
         compensate(known, np.zeros((0, 6)), [])
     with pytest.raises(BenchError, match="one for each of 2 poses"):
         equilibrium(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
-    with pytest.raises(BenchError, match="expected an absolute model"):
+    with pytest.raises(BenchError, match="need a model of absolute readings"):
         half_widths(known, LoadedPoses(Q[None], [FORCE]), None, TIP[None])
     q = np.outer([0.2, 0.3], kr500.arm.limits[0])
     wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])

@@ -411,7 +411,7 @@ def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, n
             lambda one: {"fixed": (1.7, 0.0, 1.4)}, "its plane is 0.60. m and", marks=pytest.mark.study
         ),
         (lambda one: {"q": np.tile(one.q[:1], (one.rows, 1))}, "1 poses with a reading are too few"),
-        (lambda one: {"q": in_a_row(one.q)}, "its poses lie in a row on the plane"),
+        (lambda one: {"q": in_a_row(one.q)}, "its poses touch the plane along a line"),
     ],
     ids=["mm for m", "another normal", "another place", "one pose", "in a row"],
 )
@@ -453,7 +453,10 @@ def test_a_wrong_table_of_distances_is_refused_in_one_line(kr500, tmp_path, old,
 @pytest.mark.parametrize(
     ("spoiled", "words"),
     [
-        (lambda one: {"distance": 1e-3 * one.distance}, "0.000999 times as long as expected; another unit"),
+        (
+            lambda one: {"distance": 1e-3 * one.distance},
+            "0.000999 times as long as expected; is it another unit",
+        ),
         (lambda one: {"fixed": (-2.2, 0.0, 0.1)}, "its fixed point is 4.4 m from where it is stated"),
         (lambda one: {"q": one.q[::-1].copy()}, "do not fit this arm and a fixed point near 2.2, 0, 0.1 m"),
     ],
@@ -469,5 +472,5 @@ def test_two_fixed_points_in_one_frame_and_distances_without_one_are_refused(kr5
     both = [replace(one, frame="A") for one in read]
     with pytest.raises(BenchError, match="frame 'A': expected one fixed point, got"):
         calibrate(kr500.vjm, both, cad_prior(kr500.arm))
-    with pytest.raises(BenchError, match="expected them and a fixed point together"):
+    with pytest.raises(BenchError, match="expected distances and a fixed point together"):
         replace(read[0], fixed=None)

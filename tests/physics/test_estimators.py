@@ -90,7 +90,7 @@ def deflected(cell, structure, pi):
 
 
 def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
-    with pytest.raises(BenchError, match="with a prior no direction is free"):
+    with pytest.raises(BenchError, match="with a prior, no direction is left"):
         with_prior(completed_least_squares, cad_prior(arm_6r.arm))
     structure, data = mgco147(arm_6r.arm), simulate_full_pose(arm_6r, SECTION_5_2, 1).identification
     data = replace(data, after=data.after + 0.01 * (data.run == 8)[:, None, None])

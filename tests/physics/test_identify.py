@@ -150,7 +150,7 @@ def test_what_is_named_is_not_seen_joint_1_by_no_weight_and_a_side_load_restores
     assert report.share[0] == 0.0
     [row] = unseen_poses(report)
     assert row == {"why": "loads", "parts": "joint_1", "directions": 1, "parameters": "joint_1"}
-    assert proposal(report, "the force as a side load along world y").rank == 2
+    assert proposal(report, "the same force, as a side load along world y").rank == 2
     side = np.zeros_like(data.wrench)
     side[:, 1] = 4500.0
     assert report_of(kr500, s, replace(data, wrench=side)).not_loaded == ()

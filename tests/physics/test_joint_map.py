@@ -265,7 +265,7 @@ def test_what_ties_no_joint_of_the_arm_is_left_out_as_before(tmp_path):
         (
             '<joint joint1="tilt" joint2="lift" polycoef="0 1 0 0 0"/>'
             '<joint joint1="tilt" polycoef="0.2 0 0 0 0"/><joint joint1="lift" polycoef="0 0 0 0 0"/>',
-            "contradict: no joints satisfy all",
+            "contradict each other: no joint positions satisfy all",
         ),
     ],
 )
@@ -403,7 +403,7 @@ def test_a_new_urdf_says_which_joints_mimic(level, tmp_path):
 WRONG = {
     "joint_9 = { joint_1 = 1 }": "expected one of the joints joint_1, joint_2",
     "joint_1 = { offset_mm = 3, joint_1 = 1 }": "expected offset_deg of this joint, got offset_mm",
-    "joint_1 = { joint_2 = 1 }\njoint_2 = { x = 1, y = 1 }": "rows depend",
+    "joint_1 = { joint_2 = 1 }\njoint_2 = { x = 1, y = 1 }": "dependent rows",
     "joint_2 = { joint_2 = 2000 }": "expected coefficients up to 1000",
     "joint_2 = { joint_2 = true }": "valid number",
 }

@@ -160,7 +160,7 @@ def test_an_estimator_of_ones_own_is_named_as_such_checked_and_runs_as_it_is(kr5
     with pytest.raises(BenchError, match=r"predicted .m.: expected finite numbers"):
         score(moved, data.deflection)
     for combine in (robust, lambda own: with_prior(own, prior)):
-        with pytest.raises(BenchError, match="rigid: an estimator of your own runs as it is"):
+        with pytest.raises(BenchError, match="rigid: your own estimator cannot be given a"):
             combine(rigid)
 
 

@@ -185,7 +185,7 @@ def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
         shrinkage.every_fold(kr500.vjm, template56(kr500.arm), data)
     data, method = campaign.identification, with_prior(gco, cad_prior(kr500.arm))
-    with pytest.raises(BenchError, match="expected data that move with the load"):
+    with pytest.raises(BenchError, match="expected readings that move with the load"):
         method(kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before))
 
 

@@ -253,7 +253,7 @@ REFUSED = {
         "SPLINE": "spline is not read",
         "PTP_REL {A1 5}": "relative motion is not read, got PTP_REL",
         "XP1.A1=XP1.A1+1": "point that changes while the program runs",
-        "PTP XP9": "expected a point whose numbers are in the program or in cell.dat beside it, got 'XP9'",
+        "PTP XP9": "expected a point whose coordinates are in the program or in cell.dat",
         "LIN XP1:XP2": "got 'XP1:XP2'",
         "PTP {A1 12,5,A2 -80,A3 95,A4 5,A5 30,A6 -10}": "got '{A1 12,5,A2 -80",
         "PTP {A1 5}": "expected a number for each of A1, A2, A3, A4, A5, A6, got none for A2",
@@ -275,7 +275,7 @@ REFUSED = {
         "wFix.oframe:=pShift;": "that changes while the program runs",
         "jHome:=CJointT();": "point that changes while the program runs is not read, got jHome:=CJ",
         "PERS tooldata tFix:=[FALSE,[[0,0,9],[1,0,0,0]],load0];": "tool that does not move",
-        "MoveL p{1},v1,fine,tDrill;": "expected a point whose numbers are in the program, got 'p{1}",
+        "MoveL p{1},v1,fine,tDrill;": "expected a point whose coordinates are in the program, got 'p{1}",
         "MoveL p20,v1,fine,tMill\\WObj:=wobj0;": "the tool changes: .* tDrill and then tMill",
         "MoveL p20,v1,fine,tDrill\\WObj:=wPart;": "the base changes: .* wobj0 and then wPart",
     },
@@ -287,8 +287,8 @@ REFUSED = {
         "  set_tcp(p[0,0,0.1,0,0,0])": "the tool changes",
         "  P1_q[0]=P1_q[0]+0.1": "point that changes while the program runs is not read, got P1_q",
         "  path_offset_enable()": "motion is not read, got path_offset_enable",
-        "  movel(other)": "expected a point whose numbers are in the program, got 'other",
-        "  P1_q=[0,0,0,0,0,0]": "the point P1_q has its numbers twice",
+        "  movel(other)": "expected a point whose coordinates are in the program, got 'other",
+        "  P1_q=[0,0,0,0,0,0]": "the program defines the point P1_q twice",
     },
     "fanuc": {
         "   8:C P[1]    ;": "circular motion is not read",
@@ -307,7 +307,7 @@ REFUSED = {
         "MOVS C00000 V=1.0": "spline is not read, got MOVS",
         "IMOV P001 V=1.0": "relative motion is not read, got IMOV",
         "SFTON P000": "shift of the program is not read",
-        "MOVJ C00009 VJ=1.0": "expected a point whose numbers are in the program, got 'C00009",
+        "MOVJ C00009 VJ=1.0": "expected a point whose coordinates are in the program, got 'C00009",
         "MOVL C00000 V=1.0  +MOVL C00001 V=1.0": "motion of several robots",
         "MFRAME UF#(1) C00000 C00001 C00002": "tool or base that changes while the program runs",
         "///TOOL 2": "the tool changes: .* 1 and then 2",
@@ -487,7 +487,7 @@ def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model,
     if name == "krl":
         path.write_text(path.read_text().replace(flags, "T 1"))
         with pytest.raises(
-            InputError, match=r"way\.src: line \d+: T states joints that the arm does not have"
+            InputError, match=r"way\.src: line \d+: no joint angles of this pose have the stated T"
         ):
             correct_program(model, read_program(path, model.arm), Aim())
 
@@ -599,7 +599,7 @@ def test_external_axes_that_the_arm_does_not_have_stay_and_are_named(name, tmp_p
     files, said = MOVED[name]
     path = written(tmp_path, files)
     found = read(path)
-    [note] = [note for note in found.motions.notes if note.startswith("External axes stay as they are")]
+    [note] = [note for note in found.motions.notes if note.startswith("External axes are unchanged")]
     assert f": {said}. kr500_l480 has no such joint" in note
     program = read_program(path, ARM)
     [lost, *_] = conversion_notes(program, "csv")
@@ -620,8 +620,8 @@ def test_base_and_station_axes_of_inform_stay(tmp_path):
     path = written(tmp_path, {"cell.jbi": text})
     found, plain = read(path), read(written(tmp_path, {"plain.jbi": JBI}))
     np.testing.assert_array_equal(found.q, plain.q)
-    assert any(note.startswith("External axes stay as they are: BC, EC") for note in found.motions.notes)
-    assert not any("stay as they are" in note for note in plain.motions.notes)
+    assert any(note.startswith("External axes are unchanged: BC, EC") for note in found.motions.notes)
+    assert not any("are unchanged" in note for note in plain.motions.notes)
     [(_, content)] = changed_texts(
         found.motions.text,
         changed_numbers(found.motions, ARM, found.q + 1e-3, found.position, found.rotation),

@@ -172,7 +172,7 @@ def test_each_warning_names_its_parts_where_it_holds_and_nowhere_else(f):
         "the noise only": Row(f, recommended="MGCO56"),
         "the link before includes: joint_2.": changed(f, TAKEN, aggregated=["joint_2"]),
         "ALL153 + prior: 3.": changed(f, TAKEN, rejected=3),
-        "No map: ": Row(f, no_map="no poses"),
+        "There is no map": Row(f, no_map="no poses"),
     }
     plain = " ".join(report(changed(f, TAKEN, intervals=Row())).claims)
     for words, own in cases.items():

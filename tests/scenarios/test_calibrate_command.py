@@ -173,7 +173,7 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     same = tmp_path / readings[0].name  # one of the name of a fitted one: its tracker stands elsewhere
     for file, lines, told in (
         (readings[2], None, "--frame-poses fits a frame of its own"),
-        (readings[0], 2, "leave frame or target open"),
+        (readings[0], 2, "determine frame and target"),
     ):
         same.write_text("\n".join(file.read_text().splitlines()[:lines]) + "\n")
         refused("calibrate", made[0], same, "--score", said=told)
@@ -204,7 +204,7 @@ def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_p
         (5, (), "part: 4 poses with a reading are too few"),
         (41, ("r_3.csv",), "expected new readings: 40 of its 40 are in another file too"),
         (41, ("--without", "springs"), "--without: no errors called springs"),
-        (41, ("--at-most", "1"), "--at-most: expected --score"),
+        (41, ("--at-most", "1"), "--at-most work only with --score"),
     ],
 )
 def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(readings, lines, flags, words, tmp_path):

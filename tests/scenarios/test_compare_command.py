@@ -229,7 +229,7 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
         "b": "testbench identify",
     }
     counted = report["inputs"][-1]
-    assert counted["what"] == "number of settings of one alone"
+    assert counted["what"] == "number of settings that only one run has"
     study = json.loads((one / "manifest.json").read_text())["scenario"]
     assert (int(counted["a"]), counted["b"]) == (len([*leaves(study)]), "2")
     assert not [own for own in report["inputs"] if own["what"].startswith("settings.")]
@@ -251,7 +251,10 @@ HOSTILE = {
     ),
     "no report": (lambda run: (run / "report.json").unlink(), "report.json: cannot be read"),
     "no manifest": (lambda run: (run / "manifest.json").unlink(), "manifest.json: cannot be read"),
-    "manifest": (lambda run: (run / "manifest.json").write_text("{}"), "manifest.json: command: expected it"),
+    "manifest": (
+        lambda run: (run / "manifest.json").write_text("{}"),
+        "manifest.json: command: this key is missing",
+    ),
     "trials": (lambda run: (run / "trials.parquet").write_bytes(b"PAR1"), "trials.parquet: expected trials"),
 }
 
@@ -270,7 +273,7 @@ def test_runs_with_nothing_in_common_are_one_line(one, tmp_path):
         report.clear()
         report["models"] = [{"name": "a", "check": {"rms_mm": "x"}}]
 
-    said = "expected runs that share a model or a number, these share none"
+    said = "expected runs with a model or a number in common"
     other = changed(one, tmp_path / "other", "report.json", bare)
     refused("compare", one, other, "--out", tmp_path / "out", said=said, below=tmp_path)
 
@@ -310,7 +313,7 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
 def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(one, many, tmp_path):
     asked = "expected one seed in both runs or several in both (one seed has no spread), got"
     line = refused("compare", one, many, "--out", tmp_path / "out", said=asked, below=tmp_path)
-    assert "1 to 20; --anyway compares them nevertheless" in line
+    assert "1 to 20; --anyway compares them" in line
     _, report = said(tmp_path, one, many, "--anyway")
     assert {own["by"] for own in report["models"]} == {"one"}
 

@@ -163,10 +163,13 @@ def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_
     table = [list(theirs.values()), *([row[at[name]] for name in theirs] for row in rows[1:])]
     (file := tmp_path / "messung.csv").write_text("\n".join(map(";".join, table)))
     said = fine("data", "check", ARM, file, "--load", "460.3")
-    assert "To save as messung.toml, for --map: # A map of messung.csv, proposed by testbench" in said
+    assert (
+        "Save this map as messung.toml and give it with --map: # A map of messung.csv, proposed by testbench"
+        in said
+    )
     assert 'before_x = "X unbelastet [m]"' in said
     assert "measured deflections divided by those that the arm's folder predicts: " in said
-    refused("data", "check", ARM, file, said="for the whole file is said by --load", below=tmp_path)
+    refused("data", "check", ARM, file, said="for one load in the whole file, give --load", below=tmp_path)
     absolute = ROOT / "testbench/layouts/readings.csv"  # in our names, without a load
     said = re.search(r"these readings from the nominal arm is (\S+) mm", fine("data", "check", ARM, absolute))
     off = kinematic_misfit(build_cell(ARM).vjm, read_series(absolute, load_arm(ROOT / "models" / ARM)).series)

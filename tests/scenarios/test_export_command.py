@@ -122,14 +122,14 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model",), "expected either --urdf or --into"),
         (
             ("model", "--into", "in/machine.dat", "--gears", "1"),
-            "--gears: expected a file of an ABB controller with it",
+            "--gears is only for a file of an ABB controller",
         ),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
         (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
         (
             ("model", "--into", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"),
-            "--gears: expected turns of the motors",
+            "--gears: expected turns of each motor",
         ),
         (("model", "--into", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
         (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver: a checkout's tools/ur_kinematics.py"),

@@ -163,5 +163,5 @@ def test_ctrl_c_at_the_last_moment_leaves_earlier_results_whole(quick, tmp_path)
     asked = ("--seed", 3, "--out", out, "--quick", "--workers", 1, "--resume")
     with mock.patch.object(run, "write_page", side_effect=KeyboardInterrupt):
         done = here(APP, *asked)
-    assert (done.returncode, done.stderr) == (130, "interrupted: earlier results stand as they were\n")
+    assert (done.returncode, done.stderr) == (130, "interrupted: earlier results are unchanged\n")
     assert held(tmp_path) == {Path(out.name, path): data for path, data in held(quick[0]).items()}

@@ -126,9 +126,9 @@ TAMPERED = [
     ((*ENTRY, "row"), "joint_9", "kr500_l480 has no 'joint_9'"),
     ((*ENTRY, "value"), 1e13, "structure.entries.0.value: Input should be less than or equal to"),
     (("weights", "mass_kg"), [1.0] * 7, "mass [kg]: expected shape (8), got (7,)"),
-    (("columns",), [0, 10**5], "numbers do not belong together"),
+    (("columns",), [0, 10**5], "numbers of this model contradict each other"),
     (("theta_0",), [0.0], "theta_0 [m, rad]: expected shape"),
-    (("noise",), {"open_position_m": 0.0}, "noise.open_rotation_rad: expected it, there is none"),
+    (("noise",), {"open_position_m": 0.0}, "noise.open_rotation_rad: this key is missing"),
     (("arm",), "x" * 5_000_000, "arm: String should have at most 255"),
     (("arm",), "a\0b", "arm: String should match pattern"),  # no XML holds it
     (("name",), "x" * 10**6, "name: String should have at most"),
@@ -177,7 +177,7 @@ def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_pat
     with pytest.raises(InputError, match="expected the folder of a model"):
         tb.load_model(tmp_path)
     (tmp_path / "models.json").touch()
-    with pytest.raises(InputError, match=r"fits of an earlier version and no model\.json: identify again"):
+    with pytest.raises(InputError, match=r"by an earlier version and has no model\.json: identify again"):
         tb.load_model(tmp_path)
     said = "expected a model of testbench calibrate, got one of testbench identify"
     refused("calibrate", small, "none.csv", "--score", said=said)

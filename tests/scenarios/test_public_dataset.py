@@ -149,7 +149,7 @@ def half(folder, name):
             "expected the folder of the public dataset, with campaigns.parquet",
         ),
         (damaged, "truth_deflections.parquet", "expected a table in Parquet"),
-        (without_marker, "readings.parquet", "column marker: expected it, there is none"),
+        (without_marker, "readings.parquet", "column marker: this column is missing"),
         (out_of_order, "readings.parquet", "expected P1, P2, P3 in turn"),
         (half, "readings.parquet", "campaign 6: expected its prior, readings"),
     ],

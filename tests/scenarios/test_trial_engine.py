@@ -121,8 +121,8 @@ def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, a
             run_.kill()
     assert run_.returncode == 130
     kept = stored(out)
-    said = rf"at least (\d+) of {TRIALS} trials are stored: --resume goes on with them"
-    found = re.fullmatch(rf"interrupted: earlier results stand as they were; {said}\n", error)
+    said = rf"at least (\d+) of {TRIALS} trials are stored: --resume continues"
+    found = re.fullmatch(rf"interrupted: earlier results are unchanged; {said}\n", error)
     assert found, error
     assert int(found[1]) <= kept <= int(found[1]) + 2  # the chunk that was being stored
     assert [p.name for p in out.iterdir()] == [PARTS]
@@ -148,7 +148,7 @@ def test_bad_input_is_one_line_and_touches_nothing(tmp_path):
     out = tmp_path / "out"
     study(out, ONE, trials=4)
     before = {p.name: p.read_bytes() for p in out.iterdir()}
-    is_refused(run(out, "--resume", "--name", "other"), "scenario: the trials in this folder have 'toy'")
+    is_refused(run(out, "--resume", "--name", "other"), "scenario: 'toy' in the stored trials")
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
     (out / "trials.parquet").write_bytes(before["trials.parquet"][:-1])
     is_refused(run(out, "--resume"), "trials.parquet: expected trials in Parquet")
@@ -337,7 +337,7 @@ def test_problems_on_a_cluster_are_told(tmp_path, secure, monkeypatch):
         ({**versions, "numpy": "0.1"}, rf"expected numpy {versions['numpy']} as here, got 0\.1"),
         ({**versions, "sources": "0" * 64}, f"expected sources {versions['sources']} as here, got 000"),
         ({}, f"expected python {versions['python']} as here, got none"),
-        (ImportError("no testbench"), "cannot tell its versions: ImportError"),
+        (ImportError("no testbench"), "does not report its versions: ImportError"),
     ):
         monkeypatch.setattr("distributed.Client.run", lambda *_, f=found, **__: {"tcp://there": f})
         with pytest.raises(BenchError, match=f"worker tcp://there:? {said}"):

@@ -174,11 +174,14 @@ MISTAKES = {
     "joint 3 counts joint 2": (counting(2, 1), "elbow_joint is the file's elbow_joint - shoulder_lift_joint"),
     "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
     "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
-    "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
-    "transposed": (lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)), "the tracker in the target's"),
+    "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz instead of intrinsic xyz"),
+    "transposed": (
+        lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)),
+        "the tracker's in the target's frame",
+    ),
     "any orientations": (
         lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
-        "its positions fit this arm, its orientations do not",
+        "its positions fit this arm, but its orientations are",
     ),
     "five poses": (lambda s: select_rows(s, np.arange(5)), "5 poses .* for the 12 numbers .* at least 6"),
     "joint 1 alone": (
@@ -328,7 +331,9 @@ def test_two_joints_that_turn_are_enough_beside_a_series_of_the_same_frame(seven
     few = turning_alone(seven, [0, 1])
     state = gathered(seven, few, rich).state
     assert np.sqrt((residuals(state, few)[:1] ** 2).sum(axis=1).mean()) < 1e-3
-    with pytest.raises(BenchError, match=r"^turned: only joint_1 and joint_2 turn; expected 3 .* another"):
+    with pytest.raises(
+        BenchError, match=r"^turned: only joint_1 and joint_2 turn; the 9 numbers .* need 3 joints .* another"
+    ):
         align_all(nominal_state(seven.vjm, read_weights(seven.arm), np.ones(7)), (few,))
 
 
@@ -336,7 +341,7 @@ def test_with_orientations_two_axes_that_are_not_parallel_are_enough(seven):
     bare = nominal_state(seven.vjm, read_weights(seven.arm), np.ones(7))
     one, parallel = (turning_alone(seven, joints, orientations=True) for joints in ([0, 1], [1, 3]))
     assert np.median(np.linalg.norm(residuals(align_all(bare, (one,)), one)[:1], axis=1)) < 3e-3
-    with pytest.raises(BenchError, match=r"^turned: its poses leave .* axes are not parallel"):
+    with pytest.raises(BenchError, match=r"^turned: its poses do not determine .* axes are not parallel"):
         align_all(bare, (parallel,))
 
 
@@ -414,6 +419,6 @@ def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hun
     sound, off = (numbers(found, remaining_errors(found)) for found in every)
     assert sound.far_geometry == ""
     assert off.total_after.mean_mm < 0.3
-    (doubt,) = [text for text in off.doubts if text.startswith("Geometry no arm has: ")]
+    (doubt,) = [text for text in off.doubts if text.startswith("Implausible geometry: ")]
     size = re.search(r"the zero of wrist_2_joint is off by (\S+) deg", doubt)
     assert float(size[1]) == pytest.approx(-5, abs=0.3)  # the arm's own errors are tenths of a degree there

@@ -253,7 +253,7 @@ TEXTS = {
     "three of a quaternion's four": (inside('<body quat="1 0 0"/>'), r"<body>: quat: expected 4 number\(s\)"),
     "a weightless body": (inside('<body gravcomp="1"/>'), "<body>: 'gravcomp' is not allowed; allowed are"),
     "a spring": (inside('<joint stiffness="1"/>'), "<joint>: 'stiffness' is not allowed; allowed are"),
-    "a default joint": (inside("<default><joint/></default>"), "<default>: no defaults for joints"),
+    "a default joint": (inside("<default><joint/></default>"), "<default>: joint defaults are not allowed"),
     "gravity on the moon": (inside('<option gravity="0 0 -1.62"/>'), "gravity: expected '0 0 -9.81'"),
     "gravity switched off": (
         inside('<option><flag gravity="disable"/></option>'),
@@ -317,4 +317,4 @@ def test_a_compensator_needs_a_hinge_between_link_1_and_link_2(tmp_path):
     text = (MODELS / "kr500_l480" / "elastic.toml").read_text()
     table = text[text.index("[compensator]") : text.index("[[link]]")]
     swap(r"\[\[link\]\]", table + "[[link]]")(folder / "elastic.toml")
-    assert "expected an arm whose link 1 and link 2 a hinge joins" in refused(load_arm, folder)
+    assert "expected a hinge between link 1 and link 2" in refused(load_arm, folder)

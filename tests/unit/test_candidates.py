@@ -93,7 +93,7 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
     assert counts[OFF_AREA] > hangs
     assert str(err.value) == (
         f"found 0 of 5 poses in 1024 draws; most were refused by '{OFF_AREA}': {ADVICE[OFF_AREA]}; "
-        f"'{TOUCHING['payload']}' refused {hangs} of the {hangs} that came to it: "
+        f"'{TOUCHING['payload']}' refused {hangs} of the {hangs} poses tested: "
         f"{ADVICE[TOUCHING['payload']]} (refused: {', '.join(f'{r} {n}' for r, n in counts.items())})"
     )
 

@@ -63,7 +63,7 @@ def test_the_command_line_chooses_one_backend():
     assert choose_backend(Common(workers=3)).func is on_cores
     chosen = choose_backend(Common(cluster="tcp://10.0.0.7:1", insecure=True))
     assert (chosen.func, chosen.keywords) == (on_cluster, {"address": "tcp://10.0.0.7:1", "insecure": True})
-    with pytest.raises(BenchError, match="without --cluster"):
+    with pytest.raises(BenchError, match="cannot be combined with --cluster"):
         choose_backend(Common(workers=2, cluster="tls://host:1"))
     with pytest.raises(BenchError, match="--insecure"):
         choose_backend(Common(cluster="tcp://host:1"))

@@ -148,7 +148,7 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path):
         (b"\xff\xfe1\x002\x00", "line 1: no column is known, expected joint_1_deg"),
         (b"\xff\xfe1\x002", "byte 5: expected text in utf-16-le: truncated data"),
         (b"run,pose\n1,\x81\n", "byte 12: expected text in utf-8 or cp1252"),
-        (b'run,pose\n"1,2\n', "line 2: not a table: quotes without an end"),
+        (b'run,pose\n"1,2\n', "line 2: not a table: a quote is never closed"),
         (b'run,pose\n"1,2"\n', "line 2: expected 2 fields, got 1"),
         (b"run," + b"x" * 200_000, "line 1: expected a header of at most 20000 letters, got 200004"),
         (b"\0" * 10, "line 1: expected text, got a zero byte"),
@@ -218,7 +218,7 @@ def test_numbers_are_those_of_python_to_the_last_bit_and_of_ascii_decimals_alone
 # The header, then the rows, then runs and markers
 
 SAME = "expected the same value in every row of the run"
-EACH = "expected one line for each of P1, P2, P3; those of a lost target are blank"
+EACH = "expected one line for each of P1, P2, P3"
 LIMITS = "line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got"
 SIGMAS, FINITE = ("sigma_m", "sigma_rad"), "expected a finite number, got"
 NUMBERS, TEXTS = ("nan", ""), ("1.0", "9223372036854775808")
@@ -287,7 +287,7 @@ def test_what_is_wrong_is_named_by_line_and_column(tmp_path, data, edit, said):
     assert said in f"{refused(read_csv, file, ARM)}\n"
 
 
-OTHERS = "all rows are within with the other sign ([columns] of a map reads it so as '-joint_2_rad')"
+OTHERS = "all rows are within the limits with the other sign (name it '-joint_2_rad' in [columns] of a map)"
 
 
 @pytest.mark.parametrize(

@@ -350,7 +350,7 @@ def test_names_of_columns_may_hold_a_target_an_axis_and_a_load(tmp_path, name):
 @pytest.mark.parametrize(
     ("name", "problem"),
     [
-        ('"{marker} {axis} {mass_kg} {mass_kg}"', "expected one place of a load"),
+        ('"{marker} {axis} {mass_kg} {mass_kg}"', "expected the placeholder of the load once"),
         ('"{marker} {axis} {mass_kg} tonnes"', "expected columns 'P1 x {mass_kg} tonnes' of several loads"),
     ],
 )
@@ -419,8 +419,8 @@ def test_a_map_may_name_some_columns_and_leave_the_others_to_our_names(tmp_path)
     ("lost", "said"),
     [
         ("NaN", "expected a finite number, got 'NaN'"),
-        ("9999.0000000", "expected a place, got '9999.0000000' three times"),
-        ("0", "expected a place, got '0' three times"),
+        ("9999.0000000", "expected a position, got '9999.0000000' three times"),
+        ("0", "expected a position, got '0' three times"),
     ],
 )
 def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path, lost, said):
@@ -440,7 +440,7 @@ def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
     assert found.runs == 12
     np.testing.assert_array_equal(found.after[:6], found.after[6:])
     with pytest.raises(
-        InputError, match="this marker was read before in its pose and load, other markers were not"
+        InputError, match="this marker has more readings in its pose and load than the others"
     ):
         read(tmp_path, "plain", [*text, *text[1:-1]])
 
@@ -478,13 +478,13 @@ WRONG = [
     ("names_of_points", 6, 0, "P1", "line 6, column Name: expected '*::P{pose}_{mass_kg}kg::{marker}'"),
     ("names_of_points", 6, 0, "C::P1_-2kg::T1", "expected a mass of at least 0 kg, got -2"),
     ("inches", 4, 2, "idle", "line 4, column Condition: no state 'idle' is known; states are"),
-    ("inches", 4, 1, "C-9", "line 4: a loaded reading in pose 9, which has no unloaded one"),
+    ("inches", 4, 1, "C-9", "line 4: expected an unloaded reading in pose 9"),
     ("inches", 3, 4, "12.0", "line 3: expected the joints of the unloaded reading in line 2, one differs by"),
     ("inches", 3, 3, "", "line 3, column Push (kN): expected a finite number in a loaded row, got ''"),
     ("rows_of_axes", 4, 1, "Z", "line 3, column Axis: expected the rows x, y, z of a point together"),
     ("rows_of_axes", 8, 1, "R", "line 8, column Axis: no axis 'R'; axes are x, y, z"),
     ("rows_of_axes", 5, 0, "P2", "line 5, column Feature: expected 'P1' as in the other rows"),
-    ("plain", 28, 10, "0\n36,points", "for a line behind the table say footer = 1"),
+    ("plain", 28, 10, "0\n36,points", "for a line after the table, write footer = 1"),
     ("plain", 1, 9, f"x{' ' * 9000}in", "line 1: expected every column once"),
 ]
 """An export, the line, counted from 1, and the column, from 0, of another cell, and what is said."""

@@ -71,6 +71,6 @@ def test_the_log_has_every_kind_of_steps_once_it_ended_even_early(monkeypatch):
         tell("never ends", 1, 2)
         first, *rest = SESSION.get().log().splitlines()
     assert first.endswith(" UTC  testbench plan a\N{REPLACEMENT CHARACTER}[2Jb")
-    assert [line.split(" s  ")[1] for line in rest] == ["refining: 1.50 s", "files are written"]
+    assert [line.split(" s  ")[1] for line in rest] == ["refining: 1.50 s", "writing files"]
     assert EMPTY_SESSION.log() == ""
     assert SESSION.get() is EMPTY_SESSION

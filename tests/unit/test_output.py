@@ -160,7 +160,7 @@ def test_what_is_of_no_run_is_never_removed_even_by_force(tmp_path):
     write_run(tmp_path / "run", "c.json")
     (tmp_path / ".run.new").mkdir()
     (tmp_path / ".run.new" / "mine").touch()
-    with pytest.raises(InputError, match=r"\.run\.new: is not what a killed run leaves"):
+    with pytest.raises(InputError, match=r"\.run\.new: is not a leftover of a killed run"):
         write_run(tmp_path / "run", "d.json")
     found = {p.relative_to(tmp_path).as_posix() for p in tmp_path.glob("*")}
     assert found == {"run", "link", ".run.lock", ".run.new"}

@@ -96,7 +96,7 @@ FEED, POSES = f"{DEG},feed_N", f"{PLACE},qw,qx,qy,qz"
 JUMP = "lines 2 and 3: the path jumps,"
 WRONG = {
     "line 4, column joint_3_deg: expected .* deg, got 220": (FEED, changed(2, 2, 220)),
-    f"{JUMP} joint_1 from 10 to 60 deg: expected at most 45 deg .*unless jumps": (
+    f"{JUMP} joint_1 from 10 to 60 deg: expected at most 45 deg .*unless --jumps": (
         FEED,
         changed(1, 0, 60),
     ),
@@ -106,7 +106,7 @@ WRONG = {
     r"missing columns \['joint_1_deg', .*or x_mm": ("feed_N,axial_N", [[1, 2]]),
     "line 2: expected 1 to 1000000 points, got 0": (DEG, []),
     "line 2, column x_mm: expected -100 to 100 m, got 2000": (POSES, [[2e6, *POSE[1:]]]),
-    "line 3, column force_x_N: expected a finite number, got ''; say 0 where none acts$": (
+    "line 3, column force_x_N: expected a finite number, got ''; write 0 if none acts$": (
         f"{DEG},force_x_N",
         changed(1, 6, ""),
     ),
@@ -201,7 +201,11 @@ def test_programs_that_are_no_tables_say_what_they_are(kr500, tmp_path):
     for name, content, said in (
         ("cell.dat", krl, "this is KUKA KRL, which has the points of a .src: expected the suffix .src"),
         ("cell.txt", "MODULE m\nENDMODULE\n", "this is ABB RAPID: expected the suffix .mod"),
-        ("cell.as", ".PROGRAM a()\nJMOVE #p1\n.END\n", r"in another language; read are FANUC LS \(.ls\), "),
+        (
+            "cell.as",
+            ".PROGRAM a()\nJMOVE #p1\n.END\n",
+            r"in another language; testbench reads FANUC LS \(.ls\), ",
+        ),
         ("cell.pdl", "PROGRAM cell\nBEGIN\nMOVE LINEAR TO p1\nEND cell\n", "a program in another language"),
         ("cell.nc", "%\nG21 G90\nN10 G1 X0 Y0\nM30\n", "a program in another language"),
         ("cell.cls", "TOOL PATH/CUT\nGOTO/1.0,0.0,5.0\n", "a program in another language"),
@@ -221,6 +225,8 @@ def test_poses_of_a_program_name_the_tool_and_base_that_it_states(kr500, tmp_pat
 end
 """)
     [note] = read_program(file, kr500.arm).content.notes
-    assert note.startswith("The program states tool p[0, 0, 0.1, 0, 0, 0]. Its poses count as those of the ")
+    assert note.startswith(
+        "The program states tool p[0, 0, 0.1, 0, 0, 0]. Its poses are taken as poses of the "
+    )
     file.write_text(file.read_text().replace("movel(p[1.5, 0.1, 1.2, 0, 1.57, 0])", ""))
     assert read_program(file, kr500.arm).content.text.notes == ()

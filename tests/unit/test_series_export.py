@@ -234,7 +234,7 @@ def test_several_targets_of_the_laboratorys_own_names_some_lost(tmp_path):
     expected = np.nan_to_num(np.delete(places, 3, axis=0))
     np.testing.assert_allclose(one.position, expected, atol=SAME_PLACE)
     np.testing.assert_allclose(one.precision[1], [np.zeros((3, 3)), np.eye(3) / one.sigma**2])
-    assert "1 rows without a reading are left out, of line 5" in wide.notes
+    assert "rows without a reading are left out: 1 (line 5)" in wide.notes
 
 
 def test_pairs_as_readings_keep_their_orientations():
@@ -486,7 +486,7 @@ def test_a_blank_mass_of_a_workbook_is_none_only_where_a_column_says_the_state(t
     masses = ["mass_kg", 10, "<c><f>A1+1</f></c>", 0, 10, 0, 10, 0]
     rows = [[*own, m] for own, m in zip(ROWS, masses, strict=True)]
     said = refused(one_of, write(tmp_path, A=rows))
-    assert "row 3, column mass_kg: expected a finite number in a loaded row, got ''; say 0 where" in said
+    assert "row 3, column mass_kg: expected a finite number in a loaded row, got ''; write 0 if" in said
     states = ["state", *("loaded" if m == 10 else "unloaded" for m in masses[1:])]
     one = one_of(write(tmp_path, A=[[*own, s] for own, s in zip(rows, states, strict=True)]))
     assert one.wrench[:, 2].tolist() == [-9.81 * m if m == 10 else 0 for m in masses[1:]]

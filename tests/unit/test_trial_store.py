@@ -195,7 +195,7 @@ def test_a_part_that_a_kill_cut_short_is_done_again(tmp_path):
 
 
 OTHERS = [
-    (TrialPlan("other", TOY.scenario, TOY.seeds), "scenario: the trials in this folder have 'toy'"),
+    (TrialPlan("other", TOY.scenario, TOY.seeds), "scenario: 'toy' in the stored trials"),
     (TrialPlan("toy", {"load": {"mass": 2.0}}, TOY.seeds), "poses: .* \\[1, 2\\], this run has None"),
     (TrialPlan("toy", TOY.scenario, range(8, 12)), "root seed: .* have 7, this run has 8"),
 ]
@@ -214,7 +214,7 @@ def test_trials_of_something_else_are_not_resumed(tmp_path, seeds):
 def test_a_run_keeps_off_a_stopped_one_and_is_resumed_with_more_trials_or_fewer(tmp_path):
     """A finished one is replaced, once there are trials."""
     fill(tmp_path, [7, 8])
-    with pytest.raises(InputError, match="holds 2 trials of a run that was stopped: --resume"):
+    with pytest.raises(InputError, match="holds 2 trials of a stopped run: --resume"):
         fill(tmp_path, [7])
     fill(tmp_path, [9, 10, 11], resume=True)
     finished = files(tmp_path)
@@ -224,7 +224,7 @@ def test_a_run_keeps_off_a_stopped_one_and_is_resumed_with_more_trials_or_fewer(
     more = TrialPlan("toy", TOY.scenario, range(7, 14))
     assert missing(tmp_path, more) == [12, 13]
     fill(tmp_path, [13], more, resume=True)
-    with pytest.raises(InputError, match="holds 6 trials of a run that was stopped"):
+    with pytest.raises(InputError, match="holds 6 trials of a stopped run"):
         fill(tmp_path, [7])
     fewer = TrialPlan("toy", TOY.scenario, range(7, 9))
     with open_store(tmp_path, fewer, row=X, resume=True) as store:

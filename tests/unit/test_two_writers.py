@@ -84,7 +84,7 @@ def look_often(out):
                 whose(out)
         except InputError as err:
             said = str(err)
-        assert said in ("", f"{out}: another run took its place while it was read: begin again")
+        assert said in ("", f"{out}: another run replaced it while it was read: try again")
 
 
 @pytest.mark.parametrize("work", [write, claimed_write])
@@ -200,7 +200,7 @@ def test_a_folder_that_is_made_after_a_kill_does_not_cost_the_earlier_run(tmp_pa
         if not out.exists():
             break
     out.mkdir()
-    with pytest.raises(InputError, match=r"stands in the place of the run that is in .*\.run\.new/earlier"):
+    with pytest.raises(InputError, match=r"is in the place of the run that is now in .*\.run\.new/earlier"):
         write(out, "two")
     out.rmdir()
     write(tmp_path / "other", "two")

@@ -555,7 +555,9 @@ def _solved(file: Path, order: Sequence[str], equations: Sequence[Coupling]) -> 
         A[others] -= A[others, column, None] * A[row]
         pivots.append(column)
     if (np.abs(A[len(pivots) :, -1]) > ZERO_COEFFICIENT).any():
-        raise InputError(file, "", f"{equations[0].label} and others contradict: no joints satisfy all")
+        raise InputError(
+            file, "", f"{equations[0].label} and others contradict each other: no joint positions satisfy all"
+        )
     return {order[column]: _row(order, A[k], column) for k, column in enumerate(pivots)}
 
 

@@ -184,7 +184,9 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
             why = " ".join(found[1].decode(errors="replace").split()) if found else str(err)
             raise InputError(file, "", f"Pinocchio refuses it: {why}") from err
     if lost := [name for name in names if not model.existJointName(name)]:
-        problem = f"expected a tree of links; no way leads from the first one over {', '.join(lost)}:"
+        problem = (
+            f"expected a tree of links; these joints are not connected to the first link: {', '.join(lost)};"
+        )
         raise InputError(file, "<robot>", f"{problem} leave out what closes a loop")
     return model
 
@@ -374,7 +376,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
     if scheme == "file" and rest:
         return Path(unquote(urlparse(name.strip()).path))
     if rest and scheme not in ("package", "model"):
-        raise MeshError(f"{scheme}:// is not known; package:// and file:// are")
+        raise MeshError(f"{scheme}:// is not supported; use package:// or file://")
     package, _, path = rest.partition("/")
     if not rest:
         roots, path = [folder], scheme

@@ -76,7 +76,7 @@ def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[li
     seen = any(shape.visual for k in own for shape in bodies[k].shapes)
     missing = [k for k in own if _is_missing(weighed[k], some, seen)]
     if not missing and not some:
-        raise InputError(file, "", "expected masses, or shapes to estimate them from; there are neither")
+        raise InputError(file, "", "expected masses, or shapes to estimate them from; found neither")
     for k in missing:
         volume, centre, inertia = _integrals(bodies[k].shapes)
         weighed[k] = replace(weighed[k], mass=DENSITY * volume, com=centre, inertia=DENSITY * inertia)

@@ -468,7 +468,7 @@ def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tupl
         drawn = _register_subset(state, series, as_drawn=True)
         aligned_series = drawn if drawn is not None and drawn.fits else _register_subset(state, series)
     if aligned_series is None and (few or turns < MIN_TURNING_JOINTS):
-        open_ = "its poses leave frame or target open; expected turning joints whose axes are not parallel"
+        open_ = "its poses do not determine frame and target; turn joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
     if aligned_series is None or not aligned_series.fits:
         # Something may have moved in mid-series: the frame and mount of its first half.
@@ -580,7 +580,7 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
         what, other = ("a plane through", "normal") if plane else ("a fixed point near", "point")
         raise BenchError(
             f"{series.name}: the distances do not fit this arm and {what} {place} m: {far:.3g} m "
-            f"off (median){times}; another unit, {other} or marker?"
+            f"off (median){times}; is it another unit, {other} or marker?"
         )
     off, turn, found = placed_off(series, frame)
     if max(off / series.fixed_sigma, turn / series.tilt if plane else 0.0) > MAX_POINT_DEVIATIONS:
@@ -588,8 +588,8 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
         turned = f" and {np.degrees(turn):.3g} deg" if plane else ""
         raise BenchError(
             f"{series.name}: its {what} is {off:.3g} m{turned} from where it is stated, at "
-            f"{', '.join(f'{own:.4g}' for own in found)} m rather than {place} m; another {other}, sign or "
-            "axes?"
+            f"{', '.join(f'{own:.4g}' for own in found)} m rather than "
+            f"{place} m; is it another {other}, sign or axes?"
         )
 
 
@@ -722,9 +722,9 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
         few = f"{poses} poses with a reading are too few for {numbers}"
         return f"{few}; expected at least {MIN_POSES}, in which {turn} joints turn"
     if series.normal is not None and _touches_in_a_row(vjm, series):
-        return "its poses lie in a row on the plane, so a turn about it is open; expected some all over it"
+        return "its poses touch the plane along a line and do not determine its tilt; spread them all over it"
     if len(joints) < min(turn, vjm.arm.n_joints):
-        expected = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
+        expected = f"{numbers} need {turn} joints that turn, or another series of its frame or mount"
         return f"only {' and '.join(joints)} turn; {expected}"
     return ""
 
@@ -743,9 +743,9 @@ def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
 def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:
     """Make the error about a series that does not fit, with its distance from the arm."""
     if placed is not None and placed.near:
-        turn = f"{np.degrees(placed.turn):.3g} degrees (median) from any mount"
-        return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
-    far = "" if placed is None else f", {1e3 * placed.typical:.3g} mm (median) in any frame"
+        turn = f"{np.degrees(placed.turn):.3g} degrees off (median) for the best mount"
+        return Misfit(f"{series.name}: its positions fit this arm, but its orientations are {turn}", series)
+    far = "" if placed is None else f": they are {1e3 * placed.typical:.3g} mm off (median) in the best frame"
     places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
     spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"

@@ -507,7 +507,7 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
     free = np.abs(np.diag(T))[: active.n_rigid]
     if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.n_rigid], axis=0)).all():
-        raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
+        raise BenchError("calibration: the readings do not determine a frame or target; expected more poses")
     return T
 
 

@@ -239,13 +239,15 @@ def _root(model: ArmModel, F: Array, series: Series) -> Array:
     R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()
     if not full:
-        raise BenchError(f"{series.name}: its rows leave frame or target open; expected poses that turn more")
+        raise BenchError(
+            f"{series.name}: its rows do not determine frame and target; expected larger joint motions"
+        )
     return R
 
 
 def _noise(model: ArmModel) -> Noise:
     if model.noise is None:
-        raise BenchError("model: expected one of absolute readings; this one knows deflections")
+        raise BenchError("model: expected one of absolute readings; this one predicts deflections only")
     return model.noise
 
 

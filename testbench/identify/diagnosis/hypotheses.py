@@ -435,9 +435,9 @@ def _notation(observations: Observations) -> KinematicChanges:
 
 def _notation_words(issue: Issue, _: Arm) -> str:
     if len(issue.where) == 1:
-        return "fit if orientations are of the tracker in the target's frame"
+        return "fit if orientations are inverted: the tracker's in the target's frame"
     ways = zip(issue.where[1::2], issue.where[2::2], strict=True)
-    return "fit if orientations are " + ", or ".join(f"{a} where they were read as {b}" for a, b in ways)
+    return "fit if orientations are " + ", or ".join(f"{a} instead of {b}" for a, b in ways)
 
 
 # --- Single poses and readings that lie off while most do not -----------------------------------------------

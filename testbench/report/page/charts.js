@@ -226,7 +226,7 @@ function runChart(place, chart, names, choose) {
   const every = chart.lines.flatMap((line) => [line.values, ...(line.ends || [])].flat()).filter((x) => x !== null);
   const y = scale(chart.limit === null ? every : [...every, chart.limit], height - bottom, 8);
   const at = (i) => left + ((width - left - 10) * (i + 0.5)) / n;
-  const tip = make("div", { class: "tip" }, "Point at a pose, or press arrows, to read its numbers; click, or press Enter, to see the arm there.");
+  const tip = make("div", { class: "tip" }, "To read the numbers of a pose, point at it or press the arrow keys. To see the arm there, click it or press Enter.");
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", tabindex: 0, "aria-label": `${chart.title}; arrows read it, Enter shows the arm` });
   const legend = make("div", { class: "bar" });
   for (const line of chart.lines) legend.append(swatch(line));

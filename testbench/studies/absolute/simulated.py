@@ -336,7 +336,7 @@ class AbsoluteOptions:
     """Hold the flags of the study."""
 
     arm: Annotated[
-        list[str] | None, typer.Option(metavar="ARM", help="Arm to measure; repeatable, in turn.")
+        list[str] | None, typer.Option(metavar="ARM", help="Arm to measure; repeatable: arms take turns.")
     ] = None
 
 

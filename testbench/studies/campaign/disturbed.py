@@ -63,7 +63,7 @@ class DisturbanceOptions:
     """Hold the flags of the study."""
 
     scale: Annotated[
-        float, typer.Option(min=0, max=10, metavar="X", help="Size of disturbances over the typical size.")
+        float, typer.Option(min=0, max=10, metavar="X", help="Size of disturbances; 1 is typical.")
     ] = 1.0
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only this disturbance; repeatable.")
@@ -74,11 +74,12 @@ class DisturbanceOptions:
     arm: ArmFlag = "kr500_l480"
     true_arm: TrueArmFlag = FAMILY
     arms: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Extra true arm; repeatable (default: all).")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Further kind of true arm; repeatable (default: all)."),
     ] = None
     sizes: Annotated[
         list[float] | None,
-        typer.Option(min=0, max=10, metavar="X", help="Extra size over --scale; repeatable."),
+        typer.Option(min=0, max=10, metavar="X", help="Further multiple of --scale; repeatable."),
     ] = None
 
 

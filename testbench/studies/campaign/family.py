@@ -242,7 +242,7 @@ def said_of_prior(rows: Trials) -> Mapping[str, Cells]:
     """Judge in every case what is said of its prior, 0 or 1; NaN where nothing can be.
 
     The columns are `SAID`: something is doubted, the wrong link is named, it is listed as unchecked, it is
-    listed where another one is wrong, and either of the second and third.
+    listed although another part is wrong, and either of the second and third.
     """
     wrong, heard, left = (rows[key] for key in ("wrong", "doubted.contradicted", "doubted.unchecked"))
     named = [(link, open_) for link, open_ in zip(wrong, left, strict=True) if open_ is not None and link]

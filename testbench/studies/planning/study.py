@@ -188,7 +188,7 @@ def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
             "kept": Table(
                 columns(KEPT),
                 [*f.kept, f.kept_joints],
-                "Promises on true arms of the family, with wrong priors",
+                "Predicted and true errors on arms of the family, with wrong priors",
             ),
             "enough": Table(
                 columns("plan fewest"),

@@ -47,7 +47,7 @@ def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
             by="poses",
         ),
         "promises": TrialTable(
-            "Promises of the default", columns=PROMISES, where={"name": CHOSEN}, rows=promises
+            "Intervals and warnings of the default", columns=PROMISES, where={"name": CHOSEN}, rows=promises
         ),
     }
 
