@@ -290,7 +290,7 @@ def campaign_rows(
     fitted, check, truth = campaign.identification, campaign.check, campaign.truth
     estimates = [own for [own] in fits.values()]
     moved = [all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
-    data, rows = measured_row(campaign), []
+    data, rows = _measured_row(campaign), []
     for k, (name, estimate, at_fitted, at_check, over, every) in enumerate(
         zip(fits, estimates, *moved, strict=True)
     ):
@@ -358,7 +358,7 @@ def _drawn(
     )
 
 
-def measured_row(campaign: Campaign) -> Measured:
+def _measured_row(campaign: Campaign) -> Measured:
     """Count runs and deflections of a campaign."""
     every, fitted, check = campaign.measured, campaign.identification, campaign.check
     return Measured(

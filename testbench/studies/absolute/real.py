@@ -68,7 +68,7 @@ TOGETHER, PARTS = 60, 10
 """Rows, an hour's or more, in which z counts as constant; parts of a series that give the interval."""
 
 
-def joint_rows(
+def _joint_rows(
     joints: Sequence[ArmJoint], series: Sequence[Series], waves: Mapping[str, Sequence[float]]
 ) -> list[Row]:
     """Make a row a joint: its angles, and its error by A, by C and by both.
@@ -104,17 +104,8 @@ def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
     )
 
 
-def effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) -> list[Row]:
-    """Make rows of effects that no model has, with half intervals; none of joints that the rows do not show.
-
-    Args:
-        joints: Of the arm.
-        series: Their names.
-        own: The row of the model that the effects are left by.
-
-    Returns:
-        The rows.
-    """
+def _effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) -> list[Row]:
+    """Make rows of effects that no model has, with half intervals; none of joints that no row shows."""
     names = [(f"approach, {joint.name}", "urad") for joint in joints]
     names += [(f"drift of z, {name}", "um") for name in series]
     every = zip(names, np.reshape(own["effects"][0], (-1, 2)).tolist(), strict=True)
@@ -354,17 +345,10 @@ def _trial(
     yield from _draws(asked, *shared, seed)
 
 
-def models_of(asked: RealSettings, name: str) -> list[str]:
+def _models_of(asked: RealSettings, name: str) -> list[str]:
     """List the models that are tried on a split.
 
     Choosing is dear: from one series to the other it is left out.
-
-    Args:
-        asked: Settings of the study.
-        name: Name of the split.
-
-    Returns:
-        Names of the models.
     """
     if name == BOTH:
         return [one for one in asked.models if one in (*RUNGS, CHOSEN)]
@@ -377,7 +361,7 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
     """Every model on every split: gathered once a split. C with the common pattern plans the poses of A."""
     fifty = {EVENLY: evenly_spaced_rows(series[0], FURTHER)}
     for name in (BOTH, BLOCKS, TO_A, TO_C, EVENLY, PLANNED):
-        (train, judged), tried = split(name, series, fifty.get(name)), models_of(asked, name)
+        (train, judged), tried = split(name, series, fifty.get(name)), _models_of(asked, name)
         only = (
             None
             if CHOSEN in tried
@@ -472,7 +456,7 @@ def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
             Row(merged(own)[0], draws=len(own))
             for _, own in errors.where(split=DRAW).groups("judged", "name", "poses")
         ],
-        joints=joint_rows(
+        joints=_joint_rows(
             joints, series, {by: waves.where(split=name)["waves"][0] for name, by in TRAINED.items()}
         ),
         compliances=[
@@ -481,7 +465,7 @@ def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
             for split, by in TRAINED.items()
             if (own := ladder.where(split=split, name=name))
         ],
-        effects=effect_rows(joints, tuple(FILES), ladder.where(split=BOTH, name=SHARED)),
+        effects=_effect_rows(joints, tuple(FILES), ladder.where(split=BOTH, name=SHARED)),
         chosen=merged(ladder.where(name=CHOSEN).keep("split", "kept", "declined"), "split"),
     )
     badge = _badge(trials.where(split=BLOCKS, judged=tuple(FILES)))

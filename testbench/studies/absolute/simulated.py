@@ -112,7 +112,7 @@ def _before(vjm: Vjm) -> Ids:
     return np.array(first)[:, None] + np.arange(3)
 
 
-def true_joints(vjm: Vjm, truth: Truth) -> Array:
+def _true_joints(vjm: Vjm, truth: Truth) -> Array:
     """Compute the true compliance of every joint with that of the link before it about its axis.
 
     Args:
@@ -127,7 +127,7 @@ def true_joints(vjm: Vjm, truth: Truth) -> Array:
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
-def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
+def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
     """Compare all numbers of a calibration that have an interval with the truth.
 
     A joint's true compliance has that of the link before it about its axis, of a rigid model's links too.
@@ -145,7 +145,7 @@ def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, 
     for group in functionals(active):
         a, sought = group.of[:, active.columns], group.of @ true
         if group.part == "joint compliances":
-            sought = true_joints(active.unknowns.vjm, truth)
+            sought = _true_joints(active.unknowns.vjm, truth)
             relative = a @ known.x / sought - 1
         inside = (np.abs(a @ known.x - sought) < known.half_widths(a))[sought != 0]
         if inside.size:
@@ -484,7 +484,7 @@ def _row(
         rng: Source of the noise of their readings.
     """
     off, within = check(fit, checks[0], rng)
-    held, joints = score_intervals(fit, truth)
+    held, joints = _score_intervals(fit, truth)
     return AbsoluteFitRow(
         **about,
         kept=tuple(step.name for step in fit.chosen.steps if step.kept),

@@ -128,7 +128,7 @@ def trial(cell: Cell, asked: FamilySettings, seed: int, own: Models) -> Iterator
     Yields:
         The rows.
     """
-    plain, bare = plain_models(cell, MODELS_WITHOUT_PRIOR), to_fill(cell)
+    plain, bare = plain_models(cell, MODELS_WITHOUT_PRIOR), _to_fill(cell)
     poses = draw_poses(cell, scenario(asked), seed)
     for truth, name in pairs(seed):
         true, prior = true_cell(cell, truth, seed, asked.stiffer), prior_of(cell, name, seed)
@@ -148,7 +148,7 @@ def trial(cell: Cell, asked: FamilySettings, seed: int, own: Models) -> Iterator
         )
 
 
-def to_fill(cell: Cell) -> list[Model]:
+def _to_fill(cell: Cell) -> list[Model]:
     """List methods that are fitted with a prior, learnt from the readings."""
     joints, mgco56, mgco68, all153 = (MODELS[name](cell) for name in (JOINTS, "MGCO56", "MGCO68", "ALL153"))
     beams = replace(mgco56, name="MLS56", estimator=least_squares)

@@ -97,7 +97,7 @@ def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> di
         An estimate per dataset, by method.
     """
     gco = [solve(regression, "psd") for regression in regressions]
-    ls = [solve(weighed_as(estimate), "none") for estimate in gco]
+    ls = [solve(_weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
     return {
         GCO: gco,
@@ -108,7 +108,7 @@ def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> di
     }
 
 
-def weighed_as(gco: Estimate) -> Regression:
+def _weighed_as(gco: Estimate) -> Regression:
     """Weigh the runs of GCO such that it is the conservative least squares fit of them.
 
     F_M is a sum of norms n_k, with the gradient of sum |r_k|^2 / (2 n_k) at its optimum: over a convex cone

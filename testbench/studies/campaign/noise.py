@@ -119,30 +119,20 @@ def readings(
     yield FLAT, 0.0, flat
     for distance in distances:
         tracker = LaserTracker((CENTRE[0], CENTRE[1] - distance, CENTRE[2]))
-        plain = by_laser(clean, tracker, seed)
+        plain = _by_laser(clean, tracker, seed)
         yield WEIGHTED, distance, plain
-        yield UNWEIGHTED, distance, unweighted(plain)
-        yield "weighted, maximum errors", distance, by_laser(clean, replace(tracker, share=1.0), seed)
-        averaged = by_laser(clean, replace(tracker, share=TYPICAL_SHARE / np.sqrt(3)), seed)
+        yield UNWEIGHTED, distance, _unweighted(plain)
+        yield "weighted, maximum errors", distance, _by_laser(clean, replace(tracker, share=1.0), seed)
+        averaged = _by_laser(clean, replace(tracker, share=TYPICAL_SHARE / np.sqrt(3)), seed)
         yield "weighted, 3 readings averaged", distance, averaged
-        yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, drifts=True)
+        yield "weighted, frame drifts", distance, _by_laser(clean, tracker, seed, drifts=True)
         yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)
         misread, _ = spoil(plain, MISREAD, BY, trial_rng(seed, 6))
         yield f"weighted, {100 * MISREAD:.0f} % misread by {1e3 * BY:g} mm", distance, misread
 
 
-def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, *, drifts: bool = False) -> Dataset:
-    """Read a noise-free dataset by a laser tracker, weighted by what it knows of itself: not of its drift.
-
-    Args:
-        clean: Readings without noise.
-        tracker: The tracker.
-        seed: Seed of the trial.
-        drifts: Whether its frame drifts.
-
-    Returns:
-        The readings.
-    """
+def _by_laser(clean: Dataset, tracker: LaserTracker, seed: int, *, drifts: bool = False) -> Dataset:
+    """Read a noise-free dataset by a laser tracker, weighted by what it knows of itself: not of its drift."""
     rng = trial_rng(seed, 1)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     if drifts:
@@ -150,7 +140,7 @@ def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, *, drifts: bool =
     return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
 
 
-def unweighted(data: Dataset) -> Dataset:
+def _unweighted(data: Dataset) -> Dataset:
     """Weigh readings alike along every axis, by the sigma that they have in the mean."""
     assert data.precision is not None
     covariance = np.linalg.inv(data.precision)  # of the difference of two readings

@@ -87,7 +87,7 @@ class InstrumentRow(CampaignFitRow):
     cover: Cover | None = None  #: Of the default.
 
 
-def directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> Array:
+def _directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> Array:
     """Choose world axes of gauges in given poses.
 
     Args:
@@ -124,7 +124,7 @@ def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, l
         The instruments by name.
     """
     markers = cell.arm.markers
-    three, one = (directions(cell, q, around, mass, count) for count in (len(markers), 1))
+    three, one = (_directions(cell, q, around, mass, count) for count in (len(markers), 1))
     wires = [Mounted(DRAW_WIRE, name, fixed=at) for name, at in zip(markers, ANCHORS, strict=True)]
     mounted = (
         [Mounted(Tracker(50e-6))],

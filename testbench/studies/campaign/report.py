@@ -73,7 +73,7 @@ class TrialTable:
         if self.rows:
             return list(self.rows(own))
         by = tuple(dict.fromkeys(filter(None, ("name", self.down, self.across, *self.by.split()))))
-        return existing(merged(own.keep(*JUDGED, *by, self.value, *self.columns.split(), SHARED), *by))
+        return _existing(merged(own.keep(*JUDGED, *by, self.value, *self.columns.split(), SHARED), *by))
 
     def table(self, rows: Sequence[Row]) -> Table:
         """Show these rows."""
@@ -180,7 +180,7 @@ class Preset(Generic[O, S, W]):
         spread = ", medians ({ends})." if len(seeds) > 1 else "."
         how = say("{how} {n}" + spread, how=self.how, n=n, ends=ends)
         tables = {name: grid.table(found[name]) for name, grid in grids.items()} | {
-            RIVALS: rivals_table(beside, self.value)
+            RIVALS: _rivals_table(beside, self.value)
         }
         return Report(
             scenario=self.name,
@@ -212,7 +212,7 @@ def warnings(models: Sequence[Row]) -> list[Markdown]:
     return [say(sentence, names=listed(names)) for sentence, names in found.items() if names]
 
 
-def existing(rows: Sequence[Row]) -> list[Row]:
+def _existing(rows: Sequence[Row]) -> list[Row]:
     """Drop completions that exist in no trial with noise: they are least squares once more."""
     there = {row.name for row in rows if row.get("sigma_um", 1) > 0 and row.conservative is not False}
     return [row for row in rows if row.constraint != "free" or row.name in there]
@@ -254,16 +254,8 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
     return rows
 
 
-def rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
-    """Tabulate pairs of models at the cell of the headline.
-
-    Args:
-        rows: Rows of the table.
-        value: Column of the error.
-
-    Returns:
-        The table.
-    """
+def _rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
+    """Tabulate pairs of models at the cell of the headline."""
     error = replace(KNOWN[value], form=".0f" if value == ERROR else KNOWN[value].form, short="")
     ours, theirs, *others = columns("ours theirs error_ratio won worst_ratio worst_seed")
     both = (replace(error, key=f"{who}_error", heading=f"{words} error") for who, words in WHO.items())

@@ -137,12 +137,12 @@ def _groups(asked: CompensationSettings, trials: Trials) -> list[Row]:
         _group(way, own)
         for arm in ARMS
         for way in (NOWHERE, *asked.ways(arm))
-        for name in (*MODELS, *user_estimator_names(trials))
+        for name in (*MODELS, *_user_estimator_names(trials))
         if (own := groups.get((arm, *vars(way).values(), name)))
     ]
 
 
-def user_estimator_names(trials: Trials) -> list[str]:
+def _user_estimator_names(trials: Trials) -> list[str]:
     """Name the user's estimators."""
     return [name for name in trials.values("name") if name not in MODELS]
 

@@ -312,7 +312,7 @@ def prepare(asked: CompensationSettings, everywhere: Everywhere) -> Compensation
     plain = [tuple(map(tuple, own.tolist())) for own in (found, q)]
     scene = CompensationScene(candidates=plain[0], program=plain[1])
     asked = replace(asked, scene=scene)
-    rows = everywhere(partial(plan_rows, asked), len(_planned(asked)), CompensationPlanRow, "plans")
+    rows = everywhere(partial(_plan_rows, asked), len(_planned(asked)), CompensationPlanRow, "plans")
     return replace(asked, scene=replace(scene, plans=tuple(rows)))
 
 
@@ -352,20 +352,12 @@ def loads(cell: Cell) -> tuple[Load, Load]:
     return weight(cell.vjm, PAYLOAD), Load(np.array([0.0, PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
 
 
-def plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:
-    """Make plans by their numbers, one list each.
-
-    Args:
-        asked: Settings of the study.
-        numbers: Numbers of the plans.
-
-    Returns:
-        The plans.
-    """
+def _plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:
+    """Make plans by their numbers, one list each."""
     cell = build_cell(find_arm(asked.arm))
     reach, found = Feasibility(partial(feasible, _checks(cell))), []
     for name, poses in map(_planned(asked).__getitem__, numbers):
-        spec = specify(cell, asked, name, poses)
+        spec = _specify(cell, asked, name, poses)
         best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
         found.append(
             [CompensationPlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load.tolist()))]
@@ -373,18 +365,8 @@ def plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[
     return found
 
 
-def specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> Specification:
-    """Specify what a plan is for: the points of both jobs under forces of the middle of their range.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        name: Name of the loads.
-        poses: Number of poses.
-
-    Returns:
-        The specification.
-    """
+def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> Specification:
+    """Specify what a plan is for: the points of both jobs under forces of the middle of their range."""
     scaling = scale_by_prior(
         wrong_prior(cell, asked.seed), cell.vjm, named_models(cell, ("ALL153",))[0].structure
     )
@@ -588,21 +570,13 @@ def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
     weights = read_weights(cell.arm)
     every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
     return [
-        CorrectionModel(NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
+        CorrectionModel(NOWHERE, name, _certain_model(elastic_state(cell.vjm, C, weights), name))
         for name, C in every.items()
     ]
 
 
-def certain_model(state: ArmState, name: str) -> ArmModel:
-    """Make an arm model without uncertainty from all its compliances.
-
-    Args:
-        state: The calibrated arm.
-        name: Name of the model.
-
-    Returns:
-        The model.
-    """
+def _certain_model(state: ArmState, name: str) -> ArmModel:
+    """Make an arm model without uncertainty from all its compliances."""
     structure = all153(state.vjm.arm)
     pi = structure.entries(state.C_theta)
     return model_of_compliances(

@@ -137,7 +137,7 @@ class SolverResult:
     solves: Sequence[float] = ()  #: F_M of its local solves.
 
 
-def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
+def _forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
     """Compute F_M(b) and its gradient by finite differences, all points at once.
 
     Args:
@@ -151,7 +151,7 @@ def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
     return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
-def gco_model(cell: Cell, name: str) -> Model:
+def _gco_model(cell: Cell, name: str) -> Model:
     """Return a model of the paper that GCO identifies.
 
     Args:
@@ -172,7 +172,7 @@ def gco_model(cell: Cell, name: str) -> Model:
 
 def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
     """Make the settings of the flags."""
-    gco_model(build_cell(find_arm(ARM)), options.model)
+    _gco_model(build_cell(find_arm(ARM)), options.model)
     if options.scs:
         cvxpy("SCS")
     most = (QUICK_GENERATIONS, QUICK_STARTS) if quick else (options.generations, options.starts)
@@ -183,7 +183,7 @@ def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettin
 def _cell_and_model(asked: SolverSettings) -> tuple[Cell, Model]:
     """Build the arm, and the model that every solver identifies."""
     cell = build_cell(find_arm(ARM))
-    return cell, gco_model(cell, asked.model)
+    return cell, _gco_model(cell, asked.model)
 
 
 def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Models) -> list[SolverRow]:
@@ -243,7 +243,7 @@ def _factor_solvers(
         ("a", 10, partial(explore, budget=budgets[0])),
         ("a'", 10, partial(explore, budget=budgets[1])),
         ("b", 11, partial(local_solves, starts=1)),
-        ("b'", 11, partial(local_solves, starts=1, evaluate=forward_differences)),  # from the same start
+        ("b'", 11, partial(local_solves, starts=1, evaluate=_forward_differences)),  # from the same start
         ("c", 12, partial(local_solves, starts=asked.starts)),
     )
     for key, stream, solver in runs:

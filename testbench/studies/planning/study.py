@@ -73,7 +73,7 @@ def prepare(asked: PlanningSettings, everywhere: Everywhere) -> PlanningSettings
     cell = build_cell(find_arm(asked.arm))
     asked = replace(asked, scene=_scene(cell, asked, 0))
     asked = replace(asked, away=_scene(cell, elsewhere(asked), AWAY_STREAM))
-    rows = everywhere(partial(plan_rows, asked), len(_jobs(asked)), PlannedRow, "plans")
+    rows = everywhere(partial(_plan_rows, asked), len(_jobs(asked)), PlannedRow, "plans")
     home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (HOME, AWAY))
     return replace(asked, scene=replace(asked.scene, plans=home), away=replace(asked.away, plans=away))
 
@@ -104,16 +104,8 @@ def _jobs(asked: PlanningSettings) -> list[Job]:
     ]
 
 
-def plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[PlannedRow]]:
-    """Make plans by their numbers, one list each; `asked` holds the scene.
-
-    Args:
-        asked: Settings of the study.
-        numbers: Numbers of the plans.
-
-    Returns:
-        The plans.
-    """
+def _plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[PlannedRow]]:
+    """Make plans by their numbers, one list each; `asked` holds the scene."""
     cell, jobs = build_cell(find_arm(asked.arm)), _jobs(asked)
     return [[_plan_row(cell, jobs[k])] for k in numbers]
 

@@ -230,7 +230,7 @@ class Bench:
 
     def errors_mm(self, estimates: Sequence[Estimate]) -> Iterator[tuple[float | None, float | None]]:
         """Compute RMS errors at the tasks and over the workspace [mm]; none of a failed estimator."""
-        every = (rms_mm(self.off(estimates, data), 1, 2).tolist() for data in (self.tasks, self.workspace))
+        every = (_rms_mm(self.off(estimates, data), 1, 2).tolist() for data in (self.tasks, self.workspace))
         for estimate, tasks, workspace in zip(estimates, *every, strict=True):
             yield (None, None) if has_failed(estimate) else (tasks, workspace)
 
@@ -269,9 +269,9 @@ def trial(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterat
     Yields:
         The rows.
     """
-    yield from of_plans(build_bench(cell, asked), seed, own)
+    yield from _of_plans(_build_bench(cell, asked), seed, own)
     for there in (asked, elsewhere(asked)):
-        yield from of_ground(cell, there, seed, own)
+        yield from _of_ground(cell, there, seed, own)
 
 
 def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
@@ -311,17 +311,8 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
     return {model.name: model for model in models}
 
 
-def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
-    """Identify every plan and random poses in every way.
-
-    Args:
-        bench: The true arm and where predictions are judged.
-        seed: Seed of the trial.
-        own: Estimators of the user.
-
-    Yields:
-        The rows.
-    """
+def _of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
+    """Identify every plan and random poses in every way."""
     scope, models = bench.asked.scope, tried(bench.cell, seed, own)
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
@@ -353,7 +344,7 @@ def featured(
         The row.
     """
     name = f"{row.plan}, {row.fit}"
-    setup, tasks = setup_of(bench.asked), bench.tasks
+    setup, tasks = _setup_of(bench.asked), bench.tasks
     campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
     fits = Fits({name: [estimate]}, {name: estimate.solver_seconds}, [name] if model.filled else [])
     [own] = campaign_rows(bench.cell, campaign, fits, "tubes", placed=False)
@@ -362,35 +353,26 @@ def featured(
         return row
     return replace(
         row,
-        each_task_mm=tuple(rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
-        each_place_mm=tuple(rms_mm(bench.off([estimate], bench.workspace)[0], 1).tolist()),
+        each_task_mm=tuple(_rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
+        each_place_mm=tuple(_rms_mm(bench.off([estimate], bench.workspace)[0], 1).tolist()),
     )
 
 
-def of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
+def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
     """Compare plans for the very fit with random poses, on one ground, the true arm one of the family.
 
     An estimator of one's own has the plan for `PLANNED`.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        seed: Seed of the trial.
-        own: Estimators of the user.
-
-    Yields:
-        The rows.
     """
     n, ground, models = asked.scope.featured, asked.scope.ground.name, tried(cell, seed, own)
-    bench = build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
+    bench = _build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
     drawn = poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
-    yield from of_promise(bench, seed, (RANDOM, drawn, chance))
+    yield from _of_promise(bench, seed, (RANDOM, drawn, chance))
     for fit, model in models.items():
         chosen = poses_of(asked, "test", n, seed, fit if fit in FITS else PLANNED)
         data = measure(bench, chosen, seed)
         if fit == PLANNED:
-            yield from of_promise(bench, seed, ("test", chosen, data))
+            yield from _of_promise(bench, seed, ("test", chosen, data))
         both = [fit_or_rigid(bench.cell, model, runs) for runs in (data, chance)]
         for name, errors, estimate in zip(("test", RANDOM), bench.errors_mm(both), both, strict=True):
             yield PlanErrorRow("ground", name, n, fit, *errors, ground, status=estimate.status)
@@ -401,18 +383,10 @@ def prior_in_turn(seed: int) -> str:
     return list(PRIORS)[(seed + seed // len(TRUTHS)) % len(PRIORS)]
 
 
-def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[PlanErrorRow]:
+def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[PlanErrorRow]:
     """Compare what was promised of all links and joints, and of joints alone, with what came.
 
     `measured` are the name of a plan, its poses, and what was read there.
-
-    Args:
-        bench: The true arm and where predictions are judged.
-        seed: Seed of the trial.
-        measured: Name of a plan, its poses, and what was read there.
-
-    Yields:
-        The rows.
     """
     (plan, q, data), cell, settings, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
@@ -427,7 +401,7 @@ def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) ->
             plan,
             len(q),
             fit,
-            tasks_mm=float(rms_mm(off, 0, 1)),
+            tasks_mm=float(_rms_mm(off, 0, 1)),
             ground=settings.scope.ground.name,
             expected=forecast_summary(inflate_intervals(promise)),
             truth=true_arm_of_seed(FAMILY, seed),
@@ -436,7 +410,7 @@ def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) ->
         )
 
 
-def rms_mm(off: Array, *over: int) -> Array:
+def _rms_mm(off: Array, *over: int) -> Array:
     """Compute RMS lengths of vectors over some axes.
 
     Args:
@@ -449,16 +423,8 @@ def rms_mm(off: Array, *over: int) -> Array:
     return np.asarray(MM * np.sqrt(np.square(off).sum(axis=-1).mean(axis=over)))
 
 
-def build_bench(cell: Cell, asked: PlanningSettings) -> Bench:
-    """Make the true arm and its deflections where predictions are judged.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-
-    Returns:
-        The bench.
-    """
+def _build_bench(cell: Cell, asked: PlanningSettings) -> Bench:
+    """Make the true arm and its deflections where predictions are judged."""
     tasks, workspace = (_read(cell, asked, np.array(q)) for q in (asked.scene.tasks, asked.scene.workspace))
     return Bench(cell, asked, tasks, workspace)
 
@@ -479,10 +445,10 @@ def measure(bench: Bench, q: Array, seed: int) -> Dataset:
 
 def _read(cell: Cell, asked: PlanningSettings, q: Array, rng: np.random.Generator | None = None) -> Dataset:
     loaded = poses_with_weight(cell, q, np.arange(len(q)) + 1, asked.scope.payload)
-    return read(cell, setup_of(asked), loaded, rng)
+    return read(cell, _setup_of(asked), loaded, rng)
 
 
-def setup_of(asked: PlanningSettings) -> Setup:
+def _setup_of(asked: PlanningSettings) -> Setup:
     """Describe what is measured, as every campaign does."""
     return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
