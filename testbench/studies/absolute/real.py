@@ -40,6 +40,7 @@ from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import (
@@ -440,14 +441,56 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
 
 def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
     """Report the ladder as it is, and errors by number of random poses over the seeds."""
+    f = _numbers(asked, seeds, trials)
+    badge = _badge(trials.where(split=BLOCKS, judged=tuple(FILES)))
+    means = columns(f"name parameters conservative {' '.join(MEANS.values())}")
+    name, blocks = means[0], replace(means[3], heading="mean error in held-out blocks")
+    return Report(
+        scenario="real_ur10",
+        question=Markdown(
+            "Which errors explain the readings of a real UR10, and which models predict readings that were "
+            "not fitted?"
+        ),
+        title=say(
+            "{arm}, public laser tracker readings of July and November 2020: {series:list}",
+            f,
+            series=[f"series {one.name} ({one.poses} poses)" for one in f.dataset],
+        ),
+        answer=headline(badge, Table((name, blocks), f.models)),
+        numbers=f,
+        tables={
+            "models": Table(
+                means,
+                f.models,
+                "mean error of positions that were not fitted",
+                headline="blocks_mm",
+                looks=LOOKS,
+            ),
+            "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
+            "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
+            "errors": Table(
+                columns(ERRORS),
+                [*f.ladder, *f.by_number],
+                "every error",
+                headline="error.mean_mm",
+                looks=LOOKS,
+            ),
+        },
+        body=["models", "joints", "effects", "errors", READ],
+        badge=badge,
+    )
+
+
+def _numbers(asked: RealSettings, seeds: range, trials: Trials) -> Row:
+    """All numbers of report.json."""
     cell, series = read(asked.thin)
     ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
     errors = trials.where(judged=tuple(FILES)).keep(*told, "error.")
     errors = errors.add(**{"error.n": errors["error.n"].astype(int)})  # some rows have none
     judged = merged(errors.where(split=SPLITS), *told)
     joints, waves = cell.arm.joints, ladder.where(name=WAVES)
-    f = Row(
-        seed=seeds[0] if len(seeds) == 1 else list(seeds),
+    return Row(
+        seed=seeds_of(seeds),
         arm=ARM,
         dataset=[_series(one) for one in series],
         models=[_model(name, ladder.where(name=name), judged) for name in asked.models],
@@ -467,35 +510,6 @@ def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
         ],
         effects=_effect_rows(joints, tuple(FILES), ladder.where(split=BOTH, name=SHARED)),
         chosen=merged(ladder.where(name=CHOSEN).keep("split", "kept", "declined"), "split"),
-    )
-    badge = _badge(trials.where(split=BLOCKS, judged=tuple(FILES)))
-    title = "mean error of positions that were not fitted"
-    means = columns(f"name parameters conservative {' '.join(MEANS.values())}")
-    models = Table(means, f.models, title, headline="blocks_mm", looks=LOOKS)
-    name, blocks = means[0], replace(means[3], heading="mean error in held-out blocks")
-    return Report(
-        scenario="real_ur10",
-        question=Markdown(
-            "Which errors explain the readings of a real UR10, and which models predict readings that were "
-            "not fitted?"
-        ),
-        title=say(
-            "{arm}, public laser tracker readings of July and November 2020: {series:list}",
-            f,
-            series=[f"series {one.name} ({one.poses} poses)" for one in f.dataset],
-        ),
-        answer=headline(badge, Table((name, blocks), f.models)),
-        numbers=f,
-        tables={
-            "models": models,
-            "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
-            "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
-            "errors": Table(
-                columns(ERRORS), [*judged, *f.by_number], "every error", headline="error.mean_mm", looks=LOOKS
-            ),
-        },
-        body=["models", "joints", "effects", "errors", READ],
-        badge=badge,
     )
 
 

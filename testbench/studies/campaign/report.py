@@ -6,7 +6,7 @@ A preset says as data what is tabulated; what a table means is static text in do
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -18,9 +18,9 @@ from testbench.report.report import Report, say
 from testbench.report.schema import KNOWN, Table, best_of, columns, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm, own_cell
 from testbench.workflows.models import DEFAULT, JOINTS
-from testbench.workflows.own_estimator import Models
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
@@ -98,7 +98,7 @@ class Preset(Generic[O, S, W]):
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]
     row: type[W]
-    trial: Callable[[Any, S, int, Models], Iterable[W]]
+    trial: Callable[..., Iterable[W]]
     #: Tables by name.
     tables: Callable[[S], Mapping[str, TrialTable]]
     #: Cells whose models report.json lists, by words behind their names; the first one is the headline's.
@@ -117,7 +117,7 @@ class Preset(Generic[O, S, W]):
     page: str = ""  #: Where it is written what its tables and columns mean.
     value: str = ERROR  #: Column of the error by which models are judged.
     size: int = 1  #: Of these four see `Study`.
-    shared: Callable[[S], Any] = own_cell
+    shared: Callable[[S], object] = own_cell
     models: str = "name"
     arms: Callable[[S], Sequence[Path]] = own_arm
 
@@ -296,7 +296,7 @@ def by_case(trials: Trials, *by: str) -> Trials:
     return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys], SHARED: trials[TRIAL]})
 
 
-def head(seeds: Sequence[int], trials: Trials) -> Row:
+def head(seeds: range, trials: Trials) -> Row:
     """Collect what report.json says first: seeds, true arms with their trials, the first seed's dataset.
 
     Args:
@@ -308,8 +308,7 @@ def head(seeds: Sequence[int], trials: Trials) -> Row:
     """
     each = trials.keep("true_arm", TRIAL).groups("true_arm")
     arms = {arm: len(own.values(TRIAL)) for (arm,), own in each if arm}
-    seed = list(seeds) if len(seeds) > 1 else seeds[0]
-    return Row(seed=seed, noise=True, trials=len(seeds), true_arms=arms, dataset=dataset(trials))
+    return Row(seed=seeds_of(seeds), noise=True, trials=len(seeds), true_arms=arms, dataset=dataset(trials))
 
 
 def contract(models: Sequence[Row], judged: str = "workspace", where: str = "") -> list[Row]:

@@ -18,6 +18,7 @@ from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scen
 from testbench.report.schema import Table, TableColumn, columns, pivot
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import span, spread
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.compensation.trial import (
     ADVISED,
     ARMS,
@@ -82,7 +83,7 @@ def _report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report
     left = advised.where(arm=REAL)
     left = left.add(left_mm=np.median(np.array([*left["after_mm"]]), axis=1))
     f = Row(
-        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        seed=seeds_of(seeds),
         trials=len(seeds),
         arm=find_arm(asked.arm).resolve().name,
         payload=PAYLOAD,
