@@ -35,7 +35,7 @@ from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed, true_arms
 from testbench.report import markdown
 from testbench.runs.spread import median_interval
-from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
+from testbench.studies.campaign.model_error import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import covers, reread, worst_tenth
 from testbench.studies.intervals import ridge
 from testbench.studies.study import without_cone

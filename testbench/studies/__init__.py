@@ -20,7 +20,7 @@ HOMES: Mapping[str, str] = {
     "compensation": "compensation.study",
     "bench": "bench",
 }
-"""Modules of studies by the names of their scenarios; all others are presets of a campaign."""
+"""Modules of studies by the names of their scenarios; all others are campaigns."""
 
 
 def find_study(name: str) -> "AnyStudy":
@@ -32,7 +32,7 @@ def find_study(name: str) -> "AnyStudy":
     Raises:
         ImportError: When there is none.
     """
-    home = HOMES.get(name, f"campaign.presets.{name}")
+    home = HOMES.get(name, f"campaign.{name}")
     study: AnyStudy = import_module(f"testbench.studies.{home}").STUDY
     return study
 

@@ -47,7 +47,7 @@ from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, number
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, Number, Share, spread
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
-from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
+from testbench.studies.campaign.model_error import ALL, disturbances, disturbed
 from testbench.studies.campaign.report import dataset
 from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers, reread
 from testbench.studies.campaigns import seeds_of

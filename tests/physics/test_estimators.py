@@ -15,8 +15,8 @@ from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
 from testbench.plant.tracker import trial_rng
-from testbench.studies.campaign import grids as fits
-from testbench.studies.campaign.grids import CellGrid, Clean, expected
+from testbench.studies.campaign import regimes as fits
+from testbench.studies.campaign.regimes import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
 from testbench.studies.intervals import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
