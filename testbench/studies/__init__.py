@@ -16,8 +16,8 @@ HOMES: Mapping[str, str] = {
     "loaded_stiffness": "paper.loaded_stiffness",
     "absolute_calibration": "absolute.simulated",
     "real_ur10": "absolute.real",
-    "pose_selection": "planning.study",
-    "compensation": "compensation.study",
+    "pose_selection": "planning",
+    "compensation": "compensation",
     "bench": "bench",
 }
 """Modules of studies by the names of their scenarios; all others are campaigns."""

@@ -35,15 +35,7 @@ from testbench.workflows.fit_numbers import (
 )
 from testbench.workflows.model_names import IN_PAPER, in_words
 from testbench.workflows.models import DEFAULT, has_failed
-from testbench.workflows.rows import (
-    NO_ERRORS,
-    DatasetRow,
-    ErrorRow,
-    FitRow,
-    dataset_row,
-    error_row,
-    fit_row,
-)
+from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")

@@ -32,15 +32,7 @@ from testbench.model.vjm import chain, observation
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.intervals import bootstrap, resampler
-from testbench.workflows.cell import (
-    Cell,
-    FullPose,
-    Scenario,
-    Truth,
-    simulate,
-    simulate_full_pose,
-    true_cell,
-)
+from testbench.workflows.cell import Cell, FullPose, Scenario, Truth, simulate, simulate_full_pose, true_cell
 from testbench.workflows.models import prior_of
 from testbench.workflows.rows import UM
 

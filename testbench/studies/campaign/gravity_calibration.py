@@ -26,15 +26,7 @@ from testbench.studies.study import (
     write_runs,
 )
 from testbench.workflows.campaign_flags import CampaignOptions
-from testbench.workflows.cell import (
-    Campaign,
-    Cell,
-    Scenario,
-    build_cell,
-    draw_poses,
-    simulate_at,
-    true_cell,
-)
+from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.model_names import IN_PAPER
 from testbench.workflows.models import DEFAULT, JOINTS, Model, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models

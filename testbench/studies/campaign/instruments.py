@@ -20,23 +20,9 @@ from testbench.report.report import Report
 from testbench.report.schema import columns
 from testbench.report.table import Trials
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable
-from testbench.studies.campaign.trial import (
-    CampaignFitRow,
-    Cover,
-    TrialCase,
-    cover,
-    fitted,
-    score_cases,
-)
+from testbench.studies.campaign.trial import CampaignFitRow, Cover, TrialCase, cover, fitted, score_cases
 from testbench.workflows.campaign_flags import CAMERA, PROBE, Mounted, TrueArmFlag, read_instruments
-from testbench.workflows.cell import (
-    Cell,
-    Scenario,
-    draw_poses,
-    measure_markers,
-    poses_with_weight,
-    true_cell,
-)
+from testbench.workflows.cell import Cell, Scenario, draw_poses, measure_markers, poses_with_weight, true_cell
 from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
 

@@ -17,13 +17,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
-from testbench.plant.tracker import (
-    TYPICAL_SHARE,
-    LaserTracker,
-    precision,
-    read_positions,
-    trial_rng,
-)
+from testbench.plant.tracker import TYPICAL_SHARE, LaserTracker, precision, read_positions, trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report

@@ -34,14 +34,7 @@ from testbench.report.schema import Table, columns
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
 from testbench.runs.spread import SAME_ERROR, Number, ends, middle
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
-from testbench.studies.campaign.trial import (
-    CampaignFitRow,
-    Fits,
-    TrialCase,
-    fitted,
-    reread,
-    score_cases,
-)
+from testbench.studies.campaign.trial import CampaignFitRow, Fits, TrialCase, fitted, reread, score_cases
 from testbench.workflows.cell import (
     Cell,
     FullPose,
