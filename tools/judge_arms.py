@@ -36,7 +36,7 @@ from testbench.report import markdown
 from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import median_interval
-from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
+from testbench.studies.campaign.model_error import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import covers, reread, worst_tenth
 from testbench.studies.intervals import ridge
 from testbench.studies.study import without_cone

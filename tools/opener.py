@@ -35,7 +35,7 @@ from testbench.report.run_figure import draw_arm, outlines
 from testbench.report.scene import STEEL, on_tool
 from testbench.runs import command
 from testbench.runs.whole import whole_file
-from testbench.studies.campaign import coverage as trial
+from testbench.studies.campaign import gravity_calibration as trial
 from testbench.workflows.campaign import Campaign, settle_both
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import DEFAULT, JOINTS

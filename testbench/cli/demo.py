@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from testbench.report.terminal import plain_console
-from testbench.studies.campaign.coverage import Options
-from testbench.studies.campaign.presets.gravity_calibration import STUDY
+from testbench.studies.campaign.gravity_calibration import STUDY, Options
 from testbench.studies.run import run
 from testbench.workflows.campaign_flags import TrueArmFlag
 from testbench.workflows.options import Common, takes

@@ -16,11 +16,11 @@ HOMES: Mapping[str, str] = {
     "loaded_stiffness": "paper.loaded_stiffness",
     "absolute_calibration": "absolute.simulated",
     "real_ur10": "absolute.real",
-    "pose_selection": "planning.study",
-    "compensation": "compensation.study",
+    "pose_selection": "planning",
+    "compensation": "compensation",
     "bench": "bench",
 }
-"""Modules of studies by the names of their scenarios; all others are presets of a campaign."""
+"""Modules of studies by the names of their scenarios; all others are campaigns."""
 
 
 def find_study(name: str) -> "AnyStudy":
@@ -32,7 +32,7 @@ def find_study(name: str) -> "AnyStudy":
     Raises:
         ImportError: When there is none.
     """
-    home = HOMES.get(name, f"campaign.presets.{name}")
+    home = HOMES.get(name, f"campaign.{name}")
     study: AnyStudy = import_module(f"testbench.studies.{home}").STUDY
     return study
 

@@ -47,7 +47,7 @@ from testbench.report.table import Row, Trials, number
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, Number, Share, spread
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
-from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
+from testbench.studies.campaign.model_error import ALL, disturbances, disturbed
 from testbench.studies.campaign.report import dataset
 from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers, reread
 from testbench.studies.campaigns import seeds_of
@@ -211,7 +211,7 @@ def problem(task: Task, cell: Cell, seed: int) -> BenchProblem:
     if task.trackers:
         registered = register_dataset(cell.vjm, data, "tracker")
         true, data = replace(true, vjm=registered.vjm), registered.data
-    rows = observation_of(true, truth)
+    rows = _observation_of(true, truth)
     return BenchProblem(
         true, data, prior_of(cell, prior, seed), own, truth.deflection, lambda pi: rows @ pi, truth
     )
@@ -238,7 +238,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     return BenchProblem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
 
 
-def observation_of(cell: Cell, truth: Dataset) -> Array:
+def _observation_of(cell: Cell, truth: Dataset) -> Array:
     """Compute how parameters of all links and joints move targets.
 
     Args:
@@ -391,7 +391,7 @@ def _answered(row: EntryRow, own: BenchProblem, entry: EstimatorSource, prior: P
         why = str(err)
         skips = why.startswith(SKIP)
         return replace(row, status=SKIPPED + why.removeprefix(SKIP) if skips else FAILED + why)
-    half = half_widths(observation_of(own.cell, own.truth), K) if own.truth and K is not None else None
+    half = half_widths(_observation_of(own.cell, own.truth), K) if own.truth and K is not None else None
     return replace(
         row,
         workspace=error_row(score(moved, own.true)),
@@ -442,12 +442,12 @@ ERROR = "workspace.rms_mm"
 Errors = Mapping[str, Array]  #: Of every entry, arm by arm, (arms,) [mm].
 
 
-def incumbent(prior: bool) -> str:
+def _incumbent(prior: bool) -> str:
     """Name whom a class has to beat: the default of `identify`, without a prior Joints-only."""
     return DEFAULT if prior else JOINTS
 
 
-def begins(rows: Trials, words: str) -> Array:
+def _begins(rows: Trials, words: str) -> Array:
     """Tell which rows have a status that begins with some words.
 
     Args:
@@ -468,7 +468,7 @@ def errors(rows: Trials) -> dict[str, Array]:
     found = {}
     for (name,), group in rows.groups("name"):
         done = group["status"] == DONE
-        if done.any() or not begins(group, SKIPPED).all():
+        if done.any() or not _begins(group, SKIPPED).all():
             found[name] = np.fmin(group[ERROR], group["deflection_mm"])
     return found
 
@@ -518,9 +518,9 @@ def _with(value: str, low: str, high: str) -> str:
     return f"{value} ({low} to {high})" if low != high else value
 
 
-def quantities(rows: Trials) -> Row:
+def _quantities(rows: Trials) -> Row:
     """Summarise what an entry did beside its ratio, over arms, or over arms and tasks."""
-    done, failed = rows.where(status=DONE), int(begins(rows, FAILED).sum() + begins(rows, SKIPPED).sum())
+    done, failed = rows.where(status=DONE), int(_begins(rows, FAILED).sum() + _begins(rows, SKIPPED).sum())
     known = done.pick(np.isfinite(done["cover.covered_percent"].astype(float)))
     return Row(
         rms_mm=number(done[ERROR]) if len(done) else None,
@@ -602,19 +602,19 @@ def _errors(trials: Trials, tasks: Sequence[str], *, prior: bool) -> Errors:
 def _standings(trials: Trials, tasks: Sequence[str], prior: bool) -> list[Row]:
     """The best first, over some tasks."""
     rows = trials.where(task=tuple(tasks), prior=prior)
-    found = standings(_errors(trials, tasks, prior=prior), incumbent(prior))
+    found = standings(_errors(trials, tasks, prior=prior), _incumbent(prior))
     return [_row(rows, row) for row in found]
 
 
 def _row(rows: Trials, standing: Row) -> Row:
     trials = rows.where(name=standing.name)
     looked = {key: trials[key].tolist()[0] for key in ("structure", "constraint", "prior")}
-    return Row(standing, **quantities(trials), **looked)
+    return Row(standing, **_quantities(trials), **looked)
 
 
 def _failures(trials: Trials) -> list[Row]:
     """Every way in which an entry failed, and how often."""
-    lost = trials.pick(begins(trials, FAILED))
+    lost = trials.pick(_begins(trials, FAILED))
     keys = zip(*(lost[key].tolist() for key in ("name", "prior", "status")), strict=True)
     return [
         Row(name=name, given=CLASSES[bool(prior)], status=status, count=n)

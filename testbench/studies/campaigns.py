@@ -36,15 +36,7 @@ from testbench.workflows.fit_numbers import (
 )
 from testbench.workflows.model_names import IN_PAPER, in_words
 from testbench.workflows.models import DEFAULT, has_failed
-from testbench.workflows.rows import (
-    NO_ERRORS,
-    DatasetRow,
-    ErrorRow,
-    FitRow,
-    dataset_row,
-    error_row,
-    fit_row,
-)
+from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
@@ -291,7 +283,7 @@ def campaign_rows(
     fitted, check, truth = campaign.identification, campaign.check, campaign.truth
     estimates = [own for [own] in fits.values()]
     moved = [all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
-    data, rows = measured_row(campaign), []
+    data, rows = _measured_row(campaign), []
     for k, (name, estimate, at_fitted, at_check, over, every) in enumerate(
         zip(fits, estimates, *moved, strict=True)
     ):
@@ -359,7 +351,7 @@ def _drawn(
     )
 
 
-def measured_row(campaign: Campaign) -> Measured:
+def _measured_row(campaign: Campaign) -> Measured:
     """Count runs and deflections of a campaign."""
     every, fitted, check = campaign.measured, campaign.identification, campaign.check
     return Measured(

@@ -274,16 +274,8 @@ def amid_errors(
     return PageContent(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
 
 
-def runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
-    """Read all measured runs of the first seed, and the true ones that models are judged by.
-
-    Args:
-        cell: The arm.
-        first: Rows of the seed, that of the first model first.
-
-    Returns:
-        Both datasets.
-    """
+def _runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
+    """Read all measured runs of the first seed, and the true ones that models are judged by."""
     trials = first.inside("drawn")
     return from_text(trials["measured"][0], cell.arm), from_text(trials["over"][0], cell.arm)
 
@@ -296,7 +288,7 @@ def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
         cell: The arm with its model and its truth.
         poses: Number of poses; None for all.
     """
-    measured, _ = runs_of(cell, run.first)
+    measured, _ = _runs_of(cell, run.first)
     data = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
 
@@ -321,7 +313,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
         {name: -np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}
         for key in ("drawn.wrong_m", "drawn.residuals_m")
     )
-    measured, over = runs_of(cell, first)
+    measured, over = _runs_of(cell, first)
     order = np.array([over.run.tolist().index(run) for run in f.map.run])
     over, wrong = select_rows(over, order), {name: own[order] for name, own in wrong.items()}
     places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]

@@ -16,8 +16,8 @@ from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, joints_only, mgco68, mgco69, mgco147, mls36, template56
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign import grids as fits
-from testbench.studies.campaign.grids import CellGrid, Clean, expected
+from testbench.studies.campaign import regimes as fits
+from testbench.studies.campaign.regimes import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
 from testbench.studies.intervals import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
@@ -197,9 +197,9 @@ def test_parameters_are_gramians_of_at_most_rank_m_and_cost_what_f_m_says(arm_6r
 def test_what_cannot_be_searched_is_refused(arm_6r, data):
     for m in (0, 7):
         with pytest.raises(BenchError, match=f"m: expected an order of the vector space of 1 to 6, got {m}"):
-            factorised.LocalSolves(trial_rng(1), m)(arm_6r.vjm, mgco69(arm_6r.arm), data)
+            factorised.factorise(reduce(arm_6r.vjm, mgco69(arm_6r.arm), data), m)
     with pytest.raises(BenchError, match="starts: expected at least 1 local solve, got 0"):
-        factorised.LocalSolves(trial_rng(1), starts=0)(arm_6r.vjm, mgco69(arm_6r.arm), data)
+        factorised.every_order(arm_6r, mgco69(arm_6r.arm), data, 0, 1)
     with pytest.raises(BenchError, match="expected a symmetric structure"):
         factorised.factorise(reduce(arm_6r.vjm, mls36(arm_6r.arm), data))
     for numbers in ({"population": 0}, {"trial_points": 100}):
@@ -211,12 +211,14 @@ def test_what_cannot_be_searched_is_refused(arm_6r, data):
 def test_the_papers_search_ends_at_the_conic_optimum_and_f_m_falls_until_there(best):
     """By the same random numbers at the same place; local solves are seen to fall too."""
     problem, seen, of_several = factorised.factorise(best.regression), [], []
-    one, two = (explore(problem, TINY, trial_rng(1), observe=to) for to in (seen.append, lambda _: None))
+    one, two = factorised.Search(problem, seen.append), factorised.Search(problem)
+    for search in (one, two):
+        explore(search, trial_rng(1), TINY)
     np.testing.assert_array_equal(one.best, two.best)
     assert one.f_m == pytest.approx(best.f_m, rel=1e-5)
-    third = factorised.factorise(best.regression, 3)
-    solves = factorised.descents(third, trial_rng(4), starts=3, observe=of_several.append)
-    for values, end in ((seen, one.f_m), (of_several, min(d.f_m for d in solves))):
+    third = factorised.Search(factorised.factorise(best.regression, 3), of_several.append)
+    factorised.local_solves(third, trial_rng(4), starts=3)
+    for values, end in ((seen, one.f_m), (of_several, min(d.f_m for d in third.descents))):
         assert len(values) > 10
         assert (np.diff(values) < 0).all()
         assert values[-1] == pytest.approx(end, rel=1e-12)

@@ -28,7 +28,7 @@ from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign.disturbed import disturbed
+from testbench.studies.campaign.model_error import disturbed
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import named_models, with_priors
 

@@ -33,7 +33,7 @@ from testbench.identify.solve import (
 )
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
-from testbench.studies.campaign.noise import spoil
+from testbench.studies.campaign.noise_sensitivity import spoil
 from testbench.studies.campaign.trial import TrialCase, fitted
 from testbench.workflows.advice import advice
 from testbench.workflows.fits import MeasuredRuns, fit_models

@@ -8,7 +8,14 @@ from made_up import of_one_trial
 from reports import AT, campaign_row, fit_row
 
 from testbench.plant.true_arms import HELD_OUT, true_arm_of_seed
-from testbench.studies.campaign import coverage, disturbed, family, grids, noise, priors
+from testbench.studies.campaign import (
+    gravity_calibration,
+    identifiability,
+    model_error,
+    noise_sensitivity,
+    regimes,
+    which_model,
+)
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import CampaignFitRow, Cover
 from testbench.studies.campaigns import CampaignRow
@@ -28,7 +35,7 @@ MODELS = {
 """Structure, constraint and whether there is a prior."""
 DEFAULT = "ALL153 + prior"
 SIGMAS = (0.0, 25.0, 50.0, 200.0)
-CASES = list(disturbed.disturbances(1.0))
+CASES = list(model_error.disturbances(1.0))
 
 
 def fit(kind, rng, name, **own):
@@ -52,14 +59,14 @@ def of_disturbances(seed):
 
     def row(case, sigma, name, part, arm, size):
         factors = {"part": part, "true_arm": arm, "size": size, "case": case, "sigma_um": sigma}
-        found = fit(disturbed.DisturbedRow, rng, name, **factors)
+        found = fit(model_error.DisturbedRow, rng, name, **factors)
         return replace(found, cover=Cover(100 * rng.uniform(), 0.1, 0.1) if sigma else None)
 
     for case, sigma, name in product(CASES, (0.0, 40.0), MODELS):
-        yield row(case, sigma, name, disturbed.IN_FAMILY, own, 1.0)
+        yield row(case, sigma, name, model_error.IN_FAMILY, own, 1.0)
     for arm, size in [(own, 0.5), (own, 2.0), *((arm, 1.0) for arm in HELD_OUT)]:
-        for name in disturbed.BESIDE:
-            yield row(disturbed.ALL, 40.0, name, disturbed.BESIDE_IT, arm, size)
+        for name in model_error.BESIDE:
+            yield row(model_error.ALL, 40.0, name, model_error.BESIDE_IT, arm, size)
 
 
 LINKS = ("link_1", "link_2")
@@ -67,32 +74,35 @@ LINKS = ("link_1", "link_2")
 
 def of_family(seed):
     rng = np.random.default_rng(seed)
-    for arm, prior in family.pairs(seed):
+    for arm, prior in which_model.pairs(seed):
         wrong = {"link": LINKS[seed % 2], "joints": "joints"}.get(prior)
         share = rng.uniform(0.01, 0.04) + 0.05 * (wrong == LINKS[1]) if prior == "link" else None
         case = {"true_arm": arm, "prior_error": prior, "wrong": wrong, "link_share": share}
-        for name, poses in product((family.CHOSEN, *MODELS), family.POSES):
+        for name, poses in product((which_model.CHOSEN, *MODELS), which_model.POSES):
             heard = tuple(n for n in (*LINKS, "joints") if rng.random() < 0.4)
             unread = tuple(n for n in LINKS if rng.random() < 0.5) if prior == "link" else None
-            chosen = name == family.CHOSEN
+            chosen = name == which_model.CHOSEN
             own = {
                 "chosen": DEFAULT if chosen else None,
-                "cover": Cover(*rng.uniform(20, 90, 3)) if name in family.COVERED else None,
-                "doubted": family.Doubted(heard, unread) if chosen else None,
+                "cover": Cover(*rng.uniform(20, 90, 3)) if name in which_model.COVERED else None,
+                "doubted": which_model.Doubted(heard, unread) if chosen else None,
             }
-            found = fit(family.FamilyMethodRow, rng, DEFAULT if chosen else name, poses=poses, **case, **own)
+            found = fit(
+                which_model.FamilyMethodRow, rng, DEFAULT if chosen else name, poses=poses, **case, **own
+            )
             yield replace(found, name=name)
 
 
 METHODS = {
-    grids.GCO: "psd", grids.SQUARES: "none", grids.EQUAL: "free", grids.LENT: "none", grids.JOINTS: "none",
+    regimes.GCO: "psd", regimes.SQUARES: "none", regimes.EQUAL: "free", regimes.LENT: "none",
+    regimes.JOINTS: "none",
 }  # fmt: skip
 EXPECTED = {"0 to 1 %": 0.005, "10 to 30 %": 0.2, "over 100 %": 2.0}
-GRIDS = grids.GridSettings(
+GRIDS = regimes.GridSettings(
     1,
     ("tubes", "cast"),
-    gravity=replace(grids.GRAVITY, poses=(8, 12), sigmas=(15e-6, 50e-6)),
-    full_pose=replace(grids.FULL_POSE, poses=(2, 4), sigmas=(25e-6, 100e-6)),
+    gravity=replace(regimes.GRAVITY, poses=(8, 12), sigmas=(15e-6, 50e-6)),
+    full_pose=replace(regimes.FULL_POSE, poses=(2, 4), sigmas=(25e-6, 100e-6)),
 )
 
 
@@ -105,7 +115,7 @@ def of_grids(seed):
             cell |= {"sigma_um": 1e6 * sigma, "status": "solved", "prior": False}
             cell |= {"expected": float(rng.choice([*EXPECTED.values()])), "binds": bool(rng.integers(2))}
             for name, constraint in METHODS.items():
-                yield of_one_trial(grids.GridMethodRow, rng, **cell, name=name, constraint=constraint)
+                yield of_one_trial(regimes.GridMethodRow, rng, **cell, name=name, constraint=constraint)
 
 
 FILLED = {
@@ -126,10 +136,12 @@ def of_priors(seed):
         own = {"name": name, "structure": structure, "constraint": constraint, "filling": filling}
         own |= {"prior": filling == "prior", "parameters": 56, "rank": 27, "status": "solved"}
         own |= {"part": part, "scale": None, "poses": None, "true_arm": "tubes"} | at
-        yield priors.TrialRow(fit=of_one_trial(priors.PriorMethodRow, rng, **own))
+        yield identifiability.TrialRow(fit=of_one_trial(identifiability.PriorMethodRow, rng, **own))
     for name, kind in COVERED.items():
         inside = tuple(bool(own) for own in rng.integers(4, size=6))
-        yield priors.TrialRow(intervals=Covered(name, kind, inside, (*rng.uniform(10, 90, 5), np.inf)))
+        yield identifiability.TrialRow(
+            intervals=Covered(name, kind, inside, (*rng.uniform(10, 90, 5), np.inf))
+        )
 
 
 def of_calibration(seed):
@@ -145,11 +157,14 @@ def of_calibration(seed):
 
 ARM = "kr500_l480"
 TRIALS = {
-    "noise_sensitivity": (noise.NoiseSettings(1, sigmas=tuple(x / 1e6 for x in SIGMAS)), of_noise),
-    "model_error": (disturbed.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
-    "which_model": (family.FamilySettings(ARM, 1), of_family),
+    "noise_sensitivity": (
+        noise_sensitivity.NoiseSettings(1, sigmas=tuple(x / 1e6 for x in SIGMAS)),
+        of_noise,
+    ),
+    "model_error": (model_error.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
+    "which_model": (which_model.FamilySettings(ARM, 1), of_family),
     "regimes": (GRIDS, of_grids),
-    "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9), of_priors),
-    "gravity_calibration": (coverage.CalibrationSettings(ARM, Scenario(arm=ARM)), of_calibration),
+    "identifiability": (identifiability.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9), of_priors),
+    "gravity_calibration": (gravity_calibration.CalibrationSettings(ARM, Scenario(arm=ARM)), of_calibration),
 }
 """Settings and what makes the rows of a seed, by the name of the preset."""

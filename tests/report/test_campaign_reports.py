@@ -18,8 +18,8 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import KNOWN, TRUE_ARM_LABELS
 from testbench.report.table import SHARED
 from testbench.runs.spread import Spread, middle
-from testbench.studies.campaign import family, grids
-from testbench.studies.campaign.presets.regimes import FREE, KINDS, pays
+from testbench.studies.campaign import regimes, which_model
+from testbench.studies.campaign.regimes import FREE, KINDS, pays
 from testbench.studies.campaign.report import RIVALS
 from testbench.studies.run import headed_figures
 from testbench.workflows.models import PRIORS
@@ -33,7 +33,7 @@ class Whole:
 
     def __init__(self, name):
         self.name, (self.asked, rows) = name, TRIALS[name]
-        module = import_module(f"testbench.studies.campaign.presets.{name}")
+        module = import_module(f"testbench.studies.campaign.{name}")
         self.study, self.preset = module.STUDY, module.PRESET
         self.trials = table_of(SEEDS, lambda seed: [*rows(seed)])
         self.own = self.preset.derived(self.asked, self.trials)
@@ -236,7 +236,7 @@ def test_kinds_of_arms_hold_their_own_trials_coverage_and_rivals():
 @pytest.mark.study
 def test_promises_of_the_default_are_counted_over_all_cases_and_over_parts():
     whole = of("which_model")
-    default = [r for seed in SEEDS for r in TRIALS["which_model"][1](seed) if r.name == family.CHOSEN]
+    default = [r for seed in SEEDS for r in TRIALS["which_model"][1](seed) if r.name == which_model.CHOSEN]
     linked = [row for row in default if row.prior_error == "link"]
     parts = {"all": default, "12 poses": [row for row in default if row.poses == 12]}
     called = KNOWN["prior_error"].called
@@ -275,15 +275,17 @@ def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds():
     whole = of("regimes")
     for part, words in KINDS.items():
         every = whole.trials.where(part=part)
-        levels = [r for r in whole.numbers["cells"]["levels"] if (r.part, r.theirs) == (part, grids.SQUARES)]
+        levels = [
+            r for r in whole.numbers["cells"]["levels"] if (r.part, r.theirs) == (part, regimes.SQUARES)
+        ]
         assert [row.level for row in levels] == [f"{words}: {name}" for name in (*EXPECTED, FREE)]
         for row in levels:
             name = row.level.partition(": ")[2]
             binds = name != FREE
             at = every.where(binds=binds, **({"expected": EXPECTED[name]} if binds else {}))
-            ours, theirs = (at.where(name=own)["rms_um"] for own in (grids.GCO, grids.SQUARES))
+            ours, theirs = (at.where(name=own)["rms_um"] for own in (regimes.GCO, regimes.SQUARES))
             check_spread(row.ratio, ours / theirs)
-            assert row.fits_share == len(ours) / len(every.where(name=grids.GCO))
+            assert row.fits_share == len(ours) / len(every.where(name=regimes.GCO))
 
 
 @pytest.mark.study
@@ -300,7 +302,7 @@ def test_the_cone_pays_where_it_wins_in_nearly_all_fits_and_by_enough():
             for poses, sigma in cells:
                 at = whole.trials.where(part=part, structure=structure, poses=poses)
                 at = at.pick(np.isclose(at["sigma_um"], 1e6 * sigma))
-                ratio = at.where(name=grids.GCO)["rms_um"] / at.where(name=grids.LENT)["rms_um"]
+                ratio = at.where(name=regimes.GCO)["rms_um"] / at.where(name=regimes.LENT)["rms_um"]
                 high = ratio.max() if len(SEEDS) < 20 else np.quantile(ratio, 0.95)
                 count += high < 1 and np.median(ratio) <= 0.95
         assert row.cone_pays == count

@@ -11,8 +11,7 @@ from reports import check, table_of
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
-from testbench.studies.compensation.study import LOOKS, STUDY
-from testbench.studies.compensation.trial import (
+from testbench.studies.compensation import (
     ADVISED,
     ARMS,
     DEFAULT,
@@ -20,12 +19,14 @@ from testbench.studies.compensation.trial import (
     IDENTIFIED,
     LEAST_SQUARES,
     LINEAR,
+    LOOKS,
     MODELS,
     NOMINAL,
     NOWHERE,
     PERFECT,
     PRIOR,
     REAL,
+    STUDY,
     WEIGHT,
     CompensationSettings,
     JobsRow,

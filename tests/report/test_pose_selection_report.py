@@ -12,14 +12,15 @@ from testbench.report.markdown import grid
 from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.spread import ends, spread
 from testbench.studies.campaigns import CampaignRow
-from testbench.studies.planning.study import LOOKS, STUDY
-from testbench.studies.planning.trial import (
+from testbench.studies.planning import (
     AWAY,
     BARE,
     FITS,
     HOME,
     INCUMBENT,
+    LOOKS,
     PLANNED,
+    STUDY,
     WHOLE,
     PlanErrorRow,
     PlannedRow,

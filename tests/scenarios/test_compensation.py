@@ -17,8 +17,8 @@ from testbench.model.vjm import chain, tool_pose
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
-from testbench.studies.compensation import trial
-from testbench.studies.compensation.trial import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
+from testbench.studies import compensation, panel
+from testbench.studies.compensation import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import ChosenModel, named_models, with_priors
 
@@ -37,11 +37,11 @@ def undisputed(cell, data, prior):
 
 
 LESS = {
-    "trial.QUICK_CANDIDATES": 14,
-    "trial.make_plan": first_poses,
-    "trial.choose_model": undisputed,
-    "trial.HOLES": (3, 2),
-    "trial.STEPS": 16,
+    "compensation.QUICK_CANDIDATES": 14,
+    "compensation.make_plan": first_poses,
+    "compensation.choose_model": undisputed,
+    "panel.HOLES": (3, 2),
+    "panel.STEPS": 16,
 }
 
 
@@ -50,7 +50,7 @@ def less_work():
     """The study with fewer points, and without what other tests ask."""
     with ExitStack() as stack:
         for name, own in LESS.items():
-            stack.enter_context(mock.patch(f"testbench.studies.compensation.{name}", own))
+            stack.enter_context(mock.patch(f"testbench.studies.{name}", own))
         yield
 
 
@@ -65,11 +65,13 @@ quick, report, rows = quick_study(APP, "--seed", 4, "--seeds", 1, less=less_work
 @pytest.fixture(scope="module")
 def asked(cell):
     """The program, and poses that need no search."""
-    q = np.array(trial.START) + 0.3 * trial_rng(6).uniform(-1, 1, (12, 6))
-    plan = trial.CompensationPlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
-    program = [tuple(own) for job in trial.jobs() for own in trial.program(cell, job)]
-    scene = trial.CompensationScene(candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,))
-    return trial.CompensationSettings("kr500_l480", 4, (12,), 12, scene)
+    q = np.array(panel.START) + 0.3 * trial_rng(6).uniform(-1, 1, (12, 6))
+    plan = compensation.CompensationPlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
+    program = [tuple(own) for job in panel.jobs() for own in panel.program(cell, job)]
+    scene = compensation.CompensationScene(
+        candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,)
+    )
+    return compensation.CompensationSettings("kr500_l480", 4, (12,), 12, scene)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, report, blank_panes, cell):
@@ -95,55 +97,57 @@ def test_the_loop_is_exact_where_the_arm_is_as_the_model_and_not_where_it_is_dis
 
 
 def test_a_pull_from_the_side_is_what_the_default_needs(rows):
-    milled = [np.median(left(rows, DEFAULT, IDEAL, loads)[6:]) for loads in (BOTH, trial.WEIGHT)]
+    milled = [np.median(left(rows, DEFAULT, IDEAL, loads)[6:]) for loads in (BOTH, compensation.WEIGHT)]
     assert milled[0] < 0.05 < milled[1]
 
 
 def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
     q = trial_rng(3).uniform(*cell.arm.limits, (20, 6))
     first = cell.arm.n_theta - 6
-    for load, loaded in zip(trial.loads(cell), (False, True), strict=True):
+    for load, loaded in zip(compensation.loads(cell), (False, True), strict=True):
         torque = on_joints(chain(cell.vjm, q), [load.for_poses(20)])[first]
         assert (np.abs(torque) > 1e-6 * np.abs(load.wrench).max()).any() == loaded
 
 
 def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, asked):
-    work, drilled = trial.tasks_of(asked, 4), len(trial.jobs()[0].position)
-    for job, part in zip(trial.jobs(), (slice(drilled), slice(drilled, None)), strict=True):
+    work, drilled = compensation.tasks_of(asked, 4), len(panel.jobs()[0].position)
+    for job, part in zip(panel.jobs(), (slice(drilled), slice(drilled, None)), strict=True):
         force = work.load.wrench[part, :3]
         size = np.linalg.norm(force, axis=1)
         assert size == pytest.approx(size[0], rel=5e-3)  # a chord is not quite at right angles to the spindle
         assert 1e3 < size[0] < 3e3
         assert ((force * job.axis).sum(axis=1) < -0.1 * size).all()
         feed = tangents(job.position, np.ones(len(force), dtype=bool))
-        if job.name == trial.MILLING:
+        if job.name == panel.MILLING:
             assert ((force * feed).sum(axis=1) < -0.1 * size).all()
         position, rotation = tool_pose(cell.vjm, work.q[part])
-        assert np.allclose(position + rotation @ trial.TIP, job.position, atol=1e-8)
+        assert np.allclose(position + rotation @ panel.TIP, job.position, atol=1e-8)
         assert np.allclose(rotation[:, :, 0], job.axis, atol=1e-8)
 
 
 def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cell, asked):
-    work, (settle, _) = trial.tasks_of(asked, 4), trial.true_arm(cell, 4, IDEAL)
-    [data] = trial.measure(cell, settle, asked, [ADVISED], 4)
-    estimate = undisputed(cell, data, trial.prior_in_turn(cell, 4)).estimate
+    work, (settle, _) = compensation.tasks_of(asked, 4), compensation.true_arm(cell, 4, IDEAL)
+    [data] = compensation.measure(cell, settle, asked, [ADVISED], 4)
+    estimate = undisputed(cell, data, compensation.prior_in_turn(cell, 4)).estimate
     weights = read_weights(cell.arm)
     sound = model_of_estimate(cell.vjm, estimate, weights)
     soft = model_of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)
-    moved, still = (trial.order(trial.CorrectionModel(ADVISED, DEFAULT, m), work) for m in (sound, soft))
+    moved, still = (
+        compensation.order(compensation.CorrectionModel(ADVISED, DEFAULT, m), work) for m in (sound, soft)
+    )
     assert moved.corrected.all()
     assert np.abs(moved.q - work.q).max() > 1e-4
     assert still is None
-    before, after, same = trial.execute(settle, work, [moved, still])
+    before, after, same = compensation.execute(settle, work, [moved, still])
     np.testing.assert_array_equal(before, same)
-    row = trial.row_of(trial.CorrectionModel(ADVISED, DEFAULT, sound), still, before, same)
+    row = compensation.row_of(compensation.CorrectionModel(ADVISED, DEFAULT, sound), still, before, same)
     assert (row.buckled, row.of, row.before_mm) == (True, 0, row.after_mm)
     assert np.linalg.norm(after) < 0.1 * np.linalg.norm(before)
 
 
 def test_a_payload_weighed_wrongly_spoils_the_campaign_and_not_the_work(cell):
     found = disturb(cell.plant, TYPICAL, trial_rng(4, 20))
-    exact = trial.exactly_loaded(found)
+    exact = compensation.exactly_loaded(found)
     assert found.disturbances == TYPICAL == replace(exact.disturbances, mass_error=2e-3, centre_error=2e-3)
     assert found.load_point_error.any()
     assert (exact.disturbances.mass_error, np.abs(exact.load_point_error).max()) == (0, 0)

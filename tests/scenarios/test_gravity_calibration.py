@@ -15,7 +15,7 @@ from testbench.files.read_pairs import read_csv
 from testbench.files.write import write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies import run
-from testbench.studies.campaign.coverage import WITH_PRIOR, CalibrationSettings, calibrate, results
+from testbench.studies.campaign.gravity_calibration import WITH_PRIOR, CalibrationSettings, calibrate, results
 from testbench.workflows.campaign import Scenario
 from testbench.workflows.cell import build_cell
 

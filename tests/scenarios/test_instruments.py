@@ -3,7 +3,7 @@
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.studies.campaign.read_by import ONE, THREE, TRACKER, USUAL
+from testbench.studies.campaign.instruments import ONE, THREE, TRACKER, USUAL
 
 APP = app_of_study("instruments")
 quick, report, rows = quick_study(APP, "--seed", 3, "--seeds", 1)

@@ -4,8 +4,7 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.plant.disturbance import Disturbances
-from testbench.studies.campaign.disturbed import DisturbanceSettings, disturbances
-from testbench.studies.campaign.presets.model_error import STUDY
+from testbench.studies.campaign.model_error import STUDY, DisturbanceSettings, disturbances
 
 APP = app_of_study("model_error")
 SOME = ("own weight", "payload mass", "payload centre")  #: Of the disturbances.

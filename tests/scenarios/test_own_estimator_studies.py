@@ -18,10 +18,9 @@ from test_compensation import less_work
 
 from testbench.identify.method import paper_gco
 from testbench.report.report import read_report
-from testbench.studies import find_study
+from testbench.studies import find_study, planning
 from testbench.studies.paper import six_dof_arm
-from testbench.studies.planning import study as planning
-from testbench.studies.planning.trial import PlannedRow
+from testbench.studies.planning import PlannedRow
 
 MINE = """
 import testbench as tb

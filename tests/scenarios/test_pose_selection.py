@@ -7,7 +7,7 @@ from unittest import mock
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
 from testbench.report.schema import TRUE_ARM_LABELS
-from testbench.studies.planning import study
+from testbench.studies import planning
 
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "pose_selection.py")
@@ -39,7 +39,7 @@ def test_what_was_promised_is_tried_on_both_grounds_and_joints_alone_beside(repo
 
 def test_a_finished_run_is_resumed_without_planning_again(quick, tmp_path):
     out = shutil.copytree(quick[0], tmp_path / "out")
-    with mock.patch.object(study, "make_plan", side_effect=AssertionError), numbers_alone():
+    with mock.patch.object(planning, "make_plan", side_effect=AssertionError), numbers_alone():
         done = here(APP, *FLAGS, "--out", out, "--quick", "--workers", 1, "--resume")
     assert done.returncode == 0, done.stderr
     ours, theirs = ((folder / "report.json").read_text() for folder in (out, quick[0]))

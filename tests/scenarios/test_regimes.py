@@ -3,7 +3,7 @@
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.studies.campaign.grids import GridSettings
+from testbench.studies.campaign.regimes import GridSettings
 
 APP = app_of_study("regimes")
 CELLS = {"gravity": 4 * 3 * 2, "full_pose": 4 * 2 * 2}

@@ -10,9 +10,9 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.identify.metric import cad_prior
 from testbench.plant.true_arms import TRUTHS
-from testbench.studies.campaign import family
-from testbench.studies.campaign.family import POSES, RUNS, FamilySettings, pairs, read, scenario
+from testbench.studies.campaign import which_model
 from testbench.studies.campaign.trial import cover, covers
+from testbench.studies.campaign.which_model import POSES, RUNS, FamilySettings, pairs, read, scenario
 from testbench.workflows.campaign import draw_poses, simulate_at, true_cell
 from testbench.workflows.models import PRIORS, choose_model, prior_of, wrong_link
 
@@ -23,7 +23,7 @@ SEEDS = range(2, 3)
 METHODS = 14  # one is the default
 FEW = (8, 12)  #: Of the numbers of poses.
 quick, report, rows = quick_study(
-    APP, "--seed", 2, "--seeds", len(SEEDS), less=lambda: mock.patch.object(family, "POSES", FEW)
+    APP, "--seed", 2, "--seeds", len(SEEDS), less=lambda: mock.patch.object(which_model, "POSES", FEW)
 )
 
 

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from testbench.errors import Array, BenchError
 from testbench.plant.tracker import LaserTracker, Tracker, precision, read_orientations, read_positions
-from testbench.studies.campaign.noise import drifted
+from testbench.studies.campaign.noise_sensitivity import drifted
 
 DRAWS = 20_000
 ERROR_RATE = 1e-6

@@ -9,7 +9,7 @@ from testbench.model.structure import all153, template56
 from testbench.report import colours
 from testbench.report.colours import CHOICE, SCALE, SERIES, look
 from testbench.report.recording import run
-from testbench.studies.campaign.priors import FILLERS, GCO, LS
+from testbench.studies.campaign.identifiability import FILLERS, GCO, LS
 from testbench.workflows.models import MODELS, named_models
 
 APART = 5.0  #: Least CIEDE2000 of two models' colours: a just noticeable one is 1.

@@ -40,6 +40,7 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged
 from testbench.runs.rows import trial_rng
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import (
@@ -68,7 +69,7 @@ TOGETHER, PARTS = 60, 10
 """Rows, an hour's or more, in which z counts as constant; parts of a series that give the interval."""
 
 
-def joint_rows(
+def _joint_rows(
     joints: Sequence[ArmJoint], series: Sequence[Series], waves: Mapping[str, Sequence[float]]
 ) -> list[Row]:
     """Make a row a joint: its angles, and its error by A, by C and by both.
@@ -104,17 +105,8 @@ def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
     )
 
 
-def effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) -> list[Row]:
-    """Make rows of effects that no model has, with half intervals; none of joints that the rows do not show.
-
-    Args:
-        joints: Of the arm.
-        series: Their names.
-        own: The row of the model that the effects are left by.
-
-    Returns:
-        The rows.
-    """
+def _effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) -> list[Row]:
+    """Make rows of effects that no model has, with half intervals; none of joints that no row shows."""
     names = [(f"approach, {joint.name}", "urad") for joint in joints]
     names += [(f"drift of z, {name}", "um") for name in series]
     every = zip(names, np.reshape(own["effects"][0], (-1, 2)).tolist(), strict=True)
@@ -354,17 +346,10 @@ def _trial(
     yield from _draws(asked, *shared, seed)
 
 
-def models_of(asked: RealSettings, name: str) -> list[str]:
+def _models_of(asked: RealSettings, name: str) -> list[str]:
     """List the models that are tried on a split.
 
     Choosing is dear: from one series to the other it is left out.
-
-    Args:
-        asked: Settings of the study.
-        name: Name of the split.
-
-    Returns:
-        Names of the models.
     """
     if name == BOTH:
         return [one for one in asked.models if one in (*RUNGS, CHOSEN)]
@@ -377,7 +362,7 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
     """Every model on every split: gathered once a split. C with the common pattern plans the poses of A."""
     fifty = {EVENLY: evenly_spaced_rows(series[0], FURTHER)}
     for name in (BOTH, BLOCKS, TO_A, TO_C, EVENLY, PLANNED):
-        (train, judged), tried = split(name, series, fifty.get(name)), models_of(asked, name)
+        (train, judged), tried = split(name, series, fifty.get(name)), _models_of(asked, name)
         only = (
             None
             if CHOSEN in tried
@@ -456,38 +441,9 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
 
 def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
     """Report the ladder as it is, and errors by number of random poses over the seeds."""
-    cell, series = read(asked.thin)
-    ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
-    errors = trials.where(judged=tuple(FILES)).keep(*told, "error.")
-    errors = errors.add(**{"error.n": errors["error.n"].astype(int)})  # some rows have none
-    judged = merged(errors.where(split=SPLITS), *told)
-    joints, waves = cell.arm.joints, ladder.where(name=WAVES)
-    f = Row(
-        seed=seeds[0] if len(seeds) == 1 else list(seeds),
-        arm=ARM,
-        dataset=[_series(one) for one in series],
-        models=[_model(name, ladder.where(name=name), judged) for name in asked.models],
-        ladder=judged,
-        by_number=[
-            Row(merged(own)[0], draws=len(own))
-            for _, own in errors.where(split=DRAW).groups("judged", "name", "poses")
-        ],
-        joints=joint_rows(
-            joints, series, {by: waves.where(split=name)["waves"][0] for name, by in TRAINED.items()}
-        ),
-        compliances=[
-            Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
-            for name in TWO
-            for split, by in TRAINED.items()
-            if (own := ladder.where(split=split, name=name))
-        ],
-        effects=effect_rows(joints, tuple(FILES), ladder.where(split=BOTH, name=SHARED)),
-        chosen=merged(ladder.where(name=CHOSEN).keep("split", "kept", "declined"), "split"),
-    )
+    f = _numbers(asked, seeds, trials)
     badge = _badge(trials.where(split=BLOCKS, judged=tuple(FILES)))
-    title = "mean error of positions that were not fitted"
     means = columns(f"name parameters conservative {' '.join(MEANS.values())}")
-    models = Table(means, f.models, title, headline="blocks_mm", looks=LOOKS)
     name, blocks = means[0], replace(means[3], heading="mean error in held-out blocks")
     return Report(
         scenario="real_ur10",
@@ -503,15 +459,57 @@ def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
         answer=headline(badge, Table((name, blocks), f.models)),
         numbers=f,
         tables={
-            "models": models,
+            "models": Table(
+                means,
+                f.models,
+                "mean error of positions that were not fitted",
+                headline="blocks_mm",
+                looks=LOOKS,
+            ),
             "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
             "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
             "errors": Table(
-                columns(ERRORS), [*judged, *f.by_number], "every error", headline="error.mean_mm", looks=LOOKS
+                columns(ERRORS),
+                [*f.ladder, *f.by_number],
+                "every error",
+                headline="error.mean_mm",
+                looks=LOOKS,
             ),
         },
         body=["models", "joints", "effects", "errors", READ],
         badge=badge,
+    )
+
+
+def _numbers(asked: RealSettings, seeds: range, trials: Trials) -> Row:
+    """All numbers of report.json."""
+    cell, series = read(asked.thin)
+    ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
+    errors = trials.where(judged=tuple(FILES)).keep(*told, "error.")
+    errors = errors.add(**{"error.n": errors["error.n"].astype(int)})  # some rows have none
+    judged = merged(errors.where(split=SPLITS), *told)
+    joints, waves = cell.arm.joints, ladder.where(name=WAVES)
+    return Row(
+        seed=seeds_of(seeds),
+        arm=ARM,
+        dataset=[_series(one) for one in series],
+        models=[_model(name, ladder.where(name=name), judged) for name in asked.models],
+        ladder=judged,
+        by_number=[
+            Row(merged(own)[0], draws=len(own))
+            for _, own in errors.where(split=DRAW).groups("judged", "name", "poses")
+        ],
+        joints=_joint_rows(
+            joints, series, {by: waves.where(split=name)["waves"][0] for name, by in TRAINED.items()}
+        ),
+        compliances=[
+            Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
+            for name in TWO
+            for split, by in TRAINED.items()
+            if (own := ladder.where(split=split, name=name))
+        ],
+        effects=_effect_rows(joints, tuple(FILES), ladder.where(split=BOTH, name=SHARED)),
+        chosen=merged(ladder.where(name=CHOSEN).keep("split", "kept", "declined"), "split"),
     )
 
 

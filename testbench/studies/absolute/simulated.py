@@ -55,6 +55,7 @@ from testbench.report.schema import Table, columns, pivot
 from testbench.report.table import Row, Trials, number
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, span, spread
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import FEW, READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
@@ -114,7 +115,7 @@ def _before(vjm: Vjm) -> Ids:
     return np.array(first)[:, None] + np.arange(3)
 
 
-def true_joints(vjm: Vjm, truth: Truth) -> Array:
+def _true_joints(vjm: Vjm, truth: Truth) -> Array:
     """Compute the true compliance of every joint with that of the link before it about its axis.
 
     Args:
@@ -129,7 +130,7 @@ def true_joints(vjm: Vjm, truth: Truth) -> Array:
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
-def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
+def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
     """Compare all numbers of a calibration that have an interval with the truth.
 
     A joint's true compliance has that of the link before it about its axis, of a rigid model's links too.
@@ -147,7 +148,7 @@ def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, 
     for group in functionals(active):
         a, sought = group.of[:, active.columns], group.of @ true
         if group.part == "joint compliances":
-            sought = true_joints(active.unknowns.vjm, truth)
+            sought = _true_joints(active.unknowns.vjm, truth)
             relative = a @ known.x / sought - 1
         inside = (np.abs(a @ known.x - sought) < known.half_widths(a))[sought != 0]
         if inside.size:
@@ -486,7 +487,7 @@ def _row(
         rng: Source of the noise of their readings.
     """
     off, within = check(fit, checks[0], rng)
-    held, joints = score_intervals(fit, truth)
+    held, joints = _score_intervals(fit, truth)
     return AbsoluteFitRow(
         **about,
         kept=tuple(step.name for step in fit.chosen.steps if step.kept),
@@ -536,33 +537,21 @@ def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
 
 def _report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
     """Report by arm, true arm, campaign, number of poses and model."""
-    arms = [arm for arm in asked.arms if arm in trials.values("arm")]
-    places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*MODELS]}
-    rows = [_merged(Row(zip(BY, key, strict=True)), own) for key, own in trials.groups(*BY)]
-    rows.sort(key=lambda row: [places[name].index(row[name]) for name in BY])
-    f = Row(
-        seed=list(seeds) if len(seeds) > 1 else seeds[0],
-        trials=len(seeds),
-        arms=arms,
-        featured=asked.featured,
-        true_arms={name: words for name, (words, _) in TRUE_ARMS.items()},
-        models=rows,
-        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * TRUE_ARMS[REAL][1].sigma),
-    )
+    f = _numbers(asked, seeds, trials)
     own = _by_poses(f)
     featured = [row for row in own if row.poses == asked.featured]
-    cases = [row for row in rows if row.readings == asked.featured and row.name in HIDING]
+    cases = [row for row in f.models if row.readings == asked.featured and row.name in HIDING]
     badge = of_rivals(
         trials.where(poses=asked.featured, true_arm=REAL, campaign=ABSOLUTE),
         CHOSEN,
         [INCUMBENT, GEOMETRY],
         "error_mm",
-        f"trial of {listed(arms)}",
+        f"trial of {listed(f.arms)}",
     )
     name, error = columns("name error_mm")
     each = [
         Table((name, replace(error, heading=f"error on {arm}")), [row for row in featured if row.arm == arm])
-        for arm in arms
+        for arm in f.arms
     ]
     title = f"RMS error where nothing was measured, {asked.featured} poses, own weight, mm"
     return Report(
@@ -585,6 +574,23 @@ def _report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
         },
         body=["short", "models", "cases", READ],
         badge=badge,
+    )
+
+
+def _numbers(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Row:
+    """All numbers of report.json."""
+    arms = [arm for arm in asked.arms if arm in trials.values("arm")]
+    places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*MODELS]}
+    rows = [_merged(Row(zip(BY, key, strict=True)), own) for key, own in trials.groups(*BY)]
+    rows.sort(key=lambda row: [places[name].index(row[name]) for name in BY])
+    return Row(
+        seed=seeds_of(seeds),
+        trials=len(seeds),
+        arms=arms,
+        featured=asked.featured,
+        true_arms={name: words for name, (words, _) in TRUE_ARMS.items()},
+        models=rows,
+        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * TRUE_ARMS[REAL][1].sigma),
     )
 
 

@@ -2,11 +2,9 @@
 
 One reduced dataset gives poses, loads and sigmas; only the noise is drawn, in the coordinates of its
 triangular factor. Dataset k is the same whatever the root of the other parts is.
-
-One campaign a seed: poses, loads, readings, and every model identified from them and judged.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -33,113 +31,11 @@ from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign.trial import Fits, TrialCase, fitted
-from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.intervals import bootstrap, resampler
-from testbench.studies.study import as_in_paper, plain_models, without_cone
-from testbench.workflows.campaign import (
-    Campaign,
-    FullPose,
-    Scenario,
-    Truth,
-    draw_poses,
-    simulate,
-    simulate_at,
-    simulate_full_pose,
-    true_cell,
-)
-from testbench.workflows.campaign_flags import CampaignOptions
+from testbench.workflows.campaign import FullPose, Scenario, Truth, simulate, simulate_full_pose, true_cell
 from testbench.workflows.cell import Cell
-from testbench.workflows.models import JOINTS, Model, named_models, prior_of, with_priors, wrong_prior
-from testbench.workflows.own_estimator import Models
+from testbench.workflows.models import prior_of
 from testbench.workflows.rows import UM
-
-QUICK_WORKSPACE = 40
-WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
-"""The incumbent and the paper's models; beside MLS56 stands what is conservative and fits as well."""
-WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68", "ALL153")
-"""Models that are fitted with a prior, which learns from the readings how wrong it is."""
-
-
-Options = CampaignOptions  #: Flags of the study.
-
-
-@dataclass(frozen=True)
-class CalibrationSettings:
-    """Describe what is tried."""
-
-    arm: str  #: Folder or name of the arm.
-    scenario: Scenario  #: The campaign.
-    true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
-    first: int = 1  #: The first seed: its errors are kept pose by pose.
-    magnification: float = 50.0  #: Of the drawn deflections [1].
-
-
-def settings(options: CampaignOptions, quick: bool, seeds: range) -> CalibrationSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
-    scenario = options.scenario(QUICK_WORKSPACE if quick else 200)
-    return CalibrationSettings(options.arm, scenario, options.true_arm, seeds[0])
-
-
-def trial(cell: Cell, asked: CalibrationSettings, seed: int, own: Models) -> list[CampaignRow]:
-    """Make the rows of a seed, one per model; the user's estimators are the last.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        seed: Seed of the trial.
-        own: Estimators of the user.
-
-    Returns:
-        The rows.
-    """
-    true, campaign = calibrate(cell, asked, seed)
-    fits = results(true, campaign, own(true, wrong_prior(true, seed)))
-    arm = true_arm_of_seed(asked.true_arm, seed)
-    return campaign_rows(true, campaign, fits, arm, placed=seed == asked.first)
-
-
-def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, Campaign]:
-    """Simulate the campaign of a seed's true arm.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        seed: Seed of the trial.
-
-    Returns:
-        The cell with that arm, and its campaign.
-    """
-    true = true_cell(cell, true_arm_of_seed(asked.true_arm, seed), seed)
-    return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
-
-
-def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> Fits:
-    """Identify baselines, the paper's models, structures with a prior, and more models.
-
-    Args:
-        cell: The arm with its model and its truth.
-        campaign: The simulated campaign.
-        more: Other models.
-
-    Returns:
-        Their fits.
-    """
-    structures = [*named_models(cell, WITH_PRIOR), without_cone(cell)]
-    filled = with_priors(cell.arm, structures, wrong_prior(cell, campaign.seed))
-    plain = plain_models(cell, WITHOUT_PRIOR)
-    case = TrialCase(campaign.identification, campaign.truth, {})
-    return fitted(cell, [*plain, *as_in_paper(plain), *filled, *more], [case])
-
 
 CONFIDENCE = 0.95
 DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order statistics are exact for both.

@@ -6,7 +6,7 @@ A preset says as data what is tabulated; what a table means is static text in do
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -18,9 +18,9 @@ from testbench.report.report import Report, say
 from testbench.report.schema import KNOWN, Table, best_of, columns, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm, own_cell
 from testbench.workflows.models import DEFAULT, JOINTS
-from testbench.workflows.own_estimator import Models
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
@@ -73,7 +73,7 @@ class TrialTable:
         if self.rows:
             return list(self.rows(own))
         by = tuple(dict.fromkeys(filter(None, ("name", self.down, self.across, *self.by.split()))))
-        return existing(merged(own.keep(*JUDGED, *by, self.value, *self.columns.split(), SHARED), *by))
+        return _existing(merged(own.keep(*JUDGED, *by, self.value, *self.columns.split(), SHARED), *by))
 
     def table(self, rows: Sequence[Row]) -> Table:
         """Show these rows."""
@@ -98,7 +98,7 @@ class Preset(Generic[O, S, W]):
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]
     row: type[W]
-    trial: Callable[[Any, S, int, Models], Iterable[W]]
+    trial: Callable[..., Iterable[W]]
     #: Tables by name.
     tables: Callable[[S], Mapping[str, TrialTable]]
     #: Cells whose models report.json lists, by words behind their names; the first one is the headline's.
@@ -117,7 +117,7 @@ class Preset(Generic[O, S, W]):
     page: str = ""  #: Where it is written what its tables and columns mean.
     value: str = ERROR  #: Column of the error by which models are judged.
     size: int = 1  #: Of these four see `Study`.
-    shared: Callable[[S], Any] = own_cell
+    shared: Callable[[S], object] = own_cell
     models: str = "name"
     arms: Callable[[S], Sequence[Path]] = own_arm
 
@@ -180,7 +180,7 @@ class Preset(Generic[O, S, W]):
         spread = ", medians ({ends})." if len(seeds) > 1 else "."
         how = say("{how} {n}" + spread, how=self.how, n=n, ends=ends)
         tables = {name: grid.table(found[name]) for name, grid in grids.items()} | {
-            RIVALS: rivals_table(beside, self.value)
+            RIVALS: _rivals_table(beside, self.value)
         }
         return Report(
             scenario=self.name,
@@ -212,7 +212,7 @@ def warnings(models: Sequence[Row]) -> list[Markdown]:
     return [say(sentence, names=listed(names)) for sentence, names in found.items() if names]
 
 
-def existing(rows: Sequence[Row]) -> list[Row]:
+def _existing(rows: Sequence[Row]) -> list[Row]:
     """Drop completions that exist in no trial with noise: they are least squares once more."""
     there = {row.name for row in rows if row.get("sigma_um", 1) > 0 and row.conservative is not False}
     return [row for row in rows if row.constraint != "free" or row.name in there]
@@ -254,16 +254,8 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
     return rows
 
 
-def rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
-    """Tabulate pairs of models at the cell of the headline.
-
-    Args:
-        rows: Rows of the table.
-        value: Column of the error.
-
-    Returns:
-        The table.
-    """
+def _rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
+    """Tabulate pairs of models at the cell of the headline."""
     error = replace(KNOWN[value], form=".0f" if value == ERROR else KNOWN[value].form, short="")
     ours, theirs, *others = columns("ours theirs error_ratio won worst_ratio worst_seed")
     both = (replace(error, key=f"{who}_error", heading=f"{words} error") for who, words in WHO.items())
@@ -304,7 +296,7 @@ def by_case(trials: Trials, *by: str) -> Trials:
     return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys], SHARED: trials[TRIAL]})
 
 
-def head(seeds: Sequence[int], trials: Trials) -> Row:
+def head(seeds: range, trials: Trials) -> Row:
     """Collect what report.json says first: seeds, true arms with their trials, the first seed's dataset.
 
     Args:
@@ -316,8 +308,7 @@ def head(seeds: Sequence[int], trials: Trials) -> Row:
     """
     each = trials.keep("true_arm", TRIAL).groups("true_arm")
     arms = {arm: len(own.values(TRIAL)) for (arm,), own in each if arm}
-    seed = list(seeds) if len(seeds) > 1 else seeds[0]
-    return Row(seed=seed, noise=True, trials=len(seeds), true_arms=arms, dataset=dataset(trials))
+    return Row(seed=seeds_of(seeds), noise=True, trials=len(seeds), true_arms=arms, dataset=dataset(trials))
 
 
 def contract(models: Sequence[Row], judged: str = "workspace", where: str = "") -> list[Row]:

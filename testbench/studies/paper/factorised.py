@@ -43,7 +43,7 @@ from testbench.workflows.cell import Cell
 # --- GCO as the paper writes it: F_M as a function of b, the vectors whose Gramians the compliances are -----
 
 Observe = Callable[[float], None]
-"""Told of every F_M that is the least so far; a clock or a plot may listen."""
+"""Told of every F_M below all before; a clock or a plot may listen."""
 
 MAX_ORDER = 6  #: Order of the vector space that reaches every conservative 6x6 matrix.
 BLOCK_POINTS = 64  #: Points evaluated at a time: their vectors stay in the cache.
@@ -209,15 +209,15 @@ def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
 
 
 def descend(
-    problem: Factorised, start: Array, *, evaluate: Evaluate = cost, observe: Observe | None = None
+    problem: Factorised, start: Array, keep: Callable[[Array, float], None], evaluate: Evaluate = cost
 ) -> Descent:
     """Find the best b near a start by L-BFGS on the gradient of `evaluate`.
 
     Args:
         problem: The problem.
         start: b, (size,).
+        keep: Is called with every improvement, b and F_M.
         evaluate: Computes F_M and its gradient.
-        observe: Is called with every improvement; None for nobody.
 
     Returns:
         The local solve.
@@ -229,8 +229,7 @@ def descend(
         value, gradient = evaluate(problem, b)
         if value < least:
             best, least = b.copy(), value
-            if observe is not None:
-                observe(value)
+            keep(best, value)
         return value, gradient
 
     options = {"maxcor": MEMORY, "maxiter": MAX_STEPS, "maxfun": MAX_STEPS, "ftol": TOLERANCE, "gtol": FLAT}
@@ -239,41 +238,90 @@ def descend(
     return Descent(best, least, int(end.nfev), end.status != OUT_OF_STEPS)
 
 
-@dataclass(frozen=True)
-class LocalSolves:
-    """Identify by GCO by local solves of Eq. (19) over b from random starts; the best of them.
+@dataclass(eq=False)  # arrays have no one truth value
+class Basin:
+    """Describe a ball around a local optimum from which local solves are believed to lead back to it.
+
+    As any rotation of all vectors of a block gives the same compliance, no optimum is met twice: a basin is
+    one point of many that are the same model, and is never widened.
+    """
+
+    centre: Array  #: The optimum, (size,).
+    radius: float  #: Distance from the start that led there.
+    waiting: int = 0  #: Trial points in a row that fell into it.
+
+    def holds(self, b: Array) -> bool:
+        """Tell whether a trial point is too close to start from."""
+        return bool(np.linalg.norm(b - self.centre) <= DISTANCE_FACTOR * self.radius)
+
+
+@dataclass
+class Search:
+    """Hold what is known of the least F_M so far, and run local solves."""
+
+    problem: Factorised  #: F_M(b).
+    observe: Observe = lambda _: None  #: Told of every least F_M.
+    f_m: float = np.inf  #: The least F_M so far.
+    basins: list[Basin] = field(default_factory=list)  #: Of the local optima found.
+    descents: list[Descent] = field(default_factory=list)  #: The local solves.
+    #: Of F_M, those of local solves with its gradient; without those that only rank the pool of the scatter
+    #: search.
+    evaluations: int = 0
+
+    def __post_init__(self) -> None:
+        """Begin at a rigid arm."""
+        self.best: Array = np.zeros(self.problem.size)  #: The best b so far, (size,).
+
+    def keep(self, b: Array, value: float) -> None:
+        """Keep a point that is the best so far.
+
+        Args:
+            b: The point.
+            value: F_M there.
+        """
+        if value < self.f_m:
+            self.best, self.f_m = b.copy(), value
+            self.observe(value)
+
+    def solve(self, start: Array, evaluate: Evaluate = cost) -> None:
+        """Run a local solve; its optimum becomes a basin.
+
+        Args:
+            start: b, (size,).
+            evaluate: Computes F_M and its gradient.
+        """
+        descent = descend(self.problem, start, self.keep, evaluate)
+        self.evaluations += descent.evaluations
+        self.descents.append(descent)
+        self.basins.append(Basin(descent.b, float(np.linalg.norm(start - descent.b))))
+
+
+def local_solves(search: Search, rng: np.random.Generator, starts: int, evaluate: Evaluate = cost) -> None:
+    """Run local solves from random starts, one after the other.
 
     For m = 6 a point where no direction of b goes down, to second order, is global (Journee, Bach, Absil,
     Sepulchre 2010): the certificate, made from the solution's own gradient, shows it. For m < 6 the rank of
     every compliance is capped and the certificate, which knows of no cap, tells what the cap costs.
-    """
-
-    rng: np.random.Generator  #: Source of the starts.
-    m: int = MAX_ORDER  #: Order of the vector space, 1 to 6.
-    starts: int = 1  #: Number of local solves.
-
-    def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        """Identify a structure from a dataset.
-
-        Raises:
-            BenchError: When m is not 1 to 6, starts is below 1, or as `reduce` and `factorise` say.
-        """
-        return best_of(factorise(reduce(vjm, structure, data), self.m), self.rng, starts=self.starts)
-
-
-def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Estimate:
-    """Certify the best of several local solves (1 at least, or BenchError) by its own gradient.
 
     Args:
-        problem: The problem.
-        rng: Source of randomness.
-        starts: Number of starts.
+        search: State of the search; it is changed.
+        rng: Source of the starts.
+        starts: Number of local solves.
+        evaluate: Computes F_M and its gradient.
 
-    Returns:
-        The estimate.
+    Raises:
+        BenchError: When there are no starts.
     """
-    found = descents(problem, rng, starts=starts)
-    best = min(found, key=lambda descent: descent.f_m)
+    if starts < 1:
+        raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
+    for _ in range(starts):
+        search.solve(random_start(search.problem, rng), evaluate)
+
+
+def certified(search: Search) -> Estimate:
+    """Certify the best of several local solves by its own gradient."""
+    problem, starts = search.problem, len(search.descents)
+    best = min(search.descents, key=lambda descent: descent.f_m)
     word = "one local solve" if starts == 1 else f"best of {starts} local solves"
     estimate = make_estimate(
         problem.regression,
@@ -287,39 +335,6 @@ def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Es
     else:
         status = "local optimum" if best.finished else f"not solved: {MAX_STEPS} steps were not enough"
     return replace(estimate, certificate=certificate, status=status)
-
-
-def descents(
-    problem: Factorised, rng: np.random.Generator, *, starts: int, observe: Observe | None = None
-) -> list[Descent]:
-    """Run local solves (1 at least, or BenchError) from random starts, one after the other.
-
-    Args:
-        problem: The problem.
-        rng: Source of randomness.
-        starts: Number of starts.
-        observe: Is called with every improvement; None for nobody.
-
-    Returns:
-        The local solves.
-    """
-    if starts < 1:
-        raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
-    tell = falling(observe)
-    return [descend(problem, random_start(problem, rng), observe=tell) for _ in range(starts)]
-
-
-def falling(observe: Observe | None) -> Observe:
-    """Make an observer that is told only of an F_M below all before, whoever found it."""
-    least = np.inf
-
-    def tell(value: float) -> None:
-        nonlocal least
-        if observe is not None and value < least:
-            least = value
-            observe(value)
-
-    return tell
 
 
 def order_range(structure: Structure, runs: int) -> tuple[float, float]:
@@ -356,10 +371,12 @@ def every_order(cell: Cell, structure: Structure, data: Dataset, starts: int, se
     Returns:
         An estimate per order.
     """
-    return [
-        LocalSolves(trial_rng(seed, 10 + m), m, starts)(cell.vjm, structure, data)
-        for m in range(1, MAX_ORDER + 1)
-    ]
+    regression, found = reduce(cell.vjm, structure, data), []
+    for m in range(1, MAX_ORDER + 1):
+        search = Search(factorise(regression, m))
+        local_solves(search, trial_rng(seed, 10 + m), starts)
+        found.append(certified(search))
+    return found
 
 
 # --- Other optimisers of Eq. (19) ---------------------------------------------------------------------------
@@ -389,88 +406,23 @@ class Budget:
             raise BenchError(f"expected numbers of at least 1, stage one within the trial points, got {self}")
 
 
-@dataclass(eq=False)  # arrays have no one truth value
-class Basin:
-    """Describe a ball around a local optimum from which local solves are believed to lead back to it.
-
-    As any rotation of all vectors of a block gives the same compliance, no optimum is met twice: a basin is
-    one point of many that are the same model, and is never widened.
-    """
-
-    centre: Array  #: The optimum, (size,).
-    radius: float  #: Distance from the start that led there.
-    waiting: int = 0  #: Trial points in a row that fell into it.
-
-    def holds(self, b: Array) -> bool:
-        """Tell whether a trial point is too close to start from."""
-        return bool(np.linalg.norm(b - self.centre) <= DISTANCE_FACTOR * self.radius)
-
-
-@dataclass
-class SearchState:
-    """Hold what the search knows so far."""
-
-    problem: Factorised  #: F_M(b).
-    observe: Observe  #: Told of every least F_M.
-    best: Array  #: The best b so far, (size,).
-    f_m: float = np.inf  #: Its cost.
-    basins: list[Basin] = field(default_factory=list)  #: Of the local optima found.
-    descents: list[float] = field(default_factory=list)  #: F_M that the local solves ended with.
-    #: Of F_M, those of local solves with its gradient; without those that only rank the pool of the scatter
-    #: search.
-    evaluations: int = 0
-
-    def keep(self, b: Array, value: float) -> None:
-        """Keep a point that is the best so far.
-
-        Args:
-            b: The point.
-            value: F_M there.
-        """
-        if value < self.f_m:
-            self.best, self.f_m = b.copy(), value
-            self.observe(value)
-
-    def solve(self, start: Array) -> None:
-        """Run a local solve; its optimum becomes a basin."""
-        descent = descend(self.problem, start, observe=self.observe)
-        self.evaluations += descent.evaluations
-        self.descents.append(descent.f_m)
-        self.keep(descent.b, descent.f_m)
-        self.basins.append(Basin(descent.b, float(np.linalg.norm(start - descent.b))))
-
-
-def explore(
-    problem: Factorised, budget: Budget, rng: np.random.Generator, observe: Observe | None = None
-) -> SearchState:
+def explore(search: Search, rng: np.random.Generator, budget: Budget) -> None:
     """Run a genetic algorithm, then a global search, through the whole budget.
 
     The paper stops at an F_M "slightly higher or close to 2", its noise floor; whether any conservative model
     reaches that, the conic program tells.
 
     Args:
-        problem: The problem.
-        budget: Limits of the search.
-        rng: Source of randomness.
-        observe: Is called with every improvement; None for nobody.
-
-    Returns:
-        The state at the end.
-    """
-    search = SearchState(problem, falling(observe), np.zeros(problem.size))
-    genetic_algorithm(search, budget, rng)
-    global_search(search, budget, rng)
-    return search
-
-
-def genetic_algorithm(search: SearchState, budget: Budget, rng: np.random.Generator) -> None:
-    """Find the start b0 by differential evolution, in the role of the paper's genetic algorithm.
-
-    Args:
         search: State of the search; it is changed.
-        budget: Limits of the search.
         rng: Source of randomness.
+        budget: Limits of the search.
     """
+    _genetic_algorithm(search, budget, rng)
+    _global_search(search, budget, rng)
+
+
+def _genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+    """Find the start b0 by differential evolution, in the role of the paper's genetic algorithm."""
     problem = search.problem
 
     def counted(population: Array) -> Array:
@@ -494,14 +446,8 @@ def genetic_algorithm(search: SearchState, budget: Budget, rng: np.random.Genera
     )
 
 
-def global_search(search: SearchState, budget: Budget, rng: np.random.Generator) -> None:
-    """Run local solves from the best point and from the trial points that pass both filters.
-
-    Args:
-        search: State of the search; it is changed.
-        budget: Limits of the search.
-        rng: Source of randomness.
-    """
+def _global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+    """Run local solves from the best point and from the trial points that pass both filters."""
     search.solve(search.best)
     points = trial_points(search.problem, search.best, budget.trial_points, rng)
     values = costs(search.problem, points.T)

@@ -114,10 +114,10 @@ def _trial(cell: Cell, asked: LoadedStiffnessSettings, seed: int, _: Models) -> 
     q = clear_poses(cell, WORKSPACE, asked.poses, trial_rng(seed))
     plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
     for load in asked.weights:
-        yield from hang(cell, plants, q, load)
+        yield from _hang(cell, plants, q, load)
 
 
-def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> list[PoseRow]:
+def _hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> list[PoseRow]:
     """Hang one weight in every pose: deflections true and predicted.
 
     Args:
@@ -132,7 +132,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load
     point = np.tile(cell.vjm.load, (len(q), 1))
-    predicted, rows = predict(cell, q, wrench, point), []
+    predicted, rows = _predict(cell, q, wrench, point), []
     for truth, plant in plants.items():
         moved = solve_equilibrium(plant, q, wrench, point).tool - solve_equilibrium(plant, q).tool
         every = predicted | {"joints": joints_alone(cell, q, wrench, point, moved)}
@@ -152,7 +152,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
     return rows
 
 
-def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
+def _predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
     """Predict the deflection of the tool by every method, with the true compliances.
 
     Args:

@@ -217,7 +217,7 @@ def _trial(cell: Cell, asked: SingleLinkSettings, seed: int, _: Models) -> Itera
         fit = fit_row(model.name, estimate, time.perf_counter() - start)
         row = _row(cell, asked, draw, fit, estimate)
         if seed == asked.first and model.name in PRINTED:
-            known = examine(cell, np.array(PRINTED[model.name]), draw.truth)
+            known = _examine(cell, np.array(PRINTED[model.name]), draw.truth)
             row = replace(row, printed=known, data_file=csv_text(draw.identification, ()))
         yield row
     if seed < asked.first + asked.ordered:
@@ -237,7 +237,7 @@ def _row(cell: Cell, asked: SingleLinkSettings, draw: Draw, fit: FitRow, estimat
     campaign, C = asked.campaign, estimate.C_theta
     load = draw.identification.wrench / ([campaign.force] * 3 + [campaign.moment] * 3)
     return LinkRow(
-        **vars(examine(cell, C, draw.truth)),
+        **vars(_examine(cell, C, draw.truth)),
         **vars(fit) | {"advice": ()},  # it differs from draw to draw
         measured=dataset_row(draw.identification),
         condition=float(np.linalg.cond(load)),
@@ -246,7 +246,7 @@ def _row(cell: Cell, asked: SingleLinkSettings, draw: Draw, fit: FitRow, estimat
     )
 
 
-def examine(cell: Cell, C: Array, truth: Dataset) -> Matrix:
+def _examine(cell: Cell, C: Array, truth: Dataset) -> Matrix:
     """Compute eigenvalues of C and its errors, also under noise-free loads.
 
     Args:

@@ -160,7 +160,7 @@ def _report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
         truth="linear",
         **_found(asked, trials),
     )
-    own = badge.of_models(straight, f.models, model_in_question(f.models), ERROR)
+    own = badge.of_models(straight, f.models, _model_in_question(f.models), ERROR)
     f["map"] = campaigns.error_map(
         straight, badge.drawn(own, straight["name"], *campaigns.user_estimators(f.models))
     )
@@ -220,7 +220,7 @@ def _found(asked: SixDofSettings, trials: Trials) -> Row:
     )
 
 
-def model_in_question(models: Sequence[Row]) -> str:
+def _model_in_question(models: Sequence[Row]) -> str:
     """Name the best GCO model if nothing is clearly better, else the best of all.
 
     The completed model is none of them: its fit and its predictions are those of MLS56.

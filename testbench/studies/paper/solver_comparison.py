@@ -5,7 +5,7 @@ convex, and the dual of one conic program tells how far any other solution can b
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -37,16 +37,14 @@ from testbench.studies.paper.factorised import (
     MAX_ORDER,
     Budget,
     Factorised,
-    Observe,
+    Search,
     costs,
     cvxpy,
-    descend,
-    descents,
     explore,
     factorise,
+    local_solves,
     modelled,
     parameters,
-    random_start,
 )
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table
@@ -140,61 +138,7 @@ class SolverResult:
     solves: Sequence[float] = ()  #: F_M of its local solves.
 
 
-Found = tuple[Array, int, list[float]]
-"""The vectors b, (size,), evaluations of F_M, and F_M that the local solves ended with."""
-OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
-"""A solver over b: problem, source of its starts, who is told of every least F_M."""
-
-
-def search(budget: Budget, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """Run the paper's optimiser through its whole budget: no threshold stops it.
-
-    Args:
-        budget: Limits of the search.
-        problem: The problem.
-        rng: Source of randomness.
-        observe: Is called with every improvement; None for nobody.
-
-    Returns:
-        The best b, the number of evaluations, and F_M of every local solve.
-    """
-    search_state = explore(problem, budget, rng, observe)
-    return search_state.best, search_state.evaluations, search_state.descents
-
-
-def local_solves(starts: int, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """Run local solves on the analytic gradient, from random starts.
-
-    Args:
-        starts: Number of starts.
-        problem: The problem.
-        rng: Source of randomness.
-        observe: Is called with every improvement; None for nobody.
-
-    Returns:
-        The best b, the number of evaluations, and F_M of every local solve.
-    """
-    found = descents(problem, rng, starts=starts, observe=observe)
-    best = min(found, key=lambda descent: descent.f_m)
-    return best.b, sum(d.evaluations for d in found), [d.f_m for d in found]
-
-
-def differences(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """Run one local solve that knows F_M alone and takes its gradient by finite differences.
-
-    Args:
-        problem: The problem.
-        rng: Source of randomness.
-        observe: Is called with every improvement; None for nobody.
-
-    Returns:
-        The best b, the number of evaluations, and F_M of the local solve.
-    """
-    end = descend(problem, random_start(problem, rng), evaluate=forward_differences, observe=observe)
-    return end.b, (problem.size + 1) * end.evaluations, [end.f_m]
-
-
-def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
+def _forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
     """Compute F_M(b) and its gradient by finite differences, all points at once.
 
     Args:
@@ -208,7 +152,7 @@ def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
     return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
-def gco_model(cell: Cell, name: str) -> Model:
+def _gco_model(cell: Cell, name: str) -> Model:
     """Return a model of the paper that GCO identifies.
 
     Args:
@@ -229,7 +173,7 @@ def gco_model(cell: Cell, name: str) -> Model:
 
 def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
     """Make the settings of the flags."""
-    gco_model(build_cell(find_arm(ARM)), options.model)
+    _gco_model(build_cell(find_arm(ARM)), options.model)
     if options.scs:
         cvxpy("SCS")
     most = (QUICK_GENERATIONS, QUICK_STARTS) if quick else (options.generations, options.starts)
@@ -240,7 +184,7 @@ def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettin
 def _cell_and_model(asked: SolverSettings) -> tuple[Cell, Model]:
     """Build the arm, and the model that every solver identifies."""
     cell = build_cell(find_arm(ARM))
-    return cell, gco_model(cell, asked.model)
+    return cell, _gco_model(cell, asked.model)
 
 
 def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Models) -> list[SolverRow]:
@@ -296,23 +240,25 @@ def _factor_solvers(
         Budget(generations=n, trial_points=points, stage_one_points=first)
         for n in (asked.generations, SHORT_GENERATIONS)
     ]
-    runs: tuple[tuple[str, OverB, int], ...] = (  # the last is the number of its stream of random starts
-        ("a", partial(search, budgets[0]), 10),
-        ("a'", partial(search, budgets[1]), 10),
-        ("b", partial(local_solves, 1), 11),
-        ("b'", differences, 11),  # from the same start
-        ("c", partial(local_solves, asked.starts), 12),
+    runs = (  # the number is that of its stream of random starts
+        ("a", 10, partial(explore, budget=budgets[0])),
+        ("a'", 10, partial(explore, budget=budgets[1])),
+        ("b", 11, partial(local_solves, starts=1)),
+        ("b'", 11, partial(local_solves, starts=1, evaluate=_forward_differences)),  # from the same start
+        ("c", 12, partial(local_solves, starts=asked.starts)),
     )
-    for key, solver, random in runs:
+    for key, stream, solver in runs:
         way: list[tuple[float, float]] = []
         start = perf_counter()
         problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
-        note = partial(_note, way, start)
-        b, evaluations, solves = solver(problem, trial_rng(campaign.seed, random), note)
-        pi, method = parameters(problem, b), f"GCO over b, m = {asked.m}"
+        search = Search(problem, partial(_note, way, start))
+        solver(search, trial_rng(campaign.seed, stream))
+        pi, method = parameters(problem, search.best), f"GCO over b, m = {asked.m}"
         estimate = make_estimate(problem.regression, pi, method=method, constraint="psd")
         estimate = replace(estimate, status="budget spent" if key in PAPERS else "local optimum")
-        yield SolverResult(key, estimate, way, perf_counter() - start, evaluations, solves)
+        each = problem.size + 1 if key == "b'" else 1  # differences take F_M at as many points
+        solves = [descent.f_m for descent in search.descents]
+        yield SolverResult(key, estimate, way, perf_counter() - start, each * search.evaluations, solves)
 
 
 def _note(way: list[tuple[float, float]], start: float, f_m: float) -> None:

@@ -1,7 +1,8 @@
-"""All cells of one arm: noise by poses, for every structure, truth and kind of reading, without a prior.
+"""Where the cone pays by itself, GCO beside least squares of the same structure.
 
-A trial is a seed: poses, noise, and true arms of two kinds of the family, which take turns. Its cells share
-poses, which are nested, and random numbers, so that differences between cells and methods are theirs alone.
+Cells are noise by poses, for every structure, truth and kind of reading. A trial is a seed: poses, noise, and
+true arms of two kinds of the family, which take turns. Its cells share poses, which are nested, and random
+numbers, so that differences between cells and methods are theirs alone.
 
 GCO and least squares of one structure differ in three things, and each is set apart here. The weights of
 positions and rotations: least squares takes those at which GCO ends (with one term there are none). The
@@ -25,15 +26,15 @@ from testbench.identify.solve import complete_conservatively, free_directions, s
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.plant.true_arms import true_arms
+from testbench.report.colours import look
+from testbench.report.figure import Figure, ranges
+from testbench.report.report import Report
+from testbench.report.schema import Table, columns
+from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign.trial import (
-    CampaignFitRow,
-    Fits,
-    TrialCase,
-    fitted,
-    reread,
-    score_cases,
-)
+from testbench.runs.spread import SAME_ERROR, Number, ends, middle
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
+from testbench.studies.campaign.trial import CampaignFitRow, Fits, TrialCase, fitted, reread, score_cases
 from testbench.workflows.campaign import (
     FullPose,
     Scenario,
@@ -96,7 +97,7 @@ def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> di
         An estimate per dataset, by method.
     """
     gco = [solve(regression, "psd") for regression in regressions]
-    ls = [solve(weighed_as(estimate), "none") for estimate in gco]
+    ls = [solve(_weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
     return {
         GCO: gco,
@@ -107,7 +108,7 @@ def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> di
     }
 
 
-def weighed_as(gco: Estimate) -> Regression:
+def _weighed_as(gco: Estimate) -> Regression:
     """Weigh the runs of GCO such that it is the conservative least squares fit of them.
 
     F_M is a sum of norms n_k, with the gradient of sum |r_k|^2 / (2 n_k) at its optimum: over a convex cone
@@ -194,20 +195,8 @@ class GridMethodRow(CampaignFitRow):
     expected: float  #: Error that noise is expected to leave least squares, over the deflection GCO predicts.
 
 
-def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-
-    Raises:
-        BenchError: When there is no such truth, or one is there twice.
-    """
+def _settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
+    """Make the settings of the flags."""
     truths = tuple(options.truth or FAMILY)
     for name in truths:
         if name not in true_arms or truths.count(name) > 1:
@@ -220,23 +209,15 @@ def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
     return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
-def cells(asked: GridSettings) -> dict[Kind, Cell]:
+def _arms(asked: GridSettings) -> dict[Kind, Cell]:
     """Build the arm of every grid."""
     return {kind: build_cell(find_arm(grid.arm)) for kind, grid in asked.grids.items()}
 
 
-def trial(cells: Mapping[Kind, Cell], asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
-    """Make the rows of a seed, one per method, structure, truth and cell of the grids.
-
-    Args:
-        cells: The arm of every grid.
-        asked: Settings of the study.
-        seed: Seed of the trial.
-        own: Estimators of the user.
-
-    Yields:
-        The rows.
-    """
+def _trial(
+    cells: Mapping[Kind, Cell], asked: GridSettings, seed: int, own: Models
+) -> Iterator[GridMethodRow]:
+    """Make the rows of a seed, one per method, structure, truth and cell of the grids."""
     for kind, cell in cells.items():
         yield from _rows(cell, kind, asked, seed, own(cell, None))
 
@@ -358,3 +339,130 @@ def _amplified(regression: Regression, rows: Array) -> float:
     _, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
     kept = s > RANK_TOLERANCE * s[0]
     return float(np.linalg.norm(rows[:, touched] / scale @ Vt[kept].T / s[kept]))
+
+
+KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
+"""Kinds of reading in words."""
+LEVELS = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""Errors to expect of least squares by noise, over the deflection, between which fits are sorted."""
+NAMES = ("0 to 1 %", "1 to 3 %", "3 to 10 %", "10 to 30 %", "30 to 100 %", "over 100 %")
+FREE = "the cone does not bind"
+MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to count.
+CELL = ("part", "structure", "poses", "sigma_um")
+LOOKS = {SQUARES: look("MLS56", "none"), LENT: look("MLS56", "free"), JOINTS: look("Joints", "none")}
+"""Of those that GCO is drawn beside."""
+PAYS = "way cells cone_pays beats_too"
+BY_LEVEL = TrialTable("", down="level", across="theirs", value="ratio", columns="fits_share", by="part")
+
+
+def _tables(_: GridSettings) -> Mapping[str, TrialTable]:
+    """Map every kind of reading; tabulate both by the error to expect; count cells in which the cone pays."""
+    maps = {
+        part: TrialTable(
+            f"{words}: GCO over least squares, by noise",
+            down="cell",
+            across="sigma_um",
+            value="ratio",
+            where={"part": part, "name": SQUARES},
+        )
+        for part, words in KINDS.items()
+    }
+    levels = replace(
+        BY_LEVEL,
+        title="GCO's error over the other's, by the error to expect of least squares over the deflection",
+        where={"pair": True},
+        rows=lambda trials: BY_LEVEL.cells(trials.pick(np.argsort(trials["order"], kind="stable"))),
+    )
+    count = TrialTable("Cells in which the cone pays by itself", columns=PAYS, rows=paying)
+    return maps | {"levels": levels, "pays": count}
+
+
+def _derived(_: GridSettings, own: Trials) -> Trials:
+    """Add GCO's error over theirs in the same fit, and the error to expect."""
+    kind = np.array([list(KINDS).index(part) for part in own["part"]])
+    level = np.where(own["binds"], np.digitize(own["expected"], LEVELS), len(NAMES))
+    code, gco = 10 * kind + level, own["name"] == GCO
+    share = {k: np.sum(gco & (code == k)) / np.sum(gco & (kind == k // 10)) for k in np.unique(code)}
+    names = (*NAMES, FREE)
+    own = own.add(
+        ratio=matched(own, own.where(name=GCO), ERROR, (*CELL, "true_arm", TRIAL)) / own[ERROR],
+        theirs=own["name"],
+        pair=~gco,
+        order=code,
+        fits_share=np.array([share[k] for k in code]),
+        level=[f"{KINDS[part]}: {names[k]}" for part, k in zip(own["part"], level, strict=True)],
+        cell=[f"{s}, {n} poses" for s, n in zip(own["structure"], own["poses"].astype(int), strict=True)],
+    )
+    return by_case(own, "true_arm")
+
+
+def paying(own: Trials) -> Iterator[Row]:
+    """Count cells in which the cone pays by itself, with the same free directions, and beats joints too."""
+    for (part,), kind in own.groups("part"):
+        cone, beats = [], []
+        for _, cell in kind.groups(*CELL):
+            lent, joints = (cell.where(name=theirs) for theirs in (LENT, JOINTS))
+            cone.append(pays(number(lent["ratio"], lent[SHARED])))
+            beats.append(cone[-1] and np.mean(joints["ratio"] < 1 - SAME_ERROR) > 0.5)
+        yield Row(way=KINDS[part], cells=len(cone), cone_pays=sum(cone), beats_too=int(sum(beats)))
+
+
+def pays(ratio: Number) -> bool:
+    """Tell whether a ratio of errors is below 1 in 95 % of the fits, and `MATTERS` at most in the median."""
+    return ends(ratio)[1] < 1 and middle(ratio) <= MATTERS
+
+
+def _cells(_: GridSettings, trials: Trials) -> Mapping[str, Where]:
+    """Choose the cell of section 6 by structure, that in which GCO errs least first."""
+    poses, sigma = FEATURED
+    at = {"part": "gravity", "poses": poses, "sigma_um": UM * sigma}
+    here = trials.where(name=GCO, **at)
+    errors = {name: np.median(own[ERROR]) for (name,), own in here.groups("structure")}
+    return {name: {**at, "structure": name} for name in sorted(errors, key=lambda name: errors[name])}
+
+
+def _figures(found: Report) -> Mapping[str, Figure]:
+    """Draw GCO over others by the error that noise is expected to leave, a pane a kind of reading."""
+    rows = [row for row in Row(found.numbers).cells["levels"] if row.theirs != EQUAL]
+    others = [name for name in dict.fromkeys(row.theirs for row in rows) if name not in LOOKS]
+    looks = LOOKS | {name: look(f"own {k}", "own") for k, name in enumerate(others, 1)}
+    shown = columns("level theirs ratio")
+    looks = {shown[1].text(name): own for name, own in looks.items()}
+    places = [name for name in (*NAMES, FREE) if any(row.level.endswith(f": {name}") for row in rows)]
+    panes = {
+        words: Table(
+            shown,
+            [Row(row, level=row.level.partition(": ")[2]) for row in rows if row.part == part],
+            looks=looks,
+        )
+        for part, words in KINDS.items()
+    }
+    reading = (
+        "GCO's RMS error over the other's: medians and their spread. Left of the dotted line GCO is better."
+    )
+    return {"regimes.png": ranges(panes, found.question, reading, 1.0, places)}
+
+
+PRESET = Preset(
+    name="regimes",
+    page="docs/studies/regimes.md",
+    question="Where does the cone help by itself?",
+    how="GCO and least squares of the same structure fit the same readings, without a prior. They are judged "
+    "over the workspace. Every trial has true arms of two kinds.",
+    options=GridOptions,
+    settings=_settings,
+    seeds=(100, 2),
+    row=GridMethodRow,
+    trial=_trial,
+    shared=_arms,
+    tables=_tables,
+    printed="gravity",
+    cells=_cells,
+    ours=GCO,
+    rivals=(SQUARES,),  # the cone by itself: the same structure
+    pairs=((GCO, LENT), (GCO, EQUAL), (GCO, JOINTS)),
+    derived=_derived,
+    figures=_figures,
+    arms=lambda settings: [find_arm(grid.arm) for grid in settings.grids.values()],
+)
+STUDY = PRESET.study()

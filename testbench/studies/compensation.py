@@ -1,11 +1,8 @@
-"""One trial: a true arm measured in every campaign, explained by every model, corrected and put to work.
+"""Corrections of drilling and milling: the error that they remove on the true elastic arm.
 
-The corrected joints go to the true arm in MuJoCo. The error is where its loaded tool then is, minus where the
+A trial is a true arm measured in every campaign, explained by every model, corrected and put to work. The
+corrected joints go to the true arm in MuJoCo. The error is where its loaded tool then is, minus where the
 unloaded tool is at the programmed joints.
-
-Settings of the study of corrections, and what is made once for all trials.
-
-Two jobs on a curved panel, the robot's program, and plans among candidate poses.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,9 +16,8 @@ import typer
 from pydantic import Field
 
 from testbench.arm.folder import find_arm
-from testbench.correct.compensated import Compensated, compensate, joints_along
+from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
-from testbench.correct.predicted import process_wrench
 from testbench.data.dataset import Dataset, select_rows
 from testbench.design.exchange import Feasibility
 from testbench.design.planning import make_plan
@@ -42,14 +38,36 @@ from testbench.model.load import Load, read_weights, weight
 from testbench.model.structure import all153
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL
-from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loaded
+from testbench.plant.equilibrium import ArmEquilibrium, solve_equilibrium, solve_unloaded_and_loaded
+from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
-from testbench.plant.true_arms import FAMILY, TRUTHS, disturb, exactly_loaded, true_arm_of_seed
+from testbench.plant.true_arms import (
+    FAMILY,
+    TRUTH_DESCRIPTIONS,
+    TRUTHS,
+    disturb,
+    exactly_loaded,
+    true_arm_of_seed,
+)
+from testbench.report.badge import of_rivals
+from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
+from testbench.report.figure import Figure, ranges
+from testbench.report.markdown import Markdown
+from testbench.report.report import Report, say
+from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale
+from testbench.report.scene import loads as load_arrows
+from testbench.report.schema import Table, TableColumn, columns, pivot
+from testbench.report.table import Row, Trials
 from testbench.runs.rows import trial_rng
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, Everywhere, without_cone
+from testbench.runs.spread import span, spread
+from testbench.studies.campaigns import seeds_of
+from testbench.studies.panel import FORCE_RANGE, TIP, drawn, jobs, program, tasks
+from testbench.studies.run import READ, headline, warnings
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Everywhere, Run, Study, with_errors, without_cone
 from testbench.workflows.campaign import LoadedPoses, Setup, read_markers, settle_both, true_cell
 from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.model_names import WITHOUT_CONE
 from testbench.workflows.models import (
     JOINTS,
     PRIORS,
@@ -64,7 +82,7 @@ from testbench.workflows.models import (
 )
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.plan_input import Checks, PoseConditions, build_checks, feasible, find
-from testbench.workflows.rows import FAILED, MM
+from testbench.workflows.rows import FAILED, MM, UM
 
 # --- Settings of the study of corrections, and what is made once for all trials -----------------------------
 
@@ -161,20 +179,8 @@ class CompensationSettings:
         return tuple(Way(*one) for one in product((PLANNED, RANDOM), (WEIGHT, BOTH), numbers))
 
 
-def settings(options: CompensationOptions, quick: bool, seeds: range) -> CompensationSettings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-
-    Raises:
-        BenchError: When it is an arm that does not reach the panel.
-    """
+def _settings(options: CompensationOptions, quick: bool, seeds: range) -> CompensationSettings:
+    """Make the settings of the flags."""
     if find_arm(options.arm).resolve().name != ARM:
         raise BenchError(f"--arm: expected {ARM}, whose work area has the panel, got {options.arm!r}")
     if quick:
@@ -182,131 +188,18 @@ def settings(options: CompensationOptions, quick: bool, seeds: range) -> Compens
     return CompensationSettings(options.arm, seeds[0])
 
 
-START = (0.3, -1.2, 1.6, 0.1, -0.4, 0.0)  #: Joints near the panel [rad].
 AROUND = 50  #: Candidates that stand for the workspace, which no criterion here asks for.
-DRILLING, MILLING = "drilling", "milling"
-FORCE_RANGE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
-TIP = (0.5, 0.0, 0.0)  #: Where the tool cuts, in the tool's frame [m].
-RADIUS, NEAREST, HEIGHT = 2.0, 2.4, 1.6
-"""Of the panel, a cylinder about a level axis along y: how far its nearest line is from the robot [m]."""
-HOLES, PATTERN = (6, 5), (0.6, 0.4)  #: Along y and up the panel, and half of the pattern's size [m].
-WINDOW, CORNER, STEPS = (0.5, 0.3), 0.1, 64
-"""Half of the milled window's size, the radius of its corners [m], and points of the path around it."""
-MIN_FORCE_COMPONENT = 0.3  #: Of a component of the milling force before scaling, over the largest.
 
 
-@dataclass(frozen=True)
-class Job:
-    """Hold points on the panel, in order, world axes, both (points, 3)."""
-
-    name: str
-    position: Array  #: [m].
-    axis: Array  #: Of the spindle, into the panel.
-    typical: Array  #: Direction of the force that a plan is made for: along the feed, across, axial, (3,).
-
-    @property
-    def rotation(self) -> Array:
-        """Compute the orientation, world from tool: x is the spindle, y level, (points, 3, 3)."""
-        y = np.cross([0.0, 0.0, 1.0], self.axis)
-        y /= np.linalg.norm(y, axis=1, keepdims=True)
-        return np.asarray(np.stack([self.axis, y, np.cross(self.axis, y)], axis=-1))
-
-
-def jobs() -> tuple[Job, Job]:
-    """Make both jobs; a drill is pushed back along its spindle alone."""
-    milled = np.array([-1.0, 1.0, -1.0]) / np.sqrt(3)
-    return _on_panel(DRILLING, _pattern(), np.array([0.0, 0.0, -1.0])), _on_panel(MILLING, _window(), milled)
-
-
-def _on_panel(name: str, at: Array, typical: Array) -> Job:
-    """A job at places of the panel, (points, 2) along y and up it [m]."""
-    angle = at[:, 1] / RADIUS
-    cosine, sine, level = np.cos(angle), np.sin(angle), np.zeros(len(at))
-    position = np.column_stack([NEAREST + RADIUS * (1 - cosine), at[:, 0], HEIGHT + RADIUS * sine])
-    return Job(name, position, np.column_stack([cosine, level, -sine]), typical)
-
-
-def _pattern() -> Array:
-    """Holes, row by row, there and back."""
-    y, s = (np.linspace(-half, half, n) for half, n in zip(PATTERN, HOLES, strict=True))
-    return np.array([(one, up) for k, up in enumerate(s) for one in (y if k % 2 == 0 else y[::-1])])
-
-
-def _window() -> Array:
-    """Points around a window with rounded corners, evenly spaced: straight and round parts in turn."""
-    a, b = (half - CORNER for half in WINDOW)
-    quarter = np.pi / 2 * CORNER
-    lengths = np.tile([2 * b, quarter, 2 * a, quarter], 2)
-    starts = np.cumsum(np.r_[0.0, lengths])
-    way = (np.arange(STEPS) + 0.5) * starts[-1] / STEPS
-    part = np.searchsorted(starts, way, side="right") - 1
-    gone, round_it = way - starts[part], part % 2 == 1
-    turn = np.pi / 2 * (part // 2) + np.where(round_it, gone / CORNER, 0.0)
-    straight = np.where(round_it, 0.0, gone - lengths[part])
-    cosine, sine = np.cos(turn), np.sin(turn)
-    centres = np.array([(a, b), (-a, b), (-a, -b), (a, -b)])[part // 2]
-    return np.asarray(
-        centres + np.column_stack([CORNER * cosine - straight * sine, CORNER * sine + straight * cosine])
-    )
-
-
-def drawn(job: Job, rng: np.random.Generator) -> Array:
-    """Draw forces of a trial along the feed, across it and along the spindle.
-
-    A mill is held back, pushed aside to either side and out of the panel.
-
-    Args:
-        job: The job.
-        rng: Source of randomness.
-
-    Returns:
-        Forces, (3,) [N].
-    """
-    size, parts, side = (
-        rng.uniform(*FORCE_RANGE),
-        rng.uniform(MIN_FORCE_COMPONENT, 1, 3),
-        rng.choice([-1.0, 1.0]),
-    )
-    milled = parts / np.linalg.norm(parts) * [-1.0, side, -1.0]
-    return np.asarray(size * (job.typical if job.name == DRILLING else milled))
-
-
-def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
-    """Collect the points of all jobs, one job after the other, each job under forces of its own.
-
-    Args:
-        q: Programmed joints, (points, n) [rad].
-        forces: Along the feed, across it and along the spindle, a job each.
-
-    Returns:
-        The tasks.
-    """
-    wrench = np.concatenate(
-        [
-            process_wrench(np.tile(own, (len(job.position), 1)), job.position, job.axis)
-            for job, own in zip(jobs(), forces, strict=True)
-        ]
-    )
-    return Tasks(q, Load(wrench, np.array(TIP)).for_poses(len(wrench)))
-
-
-def prepare(asked: CompensationSettings, everywhere: Everywhere) -> CompensationSettings:
-    """Make the scene; PoseError for too few feasible poses.
-
-    Args:
-        asked: Settings of the study.
-        everywhere: Does pieces of work on all cores.
-
-    Returns:
-        The settings with their scene.
-    """
+def _prepare(asked: CompensationSettings, everywhere: Everywhere) -> CompensationSettings:
+    """Make the scene; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
     found = find(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
     q = np.concatenate([program(cell, job) for job in jobs()])
     plain = [tuple(map(tuple, own.tolist())) for own in (found, q)]
     scene = CompensationScene(candidates=plain[0], program=plain[1])
     asked = replace(asked, scene=scene)
-    rows = everywhere(partial(plan_rows, asked), len(_planned(asked)), CompensationPlanRow, "plans")
+    rows = everywhere(partial(_plan_rows, asked), len(_planned(asked)), CompensationPlanRow, "plans")
     return replace(asked, scene=replace(scene, plans=tuple(rows)))
 
 
@@ -319,47 +212,17 @@ def _checks(cell: Cell) -> Checks:
     return build_checks(cell, PoseConditions(area=AREA, station=Station(STATION), payload=payload))
 
 
-def program(cell: Cell, job: Job) -> Array:
-    """Compute the joints that a controller takes which knows the drawing alone.
-
-    Args:
-        cell: The arm with its model and its truth.
-        job: The job.
-
-    Returns:
-        Joints, (points, n) [rad].
-
-    Raises:
-        BenchError: When a point is out of reach.
-    """
-    start, tip = np.array(START), np.array(TIP)
-    reached = joints_along(cell.vjm, job.position, job.rotation, start=start, point=tip)
-    if not reached.converged.all():
-        raise BenchError(
-            f"{job.name}: {cell.arm.name} does not reach point {np.argmin(reached.converged) + 1}"
-        )
-    return reached.q
-
-
 def loads(cell: Cell) -> tuple[Load, Load]:
     """Make the hung weight, and the pull of the rope."""
     return weight(cell.vjm, PAYLOAD), Load(np.array([0.0, PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
 
 
-def plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:
-    """Make plans by their numbers, one list each.
-
-    Args:
-        asked: Settings of the study.
-        numbers: Numbers of the plans.
-
-    Returns:
-        The plans.
-    """
+def _plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:
+    """Make plans by their numbers, one list each."""
     cell = build_cell(find_arm(asked.arm))
     reach, found = Feasibility(partial(feasible, _checks(cell))), []
     for name, poses in map(_planned(asked).__getitem__, numbers):
-        spec = specify(cell, asked, name, poses)
+        spec = _specify(cell, asked, name, poses)
         best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
         found.append(
             [CompensationPlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load.tolist()))]
@@ -367,18 +230,8 @@ def plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[
     return found
 
 
-def specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> Specification:
-    """Specify what a plan is for: the points of both jobs under forces of the middle of their range.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        name: Name of the loads.
-        poses: Number of poses.
-
-    Returns:
-        The specification.
-    """
+def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> Specification:
+    """Specify what a plan is for: the points of both jobs under forces of the middle of their range."""
     scaling = scale_by_prior(
         wrong_prior(cell, asked.seed), cell.vjm, named_models(cell, ("ALL153",))[0].structure
     )
@@ -440,18 +293,8 @@ class CorrectionModel:
     status: str = "solved"
 
 
-def trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
-    """Make the rows of a seed; `asked` holds the scene.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        seed: Seed of the trial.
-        own: Estimators of the user.
-
-    Returns:
-        The rows.
-    """
+def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
+    """Make the rows of a seed; `asked` holds the scene."""
     truth, work, rows = true_arm_of_seed(FAMILY, seed), tasks_of(asked, seed), []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
     for arm in ARMS:
@@ -582,21 +425,13 @@ def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
     weights = read_weights(cell.arm)
     every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
     return [
-        CorrectionModel(NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
+        CorrectionModel(NOWHERE, name, _certain_model(elastic_state(cell.vjm, C, weights), name))
         for name, C in every.items()
     ]
 
 
-def certain_model(state: ArmState, name: str) -> ArmModel:
-    """Make an arm model without uncertainty from all its compliances.
-
-    Args:
-        state: The calibrated arm.
-        name: Name of the model.
-
-    Returns:
-        The model.
-    """
+def _certain_model(state: ArmState, name: str) -> ArmModel:
+    """Make an arm model without uncertainty from all its compliances."""
     structure = all153(state.vjm.arm)
     pi = structure.entries(state.C_theta)
     return model_of_compliances(
@@ -713,3 +548,217 @@ def row_of(fit: CorrectionModel, order: Compensated | None, before: Array, after
 
 def _distances(off: Array) -> tuple[float, ...]:
     return tuple(np.round(MM * np.linalg.norm(off, axis=1), DIGITS).tolist())
+
+
+# --- The report ---------------------------------------------------------------------------------------------
+
+PART = 0.9  #: Share removed that cases are counted at.
+LOOKS = {
+    JOINTS: look("Joints", "none"),
+    LEAST_SQUARES: look("MLS56", "none"),
+    "MGCO56": look("MGCO56", "psd"),
+    DEFAULT_WITHOUT_CONE: look(WITHOUT_CONE, "none", prior=True),
+    DEFAULT: CHOICE,
+}
+"""How models are drawn."""
+DRAWN_AS = {
+    "no correction": Look(MEASURED, 1, prior=True),
+    "Joints-only": LOOKS[JOINTS],
+    "the default": LOOKS[DEFAULT],
+}
+"""How the tool is drawn, not corrected and corrected by each model; what wins is last."""
+LONGEST = 0.3  #: Most errors as they are drawn [m].
+FOUND = (
+    "name arm campaign poses removed_percent worst_percent nine_percent worse before.median_mm "
+    "after.median_mm after.p95_mm after.most_mm covered_percent unseen_percent buckled"
+)
+BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_mm covered_percent"
+
+
+def _report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
+    """Report over all truths, and truth by truth for the campaign that is advised."""
+    advised = trials.where(**vars(ADVISED))
+    met = [name for name in TRUTHS if name in advised.values("true_arm")]
+    chosen = trials.where(name=DEFAULT)["chosen"].tolist()
+    left = advised.where(arm=REAL)
+    left = left.add(left_mm=np.median(np.array([*left["after_mm"]]), axis=1))
+    f = Row(
+        seed=seeds_of(seeds),
+        trials=len(seeds),
+        arm=find_arm(asked.arm).resolve().name,
+        payload=PAYLOAD,
+        pull=PULL,
+        runs=RUNS,
+        sigma_um=UM * SIGMA,
+        force=FORCE_RANGE,
+        points={job.name: len(job.position) for job in jobs()},
+        featured=ADVISED.poses,
+        numbers=asked.numbers,
+        truths={name: TRUTH_DESCRIPTIONS[name] for name in met},
+        groups=_groups(asked, trials),
+        by_truth=[
+            Row(g, true_arm=name) for name in met for g in _groups(asked, advised.where(true_arm=name))
+        ],
+        chosen=[Row(name=name, fits=chosen.count(name)) for name in sorted(set(chosen))],
+        dataset=Row(runs=RUNS * ADVISED.poses, points=ADVISED.poses, sigma_um=UM * SIGMA),
+    )
+    badge = of_rivals(left, DEFAULT, [LEAST_SQUARES, JOINTS, DEFAULT_WITHOUT_CONE], "left_mm")
+    way = (REAL, ADVISED.campaign, ADVISED.poses)
+    ours = [g for g in f.groups if (g.arm, g.campaign, g.poses) == way]
+    return Report(
+        scenario=NAME,
+        question=Markdown(
+            "How much of the deflection under drilling and milling does a correction remove? How does this "
+            "depend on the model and on the campaign?"
+        ),
+        title=say(
+            "{arm}, {points[drilling]} drilled and {points[milling]} milled points, {force[0]:g} to "
+            "{force[1]:g} N; noise {sigma_um:g} um; {trials:counted trial}",
+            f,
+        ),
+        answer=headline(badge, Table(_error_columns("name"), ours)),
+        claims=warnings(trials.where(arm=REAL)),
+        numbers=f,
+        tables=_tables(f),
+        body=["both", "truths", READ],
+        badge=badge,
+    )
+
+
+def _error_columns(keys: str) -> tuple[TableColumn, ...]:
+    """Columns, and behind them what a correction leaves."""
+    *others, left = columns(f"{keys} after.median_mm")
+    return (*others, replace(left, heading="error after correction"))
+
+
+def _groups(asked: CompensationSettings, trials: Trials) -> list[Row]:
+    """By disturbance, campaign and model, in the order of the report."""
+    groups = dict(trials.groups("arm", "by", "loads", "poses", "name"))
+    return [
+        _group(way, own)
+        for arm in ARMS
+        for way in (NOWHERE, *asked.ways(arm))
+        for name in (*MODELS, *_user_estimator_names(trials))
+        if (own := groups.get((arm, *vars(way).values(), name)))
+    ]
+
+
+def _user_estimator_names(trials: Trials) -> list[str]:
+    """Name the user's estimators."""
+    return [name for name in trials.values("name") if name not in MODELS]
+
+
+def _group(way: Way, own: Trials) -> Row:
+    """A model by a campaign; cases are points of trials."""
+    before, after = (np.array([*own[key]]) for key in ("before_mm", "after_mm"))
+    shares = 1 - after / before
+    bounded, unseen = own["of"].sum(), own["unseen"].sum()
+    return Row(
+        {key: own[key][0] for key in ("arm", "by", "loads", "name")},
+        campaign=way.campaign,
+        poses=way.poses,
+        trials=len(own),
+        cases=shares.size,
+        before=_sizes(before),
+        after=_sizes(after),
+        removed_percent=spread(100 * shares.ravel(), np.repeat(np.arange(len(own)), shares.shape[1])),
+        worst_percent=100 * shares.min(),
+        nine_percent=100 * float(np.mean(shares >= PART)),
+        worse=int((shares < 0).sum()),
+        covered_percent=100 * own["inside"].sum() / bounded if bounded else None,
+        unseen_percent=100 * unseen / (unseen + bounded) if unseen + bounded else None,
+        buckled=int(own["buckled"].sum()),
+    )
+
+
+def _sizes(mm: Array) -> Row:
+    """How far the loaded tool is from where it was asked, (trials, points): over the trials, and at most."""
+    medians, p95 = map(spread, np.percentile(mm, (50, 95), axis=1))
+    return Row(median_mm=medians, p95_mm=p95, most_mm=float(mm.max()))
+
+
+def _tables(f: Row) -> dict[str, Table]:
+    """Share removed by campaign; all numbers; the advised campaign by true arm."""
+    title = "share of a disturbed arm's deflection removed, median over all points, %"
+    own = [g for g in f.groups if g.arm == REAL and g.poses == f.featured]
+    campaign, model, share = columns("campaign name removed_percent")
+    by_arm = [g for g in f.by_truth if g.arm == REAL and g.name in (JOINTS, DEFAULT)]
+    words = f"by true arm, disturbed: {f.featured} planned poses, weight and pull"
+    return {
+        "short": pivot(Table((), own, title), campaign, model, replace(share, exact=True)),
+        "both": Table(columns(FOUND), f.groups, "both jobs"),
+        "truths": Table(columns(BY_ARM), by_arm, words),
+    }
+
+
+def _figures(found: Report) -> dict[str, Figure]:
+    """Draw what is left by campaign of as many poses as are featured, the arm disturbed and undisturbed."""
+    f = Row(found.numbers)
+    groups = [g for g in f.groups if g.poses == f.featured]
+    own = [name for name in dict.fromkeys(g.name for g in groups) if name not in LOOKS]
+    looks = LOOKS | {name: look(f"own {k}", "own", prior=True) for k, name in enumerate(own, 1)}
+    panes = {
+        title: Table(_error_columns("campaign name"), [g for g in groups if g.arm == arm], looks=looks)
+        for title, arm in (("disturbed arm", REAL), ("arm that bends as a model can", IDEAL))
+    }
+    return {
+        "compensation.png": ranges(
+            panes,
+            f"{f.arm}: error of the tool after correction, {f.featured} poses",
+            f"Median point of a trial; dots: medians, lines: {span(f.trials)} of {f.trials} trials, "
+            f"{f.force[0]:g} to {f.force[1]:g} N.",
+        )
+    }
+
+
+def _seen(run: Run[CompensationSettings]) -> PageContent:
+    """Draw the jobs of the first trial: the tool without correction and with, the arm undisturbed."""
+    seed, rows = run.seeds[0], run.first.where(arm=IDEAL, **vars(ADVISED))
+    true, work = (
+        true_cell(build_cell(find_arm(run.settings.arm)), true_arm_of_seed(FAMILY, seed), seed),
+        tasks_of(run.settings, seed),
+    )
+    every = [np.reshape(rows.where(name=name)["off_mm"][0], (2, -1, 1, 3)) / MM for name in DRAWN]
+    off = dict(zip(DRAWN_AS, (every[0][0], *(both[1] for both in every)), strict=True))
+    before = off["no correction"]
+    M = arrow_scale(before, LONGEST)
+    where = np.concatenate([job.position for job in jobs()])[:, None]
+    labels = [f"{job.name.capitalize()} {k + 1}" for job in jobs() for k in range(len(job.position))]
+    bent, rest = (
+        solve_equilibrium(true.plant, work.q, *load) for load in ((work.load.wrench, work.load.point), ())
+    )
+    tip = (where + M * before)[:, 0]
+    poses = PoseGroup(
+        name="Jobs",
+        names=labels,
+        words=[""] * len(labels),
+        rigid=rigid_frames(true.room, work.q),
+        bent=elastic_frames(true.plant, work.q, M * (bent.theta - rest.theta)),
+        layers=[
+            Layer("tool asked, all points", TASK, "dots", where[None, :, 0]),
+            *load_arrows(tip, work.load.wrench[:, :3], true.vjm.reach),
+        ],
+    )
+    drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)
+    chart = RunChart("How far the tool is off at each point, arm undisturbed (mm)", 0, "point", labels, lines)
+    return PageContent(
+        scene=Scene(true, f"What is off, and how the arm bends, undisturbed, x {M:g}.", [drawn]), runs=[chart]
+    )
+
+
+STUDY = Study(
+    name=NAME,
+    about="Correct a drilling pattern and a milling path by identified models; judge them on the true arm.",
+    options=CompensationOptions,
+    settings=_settings,
+    seeds=(100, 6),
+    arms=lambda settings: [find_arm(settings.arm)],
+    row=JobsRow,
+    trial=_trial,
+    report=_report,
+    printed=("short",),
+    figures=_figures,
+    write=_seen,
+    prepare=_prepare,
+    models="name",
+)

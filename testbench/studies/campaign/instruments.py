@@ -1,4 +1,4 @@
-"""Trials of the preset `instruments`: the same poses read by gauges, wires, a camera or a tracker."""
+"""What gauges, a ballbar, draw-wires and a camera are worth beside a tracker, in the same poses."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -15,15 +15,13 @@ from testbench.model.load import weight
 from testbench.model.structure import all153
 from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, Tracker
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.report.figure import Figure, forest
+from testbench.report.report import Report
+from testbench.report.schema import columns
+from testbench.report.table import Trials
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign.trial import (
-    CampaignFitRow,
-    Cover,
-    TrialCase,
-    cover,
-    fitted,
-    score_cases,
-)
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable
+from testbench.studies.campaign.trial import CampaignFitRow, Cover, TrialCase, cover, fitted, score_cases
 from testbench.workflows.campaign import Scenario, draw_poses, measure_markers, poses_with_weight, true_cell
 from testbench.workflows.campaign_flags import CAMERA, PROBE, Mounted, TrueArmFlag, read_instruments
 from testbench.workflows.cell import Cell
@@ -59,17 +57,8 @@ class Settings:
     arm: str = ARM
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
-    """Make the settings of the flags.
-
-    Args:
-        options: Flags of the command line.
-        quick: Whether the run is a small one.
-        seeds: Seeds of the trials.
-
-    Returns:
-        The settings.
-    """
+def _settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """Make the settings of the flags."""
     found = Settings(seeds[0], true_arm=options.true_arm)
     return replace(found, poses=(USUAL,), workspace=30) if quick else found
 
@@ -82,7 +71,7 @@ class InstrumentRow(CampaignFitRow):
     cover: Cover | None = None  #: Of the default.
 
 
-def directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> Array:
+def _directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> Array:
     """Choose world axes of gauges in given poses.
 
     Args:
@@ -119,7 +108,7 @@ def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, l
         The instruments by name.
     """
     markers = cell.arm.markers
-    three, one = (directions(cell, q, around, mass, count) for count in (len(markers), 1))
+    three, one = (_directions(cell, q, around, mass, count) for count in (len(markers), 1))
     wires = [Mounted(DRAW_WIRE, name, fixed=at) for name, at in zip(markers, ANCHORS, strict=True)]
     mounted = (
         [Mounted(Tracker(50e-6))],
@@ -153,18 +142,8 @@ def _cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iter
                 yield TrialCase(runs, truth, {"true_arm": arm, "instrument": name, "poses": n}, shown)
 
 
-def trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
-    """Yield the rows of a seed, one per model, instrument and number of poses.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: The settings.
-        seed: The seed.
-        own: Makes models of a user's estimators.
-
-    Yields:
-        The rows.
-    """
+def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
+    """Yield the rows of a seed, one per model, instrument and number of poses."""
     arm = true_arm_of_seed(asked.true_arm, seed)
     true, prior = true_cell(cell, arm, seed), wrong_prior(cell, seed)
     joints, plain = named_models(cell, (JOINTS, ALL_UNKNOWNS))
@@ -179,3 +158,67 @@ def trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[Instr
         return {"read_percent": 100 * float(runs.seen.sum() / wanted), "cover": shares}
 
     yield from score_cases(cell, tried, fits, InstrumentRow, more)
+
+
+def _tables(_: Settings) -> Mapping[str, TrialTable]:
+    """List the default by instrument; its error by poses; that of Joints-only."""
+    usual = {"name": DEFAULT, "poses": USUAL}
+    return {
+        "instruments": TrialTable(
+            f"{DEFAULT}, {USUAL} poses",
+            down="instrument",
+            columns="instrument rms_um covered_percent half_mm rank read_percent",
+            where=usual,
+        ),
+        "poses": TrialTable(
+            f"{DEFAULT}: RMS error, um", down="instrument", across="poses", where={"name": DEFAULT}
+        ),
+        "joints": TrialTable(
+            f"{JOINTS}: RMS error, um", down="instrument", across="poses", where={"name": JOINTS}
+        ),
+    }
+
+
+def _derived(_: Settings, trials: Trials) -> Trials:
+    """Name coverage and half width as other studies do."""
+    return trials.add(covered_percent=trials["cover.covered_percent"], half_mm=trials["cover.half_mm"])
+
+
+def _by_instrument(trials: Trials) -> Trials:
+    """Name the rows of the default by their instrument, so that instruments are compared."""
+    own = trials.where(name=DEFAULT, poses=USUAL)
+    return own.add(name=own["instrument"])
+
+
+def _figures(found: Report) -> Mapping[str, Figure]:
+    """Draw the error from every instrument, one pane per number of poses."""
+    table, (error,) = found.tables["poses"], columns(ERROR)
+    name, *drawn = table.columns
+    shown = (name, *(replace(error, key=column.key, form=".0f") for column in drawn))
+    panes = {column.key: column.heading for column in drawn}
+    reading = "Numbers: medians. Dotted: the tracker."
+    return {"instruments.png": forest(replace(table, columns=shown), panes, found.question, reading, TRACKER)}
+
+
+PRESET = Preset(
+    name="instruments",
+    page="docs/studies/instruments.md",
+    question="How do dial gauges, wires, a ballbar and a camera compare with a laser tracker?",
+    how="Every instrument reads the KR 500 under its payload in the same random poses. Gauges are half a "
+    "degree off. Their directions are chosen in each pose. Models are judged over the workspace.",
+    options=Options,
+    settings=_settings,
+    seeds=(100, 8),
+    row=InstrumentRow,
+    trial=_trial,
+    tables=_tables,
+    printed="instruments",
+    cells=lambda *_: {"": {"instrument": THREE, "poses": USUAL}},
+    ours=THREE,
+    rivals=(TRACKER,),
+    pairs=tuple((name, TRACKER) for name in INSTRUMENTS if name != TRACKER),
+    compared=_by_instrument,
+    derived=_derived,
+    figures=_figures,
+)
+STUDY = PRESET.study()

@@ -1,1 +1,0 @@
-"""Presets of campaigns: each asks one question, and bears the name of its scenario."""

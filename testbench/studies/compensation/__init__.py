@@ -1,1 +1,0 @@
-"""Study of corrections: arms identified, programs compensated, executed on the true elastic arm, measured."""

@@ -1,1 +1,0 @@
-"""Study of pose selection: plans by every criterion against random poses, verified by simulation."""
