@@ -61,6 +61,7 @@ from testbench.files.names import (
 )
 from testbench.files.read_series import read_series
 from testbench.files.rearranged import (
+    ASKED,
     DIRECTION,
     NUMBERS,
     SIGNED_AXIS,
@@ -570,6 +571,14 @@ def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]
     return named if len(named) == 2 * len(XYZ) else {}
 
 
+def _has_joints(table: TableCells, arm: Arm) -> bool:
+    """Whether the columns of a table are those of the joints, or one holds all of them in its cells."""
+    count = len(arm.file_joints)
+    return bool(joint_family(table.names, arm)) or any(
+        len(_cells_of(table, k, count)) for k in range(len(table.names))
+    )
+
+
 def _joint_cells(table: TableCells, arm: Arm) -> Entry:
     """The column that holds all joints in one cell; InputError where none does."""
     for k in sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints")):
@@ -980,6 +989,9 @@ def _joined(
         The table with the columns of the log; the entries of its points; those of the log; how it was read.
     """
     rows, layout, written = _read(log, arm)
+    if not any(_has_joints(own, arm) for own in (rows, table)) and not (layout and layout.layout.joints):
+        got = f"got columns {listed(rows.names)}" if rows.names else "got none"
+        raise InputError(log, "", f"expected columns of the joints, such as A1 to A6, {got}; {ASKED}")
     how, alone = _join(table, rows, fits, layout)
     table, points = _of_the_arm(table, alone)
     keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
