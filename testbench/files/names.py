@@ -32,7 +32,10 @@ UNITS = (
     *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
     *(Unit(n, "m", s) for n, s in (("mil", 1e-3 * INCH), ("ft", 12 * INCH))),
     *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("mdeg", 1e-3 * DEGREE))),
-    *(Unit(n, "rad", s) for n, s in (("arcmin", DEGREE / 60), ("arcsec", DEGREE / 3600), ("rev", 2 * math.pi))),
+    *(
+        Unit(n, "rad", s)
+        for n, s in (("arcmin", DEGREE / 60), ("arcsec", DEGREE / 3600), ("rev", 2 * math.pi))
+    ),
     GON,
     *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
     Unit("kgf", "N", STANDARD),

@@ -235,7 +235,9 @@ def _lines(table: TableCells) -> Iterator[Entry]:
         whole = {*read} == {*STATES} or (what == "travel" and len(read) == 1 and {*read} <= {"", "after"})
         if whole and ({*axes} == {*XYZ} or directed):
             keys = ("_".join(filter(None, (what, when))) for when in read)
-            yield from (Entry("columns", key, name, why) for key, name in zip(keys, read.values(), strict=True))
+            yield from (
+                Entry("columns", key, name, why) for key, name in zip(keys, read.values(), strict=True)
+            )
             if {*axes} == {*XYZ}:
                 yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
             else:
@@ -479,7 +481,10 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
         why = "numbers count the axes x, y, z"
     said = list[Entry]()
     if (hung := _one_load(table, arm)) and not mass_columns(table):
-        found, why = _by_one_load(table, place, found), f"{hung[0]} {hung[1]} in the names of some columns alone"
+        found, why = (
+            _by_one_load(table, place, found),
+            f"{hung[0]} {hung[1]} in the names of some columns alone",
+        )
         said = [Entry("values", f"mass_{hung[1]}", hung[0])]
     if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
         found, why = counted, "0 and 1, or 0 and d, are unloaded and loaded: another column has the targets"

@@ -643,9 +643,7 @@ def _repeated(table: TableCells, code: Ids, marker: Ids) -> Ids:
     return number_rows(code, again)
 
 
-def _belongs(
-    table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids, gauge: Ids | None
-) -> Ids:
+def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids, gauge: Ids | None) -> Ids:
     """Find the unloaded reading of each loaded one, (runs,): that of the run, else of the pose.
 
     Args:

@@ -741,13 +741,6 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
             "no state 'L0' is known",
         ),
         (
-            by_target(DOWN)
-            .replace("Z [mm]", "Z [mm],dX [mm],dY [mm],dZ [mm],Load [kg]")
-            .replace("\n", ",1,2,3,100\n")
-            .replace("[kg],1,2,3,100", "[kg]"),
-            "dx, dy, dz are loaded minus unloaded",
-        ),
-        (
             steps("before", "under load", "after"),
             "column Stage: only this column, 'before', 'under load', 'after', tells readings of one point",
         ),
