@@ -515,8 +515,8 @@ def numbered_places(names: Sequence[str], place: Callable[[str], Place | None]) 
     numbered = re.compile(rf"(?P<rest>.*?)(?:{KNOWN_EXPORTS['places']['numbered']})(?P<n>\d+)")
     families = dict[str, dict[int, str]]()
     for name in names:
-        if own := numbered.fullmatch(plain(name)):
-            families.setdefault(own["rest"], {})[int(own["n"])] = name
+        if match := numbered.fullmatch(plain(name)):
+            families.setdefault(match["rest"], {})[int(match["n"])] = name
     found = dict[str, Place]()
     for rest, own in families.items():
         at = place(f"{rest}x") if rest else Place("", "", "x")
