@@ -389,7 +389,7 @@ def _numbers(arm: ArmContext) -> Iterator[Item]:
 
 
 def known_share(arm: ArmContext) -> float:
-    """Compute the share of the tool's deflection that comes from published, measured or inferred numbers [1]."""
+    """Compute the share of the deflection that comes from published, measured or inferred numbers [1]."""
     joints = [joint.compliance.origin in UNSURE for joint in arm.elastic.joint]
     unsure = np.array([*(bool(_tube(link)) for link in arm.elastic.link), *joints])
     return float(arm.sag.shares[~unsure].sum())
