@@ -8,7 +8,7 @@ from workbooks import packed, parts
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import InputError
-from testbench.files import propose_map
+from testbench.files import read_unknown
 from testbench.files.names import joint_family, unread_column_warnings
 from testbench.files.propose_map import map_text, propose
 from testbench.files.read_pairs import read_export
@@ -580,7 +580,7 @@ def test_a_long_table_is_not_divided_to_see_whether_its_rows_are_columns(tmp_pat
     """Dividing 200,000 rows by four delimiters took 15 s."""
     header, rows = both().split("\n", 1)
     (file := tmp_path / "long.csv").write_text(f"{header}\n" + f"{rows.rstrip()}\n" * 30)
-    monkeypatch.setattr(propose_map, "even_rows", lambda *_: pytest.fail("divided"))
+    monkeypatch.setattr(read_unknown, "even_rows", lambda *_: pytest.fail("divided"))
     assert propose(file, ARM, None, tmp_path).entries
 
 
