@@ -821,7 +821,7 @@ def _dataset_of(
     scatter: Scatter,
     lines: FileLines | None,
 ) -> Dataset:
-    """The dataset of runs: one sigma for the file, or a covariance per reading; lost targets weigh nothing."""
+    """The runs, with one sigma for the file or a covariance per reading; lost targets have zero weight."""
     lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
     before, after = _rotations(columns, runs.row)
     sigma = _of_the_file(columns, 0, scatter.sigma) if lines is None else float(scatter.sigma[0])

@@ -238,9 +238,10 @@ def both(unloaded, loaded, moved=False, load=("Load [kg]", "100"), scale=1.0):
     """One row per pose and target; names of the columns of an axis in both states."""
     axes = [form.format(x) for form in (unloaded, loaded) for x in "XYZ"]
     rows = [
-        [NAMES[k], f"P{m + 1}", *numbers(Q[k]), load[1]]
-        + numbers(X[k, m])
-        + numbers(scale * DOWN if moved else X[k, m] + DOWN)
+        [
+            *(NAMES[k], f"P{m + 1}", *numbers(Q[k]), load[1], *numbers(X[k, m])),
+            *numbers(scale * DOWN if moved else X[k, m] + DOWN),
+        ]
         for k in range(N)
         for m in range(3)
     ]
