@@ -24,7 +24,7 @@ from testbench.report.schema import Table, TableColumn, columns, show
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import Kind, check_file, claim_folder
-from testbench.workflows.arm_check import Checked, check
+from testbench.workflows.arm_check import Checked, check, known_share
 from testbench.workflows.options import ArmName, Force, ShownFolder, takes
 
 COMMAND = "testbench check"  #: As manifest.json names it.
@@ -60,6 +60,7 @@ def command(asked: CheckOptions) -> None:
             "\nPlease confirm these numbers, each with its contribution to the deflection:",
             *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in listed),
             f"         {len(checked.items) - len(listed)} more contribute less than 1 % each",
+            f"{100 * known_share(checked):5.0f} %  comes from published, measured or inferred numbers",
             "\nRead from the folder:",
             *rest,
             "MuJoCo and Pinocchio agree on the places of links, tool, load point and markers within "

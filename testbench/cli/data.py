@@ -14,8 +14,9 @@ from testbench.errors import BenchError, InputError, sheet_of
 from testbench.files.columns import UnknownColumns
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
-from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose, sheets_of
+from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
 from testbench.files.read_series import read_series
+from testbench.files.read_unknown import sheets_of
 from testbench.files.text import UnevenRows
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.readings import column_lines, draw_runs, file_lines, report, written

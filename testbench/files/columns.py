@@ -351,34 +351,12 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     table, read_as = take_apart(table, names)
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
-        hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
-        hint = hint or "columns with other names, or a file without a header, need a map"
-        wanted = ", ".join(joint.display_column for joint in arm.file_joints) or "mass_kg"
-        got = ", ".join(table.names[:3])
-        raise UnknownColumns(
-            table, f"no column is known, expected {wanted}, got {got} ...; {hint}", joints=False
-        )
+        raise _none_known(table, arm)
     _check_map(table, names, named)
     # Join rows of single axes; the map's names replace our own.
     table, named = join_axes(table, named, names)
     named = _chosen(_without_keys(table, named, names))
-    # One column per quantity, with its unit.
-    found: dict[Slot, ReadColumn] = {}
-    for k, own in named.items():
-        unit = _unit(table, k, own, arm)
-        slot = own.slot
-        if slot.what == "sigma":
-            slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
-        if slot in found:
-            both = " and ".join(map(repr, (found[slot].name, table.names[k])))
-            problem = f"expected every column once, got {both} for the same quantity"
-            raise UnknownColumns(
-                table, problem, joints=any(own.slot.what == "joint" for own in named.values())
-            )
-        if slot in names.values:
-            problem = f"{table.names[k]!r} is a value in the map and a column of the file: remove one of them"
-            raise names.error(table.path, "values", problem)
-        found[slot] = ReadColumn(k, table.names[k], slot, unit, own.sign)
+    found = _one_each(table, named, names, arm)
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
@@ -395,6 +373,39 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     if table.sheet and "" not in names.lost:
         _refuse_blanks(table, [c for c in found.values() if c.index in readings])
     return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored, settled))
+
+
+def _none_known(table: TableCells, arm: Arm) -> UnknownColumns:
+    """The error about a table of which no column is known."""
+    hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
+    hint = hint or "columns with other names, or a file without a header, need a map"
+    wanted = ", ".join(joint.display_column for joint in arm.file_joints) or "mass_kg"
+    got = ", ".join(table.names[:3])
+    problem = f"no column is known, expected {wanted}, got {got} ...; {hint}"
+    return UnknownColumns(table, problem, joints=False)
+
+
+def _one_each(
+    table: TableCells, named: Mapping[int, Named], names: Names, arm: Arm
+) -> dict[Slot, ReadColumn]:
+    """The column of each quantity, with its unit; InputError if two say the same."""
+    found: dict[Slot, ReadColumn] = {}
+    for k, own in named.items():
+        unit = _unit(table, k, own, arm)
+        slot = own.slot
+        if slot.what == "sigma":
+            slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
+        if slot in found:
+            both = " and ".join(map(repr, (found[slot].name, table.names[k])))
+            problem = f"expected every column once, got {both} for the same quantity"
+            raise UnknownColumns(
+                table, problem, joints=any(own.slot.what == "joint" for own in named.values())
+            )
+        if slot in names.values:
+            problem = f"{table.names[k]!r} is a value in the map and a column of the file: remove one of them"
+            raise names.error(table.path, "values", problem)
+        found[slot] = ReadColumn(k, table.names[k], slot, unit, own.sign)
+    return found
 
 
 def _refuse_blanks(table: TableCells, columns: Sequence[ReadColumn]) -> None:

@@ -138,7 +138,7 @@ class Map(Strict):
 
 
 HOLE = re.compile(r"\{(mass_[a-z]+|marker|direction)\}")
-"""In the name of a column, in place of what only the name states: a load, or target and direction of a gauge."""
+"""In place of what only the name of a column states: a load, or target and direction of a gauge."""
 
 
 def without_holes(name: str) -> str:
@@ -393,7 +393,7 @@ def _columns(
 
 
 def _may_have_holes(known: tuple[Slot, Unit | None] | None, name: str) -> bool:
-    """Whether a column may state in its name what the places in its pattern say: only gauges name targets so."""
+    """Whether the pattern of a name may have these places: those of targets and directions are for gauges."""
     of_gauge = known is not None and known[0].what == "travel"
     return of_gauge or {*HOLE.findall(name)}.isdisjoint({"marker", "direction"})
 

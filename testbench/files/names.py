@@ -394,6 +394,8 @@ BESIDE = {*KNOWN_EXPORTS["beside"]["words"]}  #: Words that stand beside those o
 STATE_OF_WORD: dict[str, str] = {
     squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words
 }
+STATE_WORDS = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
+"""An expression of any word for a state in the name of a column."""
 STATE_OF_CELL: dict[str, str] = STATE_OF_WORD | {
     squeeze(word): state for state, words in KNOWN_EXPORTS["answers"].items() for word in words
 }
@@ -483,10 +485,9 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
         A function of a name; it returns None if the name is not that of a position.
     """
     markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
-    states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
     target = "|".join([*map(re.escape, markers), KNOWN_EXPORTS["places"]["target"]])
     moved, said = (KNOWN_EXPORTS["places"][kind] for kind in ("moved", "said"))
-    words = re.compile(rf"(?P<target>{target})|(?P<when>{states}|{moved})|{said}")
+    words = re.compile(rf"(?P<target>{target})|(?P<when>{STATE_WORDS}|{moved})|{said}")
 
     def place(name: str) -> Place | None:
         text = plain(name)
@@ -515,8 +516,8 @@ def numbered_places(names: Sequence[str], place: Callable[[str], Place | None]) 
     numbered = re.compile(rf"(?P<rest>.*?)(?:{KNOWN_EXPORTS['places']['numbered']})(?P<n>\d+)")
     families = dict[str, dict[int, str]]()
     for name in names:
-        if own := numbered.fullmatch(plain(name)):
-            families.setdefault(own["rest"], {})[int(own["n"])] = name
+        if match := numbered.fullmatch(plain(name)):
+            families.setdefault(match["rest"], {})[int(match["n"])] = name
     found = dict[str, Place]()
     for rest, own in families.items():
         at = place(f"{rest}x") if rest else Place("", "", "x")

@@ -38,7 +38,7 @@ from testbench.files.languages import (
     values_of,
 )
 from testbench.files.mapping import Controller, Names, read_map
-from testbench.files.motion import axes_of, scale_of, turn_flags
+from testbench.files.motion import axes_of, turn_flags
 from testbench.files.names import (
     ALONG,
     ROTATIONS,
@@ -195,12 +195,14 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
     text = read_motions(path, language)
     points = [move.point for move in text.moves]
     posed = np.array([point.posed for point in points], dtype=bool)
+    # Joints of the moves, and joints that choose the configuration of poses.
     count, pulses = len(points), tuple(controller.pulses_per_deg)
     q, near = np.full((2, count, arm.n_joints), np.nan)
     if not posed.all():
         q[~posed] = _program_joints(text, arm, [own for own in points if not own.posed], pulses)
     if chosen := {k: move.near for k, move in enumerate(text.moves) if move.near is not None}:
         near[list(chosen)] = _program_joints(text, arm, list(chosen.values()), pulses)
+    # Frames of poses.
     base, tool = (
         _frame(path, language, getattr(controller, own), f"controller.{own}") for own in ("base", "tool")
     )
@@ -208,10 +210,9 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
     if stated and stated.numbers and not controller.base:
         base = _stated_frame(language, stated.numbers)
     frame_notes, unknown = _frame_notes(text, controller) if posed.any() else ((), "")
-    outer, kept_notes = _external_axes(text, arm), list[str]()
-    if outer:
-        why = f"{arm.name} has no such joint, so we assume that they move neither the arm nor its workpiece"
-        kept_notes.append(f"External axes are unchanged: {', '.join(outer.values())}. {why}")
+    outer = _external_axes(text, arm)
+    why = f"{arm.name} has no such joint, so we assume that they move neither the arm nor its workpiece"
+    kept = f"External axes are unchanged: {', '.join(outer.values())}. {why}"
     motions = RobotMotions(
         text,
         linear=np.array([move.linear for move in text.moves], dtype=bool),
@@ -220,22 +221,25 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
         tool=tool,
         pulses_per_deg=pulses,
         near=near,
-        notes=(*text.notes, *frame_notes, *kept_notes),
+        notes=(*text.notes, *frame_notes, *[kept] * bool(outer)),
         kept=tuple(outer),
         unknown_frames=unknown,
     )
     position, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     if posed.any():
-        axes = axes_of(language, arm.file_joints)
-        if set(axes) & set(language.external):
-            raise InputError(path, "", "poses of an arm with external axes are not read: give joints")
-        own = values_of(text, [point for point in points if point.posed], language.pose_names())
-        if language.rotation == "quaternion" and (np.linalg.norm(own[:, 3:], axis=1) < MIN_NORM).any():
-            raise InputError(path, "", "expected quaternions of norm 1 in every pose")
-        position[posed], rotation[posed] = motions.to_world(
-            own[:, :3] / language.per_metre, language.rotations(own[:, 3:])
-        )
+        position[posed], rotation[posed] = _program_poses(path, language, arm, motions)
     return RobotPoints(motions, q, position, rotation)
+
+
+def _program_poses(path: Path, language: Language, arm: Arm, motions: RobotMotions) -> tuple[Array, Array]:
+    """Places, (poses, 3) [m], and rotations, (poses, 3, 3), of the poses of a program in the world."""
+    if set(axes_of(language, arm.file_joints)) & set(language.external):
+        raise InputError(path, "", "poses of an arm with external axes are not read: give joints")
+    points = [move.point for move in motions.text.moves if move.point.posed]
+    own = values_of(motions.text, points, language.pose_names())
+    if language.rotation == "quaternion" and (np.linalg.norm(own[:, 3:], axis=1) < MIN_NORM).any():
+        raise InputError(path, "", "expected quaternions of norm 1 in every pose")
+    return motions.to_world(own[:, :3] / language.per_metre, language.rotations(own[:, 3:]))
 
 
 def _frame(path: Path, language: Language, numbers: list[float], place: str) -> Pose:

@@ -3,23 +3,18 @@
 What only values tell is a guess: the map has it as a comment, and `testbench data map` says it.
 """
 
-import contextlib
 import json
 import os
-import re
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise, product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Series
-from testbench.errors import Array, InputError, Mask
+from testbench.errors import InputError, Mask
 from testbench.files.beside import (
     MIN_POSES,
     NOTATIONS,
@@ -30,921 +25,36 @@ from testbench.files.beside import (
     unclear,
 )
 from testbench.files.columns import listed
-from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
-from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
-from testbench.files.mapping import HOLE, FileLayout, Log, Map, Named, read_map, without_holes
+from testbench.files.guess import PLACE, SCATTER, Entry, angle_unit, length_unit, lost_words, reasons, unit_of
+from testbench.files.guessed_columns import columns_by_name, has_joints, ordered_joints, orientation_columns
+from testbench.files.guessed_lines import DIRECTED, gauges_in_names
+from testbench.files.guessed_loads import loads_in_names
+from testbench.files.guessed_names import TARGETS, names_by_cells
+from testbench.files.joined_log import find_join
+from testbench.files.layouts import Fitting, stated_length_unit
+from testbench.files.mapping import Map, Named, read_map, without_holes
 from testbench.files.names import (
-    BRACKETS,
-    DEFLECTION,
-    KNOWN_EXPORTS,
-    NUMBER,
     ROTATIONS,
     SI,
-    STATE_OF_CELL,
-    STATE_OF_WORD,
-    STATES,
-    XYZ,
-    Place,
-    Unit,
     column_meaning,
-    find_unit,
-    joint_family,
     joints_of,
-    looks_like,
-    numbered_places,
     places,
-    plain,
     series_names,
-    split_unit,
     squeeze,
-    state_of,
 )
 from testbench.files.read_series import read_series
-from testbench.files.rearranged import (
-    DIRECTION,
-    NUMBERS,
-    SIGNED_AXIS,
-    clock,
-    join_log,
-    keys_of,
-    nearest_times,
-    numbers_in,
-    parts_in,
-    read_log,
-    stack_columns,
-    times_of,
-    with_loaded,
+from testbench.files.read_unknown import (
+    ReadFile,
+    file_entries,
+    lines_above,
+    read_unknown,
+    sheets_of,
+    unit_in_cells,
 )
-from testbench.files.table import SECTION, SHEETS, TableCells
-from testbench.files.text import (
-    BLANK,
-    DELIMITERS,
-    SHEET,
-    UNIT_LABEL,
-    even_rows,
-    read_letters,
-    sheets_with_tables,
-    split_lines,
-)
+from testbench.files.rearranged import ASKED, DIRECTION, join_log, keys_of, stack_columns, with_loaded
+from testbench.files.table import TableCells
 
-# --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
-
-WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
-POSITION = re.compile("positions?", re.IGNORECASE)
-GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
-SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
-APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
-AXES = re.compile(r"[(\[]?\bx *[/,; |] *y *[/,; |] *z\b[)\]]?", re.IGNORECASE)  #: Of a cell, as "P1 (x/y/z)".
-POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
-APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
-WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
-UNREADABLE = (
-    (
-        re.compile("(d|delta|δ|defl(ection)?|disp(lacement)?|verschiebung|auslenkung)[xyz]"),
-        "deflections alone do not show where the targets are: add the unloaded positions, as before_x_mm",
-    ),
-    (
-        re.compile(
-            r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*"
-            r"|direction[xyz]|reading|travel"
-        ),
-        "a gauge's readings are travel_before_mm and travel_after_mm, with direction_x, direction_y and "
-        "direction_z of the face; the map's [scale] converts volts or counts to mm "
-        "(docs/formats.md, Gauges and distances)",
-    ),
-    (
-        re.compile(".*(wire|ballbar).*|(fixed|anchor|outlet|ball)[xyz]"),
-        "distances to a fixed point are distance_before_mm and distance_after_mm, with fixed_x_mm, "
-        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm "
-        "(docs/formats.md, Gauges and distances)",
-    ),
-)
-"""Names of columns that hold no positions, and what to do."""
-DEVIATION = re.compile("d(elta)?[xyz]|δ[xyz]")  #: Of a deflection, or of a deviation from a drawn place.
-MOVED = "every row is loaded: X is taken as unloaded, and dX as loaded minus unloaded"
-DIRECTED = "world axes, along which readings grow"
-TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
-SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
-TYPICAL = {"sigma": 3e-5, "": 1.0}
-"""What readings scatter by, and positions are, to an order of magnitude [m]."""
-
-
-class Entry(NamedTuple):
-    """Hold one line of a map."""
-
-    table: str
-    key: str
-    value: object
-    why: str = ""  #: Where it is a guess.
-
-
-def unit_of(table: TableCells, k: int) -> Unit | None:
-    """Find the unit that a column's name states, or else the line below the header.
-
-    Args:
-        table: The export.
-        k: Place of the column.
-
-    Returns:
-        The unit; None if neither states one.
-    """
-    parts = split_unit(table.names[k])
-    return table.units[k] if parts is None else parts[1]
-
-
-def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[str]) -> Iterator[Entry]:
-    """Guess the columns of joints, positions, scatter, mass and temperature by their names, with their units.
-
-    Args:
-        table: The export, with what the log adds.
-        arm: The arm.
-        length: Unit of lengths that the lines above the header state; "" where they state none.
-        said: Quantities that a layout states; they are not guessed.
-
-    Yields:
-        Lines of the map, with the reason of each guess.
-
-    Raises:
-        InputError: When no column looks like joints or positions.
-    """
-    known = dict[str, list[int]]()
-    for k, name in enumerate(table.names):
-        known.setdefault(column_meaning(name), []).append(k)
-    if "joint" not in said:
-        yield from _joints(table, arm)
-    readings, stated = dict[str, list[int]](), ""
-    if "reading" not in said:
-        readings, markers, stated = _positions(table, arm)
-        if not readings and "axis" in known:
-            of_axes = {"position": known["position"]} if "position" in known else _states_by_axis(table)
-            readings = {"axis": known["axis"]} | of_axes if of_axes else {}
-        lines = [] if readings else list(_lines(table))
-        yield from lines or (markers if readings else _position_cells(table, arm, length))
-        _refuse_twice(table, [k for columns in readings.values() for k in columns])
-    yield from _mass(table, mass_columns(table) if "mass" not in said else [])
-    others = SCATTER | {"temperature": "temperature"}
-    kinds = dict.fromkeys(SCATTER, "deviation")
-    others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
-    for our, columns, kind in (
-        *((our, columns, our if our == "axis" else "") for our, columns in readings.items()),
-        *((our, known[theirs], theirs) for theirs, our in others.items() if theirs in known),
-    ):
-        places = [own[0] for name, own in readings.items() if DEFLECTION not in name]
-        alike = places if our in readings else columns[:1]
-        unit, why = length_unit(table, columns[0], alike, kind, length)
-        left = ", ".join(repr(table.names[k]) for k in columns[1:])
-        told = stated if our in readings else ""
-        why = "; ".join(filter(None, [told, why, left and f"not {left}"]))
-        yield Entry("columns", our + unit, table.names[columns[0]], why)
-        if kind.startswith("u95"):
-            yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
-    yield from lost_words(table, [k for our, (k, *_) in readings.items() if our != "axis"])
-
-
-def _states_by_axis(table: TableCells) -> dict[str, list[int]]:
-    """Columns of readings unloaded and loaded, whose axis another column says; none unless both are there."""
-    found = {state: k for k, name in enumerate(table.names) if (state := STATE_OF_WORD.get(plain(name), ""))}
-    return {state: [k] for state, k in found.items()} if len(found) == len(STATES) else {}
-
-
-def _lines(table: TableCells) -> Iterator[Entry]:
-    """The columns of gauges, or of distances to a fixed point, by their names; none unless a set is whole."""
-    names = {plain(name): name for name in table.names}
-    letters = next((name for name in table.names if _of_directions(table, name)), "")
-    for what, own in KNOWN_EXPORTS["lines"].items():
-        where = "direction" if what == "travel" else "fixed"
-        states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
-        reading = re.compile(rf"(?:{own['reading']})?(?P<when>{states})(?:{own['reading']})?")
-        beside = re.compile(own["beside"])
-        axes = {match["axis"]: name for text, name in names.items() if (match := beside.fullmatch(text))}
-        directed = what == "travel" and (bool(letters) or {*axes} == {*XYZ})
-        read = {
-            STATE_OF_WORD[match["when"]]: name
-            for text, name in names.items()
-            if (match := reading.fullmatch(text)) and (directed or match["when"] != text)
-            if column_meaning(name) not in ("mass", "state")
-        }
-        why = ""
-        if what == "travel" and not read:
-            alone = [name for text, name in names.items() if text and re.fullmatch(own["reading"], text)]
-            by_states = _by_states(table)
-            read = {"" if by_states else "after": alone[0]} if len(alone) == 1 else {}
-            why = "" if by_states else "the gauge reads zero without load"
-        whole = {*read} == {*STATES} or (what == "travel" and len(read) == 1 and {*read} <= {"", "after"})
-        if whole and ({*axes} == {*XYZ} or directed):
-            keys = ("_".join(filter(None, (what, when))) for when in read)
-            yield from (
-                Entry("columns", key, name, why) for key, name in zip(keys, read.values(), strict=True)
-            )
-            if {*axes} == {*XYZ}:
-                yield from (Entry("columns", f"{where}_{axis}", axes[axis]) for axis in XYZ)
-            else:
-                yield Entry("cells", letters, f"{{{DIRECTION}}}", DIRECTED)
-            return
-
-
-def _by_states(table: TableCells) -> bool:
-    """Whether rows are unloaded or loaded: by a column of states, or by loads of which some are zero."""
-    hung = [str(text).replace(",", ".") for k in mass_columns(table)[:1] for text in table.texts(k)]
-    idle = any(
-        not text or (is_decimal(text) and float(text) == 0) or state_of(text) == "before" for text in hung
-    )
-    return idle or any(column_meaning(name) == "state" for name in table.names)
-
-
-def _of_directions(table: TableCells, name: str) -> bool:
-    """Whether a column holds axes of the world, such as -Z, that its name calls directions of gauges."""
-    called = re.fullmatch(KNOWN_EXPORTS["lines"]["travel"]["letters"], plain(name))
-    texts = {text for text in table.texts(table.names.index(name)) if text}
-    return bool(called and texts) and all(map(SIGNED_AXIS.fullmatch, texts))
-
-
-def _refuse_twice(table: TableCells, columns: Sequence[int]) -> None:
-    """Refuse columns of positions that have one name: nobody knows which of them is meant."""
-    names = [table.names[k] for k in columns]
-    if again := next((name for name in names if names.count(name) > 1), ""):
-        hint = f'state in [columns] of a map which is which, as before_x = "{again}", after_x = "{again} (2)"'
-        raise table.header_error(f"expected every name once, got {again!r} again; {hint}")
-
-
-def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
-    """The column of what hangs: masses, weights in newtons, or words such as "150 kg" and "none"."""
-    for k, *others in [columns] if columns else []:
-        name, unit = table.names[k], unit_of(table, k)
-        texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-        if unit is None and texts and {*map(squeeze, texts)} <= {*STATE_OF_CELL}:
-            return  # a column of states
-        left = ", ".join(repr(table.names[other]) for other in others)
-        if unit and unit.si == "N":
-            down = all(not text.startswith("-") for text in texts)
-            yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
-            return
-        _refuse_unclear_mass(table, name, texts)
-        if masses := _masses(table, k):
-            yield from _massive(name, masses, left)
-            return
-        weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
-        units = {own["unit"].casefold()[:2] for own in weighed.values() if own["unit"]}
-        said = "" if unit else f"_{min(units, default='kg')}"
-        if len({*units, *([unit.name] if unit and units else [])}) > 1:
-            raise table.header_error(f"expected masses in one unit, got {' and '.join(sorted(units))}", name)
-        told = "" if column_meaning(name) == "mass" else "its unit is a unit of mass"
-        why = "; ".join(filter(None, [told if unit else "no unit", left and f"not {left}"]))
-        yield Entry("columns", f"mass{said}", name, why)
-        for text, own in weighed.items():
-            if own["unit"]:
-                yield Entry("words", own["number"].replace(",", "."), text)
-        words = (text for text in texts if not NUMBER.search(text))
-        if none := [text for text in words if STATE_OF_CELL.get(squeeze(text)) == "before"]:
-            yield Entry("words", "0", none)
-
-
-def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:
-    """Refuse masses that may be one or a thousand, and numbers in a unit that is none of masses."""
-    if unclear := next(filter(THOUSANDS.search, texts), ""):
-        problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
-        raise table.header_error(problem, name)
-    numbers = all(is_decimal(text.replace(",", ".")) for text in texts)
-    if numbers and (other := BRACKETS.match(name)) and unit_of(table, table.names.index(name)) is None:
-        raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
-
-
-def _massive(name: str, masses: Mapping[str, str], left: str) -> Iterator[Entry]:
-    """The column whose texts say masses, and the number of each."""
-    numbers = {text: mass.partition(" ")[0] for text, mass in masses.items()}
-    unit = max(mass.partition(" ")[2] for mass in masses.values())
-    yield Entry("columns", f"mass_{unit}", name, left and f"not {left}")
-    for number in dict.fromkeys(numbers.values()):
-        yield Entry("words", number, [text for text, own in numbers.items() if own == number])
-
-
-def mass_columns(table: TableCells) -> list[int]:
-    """Find the columns that say what hangs: by their names, else by their cells or by a unit of mass.
-
-    Args:
-        table: The export, with what the log adds.
-
-    Returns:
-        Places of the columns; empty if none says it.
-    """
-    kinds = {k: column_meaning(name) for k, name in enumerate(table.names)}
-    bare = {k: match[1] for k, name in enumerate(table.names) if (match := BRACKETS.match(name))}
-    kinds |= {k: kind for k, name in bare.items() if (kind := column_meaning(name)) == "mass"}
-    named = [k for k, kind in kinds.items() if kind == "mass"]
-    others = [k for k, kind in kinds.items() if kind in ("state", "")]
-    return named or [k for k in others if _masses(table, k)] or [k for k in others if _weighs(table, k)]
-
-
-def _masses(table: TableCells, k: int) -> dict[str, str]:
-    """The mass that each text of a column says, itself or by a legend of the file; empty of other columns."""
-    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-    if masses := masses_in(texts):
-        return masses
-    if len(texts) > MAX_CODES or any(map(is_decimal, texts)):
-        return {}
-    meant = explained(texts, read_letters(table.path, None, ".")[0])
-    masses = masses_in([*meant.values()])
-    return {code: masses[text] for code, text in meant.items()} if masses else {}
-
-
-def _weighs(table: TableCells, k: int) -> bool:
-    """Whether a column has a unit of mass, and some of its cells say that nothing hangs."""
-    unit = unit_of(table, k)
-    if unit is None or unit.si != "kg":
-        return False
-    texts = [str(text).replace(",", ".") for text in table.texts(k)]
-    values = {float(text or 0) for text in texts if is_decimal(text) or not text}
-    return 0 in values and len(values) > 1
-
-
-def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
-    """List what columns of orientations may be: three angles, or four parts of a quaternion.
-
-    Args:
-        table: The export, with what the log adds.
-
-    Yields:
-        Lines of the map, one alternative after the other: units and orders that the names leave open.
-    """
-    names = {plain(name): k for k, name in reversed(list(enumerate(table.names)))}
-    for parts, pattern in KNOWN_EXPORTS["orientations"].items():
-        found = _whole_set(names, re.compile(pattern), parts)
-        if found and len(parts) == len(XYZ):
-            yield from _three_angles(table, found, XYZ)
-            return
-        if found:
-            both = zip(parts, found, strict=True)
-            yield [Entry("columns", f"quaternion_{part}", table.names[k]) for part, k in both]
-            return
-    for words in KNOWN_EXPORTS["together"]["orientations"]:
-        columns = [names[word] for word in words.split() if word in names]
-        if len(columns) == len(words.split()) == len(XYZ):
-            yield from _three_angles(table, sorted(columns), "123")
-            return
-        if len(columns) == len(words.split()):
-            orders = ["wxyz"] if words == "w i j k" else ["wxyz", "xyzw"]
-            for order in orders:
-                both = zip(order, columns, strict=True)
-                yield [Entry("columns", f"quaternion_{part}", table.names[k]) for part, k in both]
-            return
-
-
-def _whole_set(names: Mapping[str, int], pattern: re.Pattern[str], parts: str) -> list[int]:
-    """Columns of names that are alike but for a part, one for each part; none where no set is whole."""
-    sets = dict[str, dict[str, int]]()
-    for name, k in names.items():
-        if match := pattern.fullmatch(name):
-            rest = f"{name[: match.start('part')]}#{name[match.end('part') :]}"
-            sets.setdefault(rest, {})[match["part"]] = k
-    whole = [[own[part] for part in parts] for own in sets.values() if {*own} == {*parts}]
-    return min(whole, default=[])
-
-
-def _three_angles(table: TableCells, columns: Sequence[int], parts: Sequence[str]) -> Iterator[list[Entry]]:
-    """Three columns of angles, in degrees or radians where their names do not say it."""
-    units = ["", ""] if unit_of(table, columns[0]) else ["_deg", "_rad"]
-    for unit in dict.fromkeys(units):
-        both = zip(parts, columns, strict=True)
-        yield [Entry("columns", f"rotation_{part}{unit}", table.names[k]) for part, k in both]
-
-
-def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:
-    """Find the words that columns of positions have for lost targets: cells that are no numbers.
-
-    Args:
-        table: The export.
-        columns: Places of the columns of positions.
-
-    Returns:
-        One line of the map that lists the words; empty if there are none.
-    """
-    texts = {text for k in columns for text in table.texts(k)}
-    words = sorted(text for text in texts if text and not is_decimal(text.replace(",", ".")))
-    words = [text for text in words if not GROUPED.fullmatch(text) and not NUMBER.search(text)]
-    return [Entry("words", "lost", words, "no numbers")] if words else []
-
-
-def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
-    """The columns of joints by their names."""
-    if joints := joint_family(table.names, arm):
-        unit, why = angle_unit(table, joints)
-        if names := _names_beside(table, joints):
-            how = Ordered(names=names, values=_pattern(table.names[joints[0]]), unit=unit[1:])  # type: ignore[arg-type]
-            yield from _ordered(how, table, arm)
-            return
-        for joint, k in zip(arm.file_joints, joints, strict=True):
-            own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
-            yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
-    elif arm.file_joints:
-        yield _joint_cells(table, arm)
-
-
-def _names_beside(table: TableCells, joints: Sequence[int]) -> str:
-    """Numbered columns that name the joints beside those of their positions, as ROS does; "" without them."""
-    values = _pattern(table.names[joints[0]])
-    names = POSITION.sub("name", values)
-    return names if names != values and {*numbered(names, len(joints))} <= {*table.names} else ""
-
-
-def _pattern(name: str) -> str:
-    """The name of the first of numbered columns for all of them, such as "position_{n0}"."""
-    *_, last = NUMBER.finditer(name)
-    return f"{name[: last.start()]}{{{'n' if int(last[0]) else 'n0'}}}{name[last.end() :]}"
-
-
-def _unlike(table: TableCells, what: str) -> InputError:
-    if what != "a position":
-        hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
-        hint += f"one that never moves goes into [values], as {what}_deg = 0"
-        return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
-    hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
-    hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
-    for pattern, words in UNREADABLE:
-        if any(pattern.fullmatch(plain(name)) for name in table.names):
-            hint = words
-    return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
-
-
-def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry], str]:
-    """The columns of positions by our names for them, what the map says of their targets, and why.
-
-    Names that say a state come before those that do not, names of several targets before those of none.
-    """
-    place = places(arm)
-    by_number, found, why = numbered_places(table.names, place), dict[Place, list[int]](), ""
-    for k, name in enumerate(table.names):
-        if at := place(name) or by_number.get(name):
-            found.setdefault(at, []).append(k)
-    if by_number:
-        why = "numbers count the axes x, y, z"
-    said = list[Entry]()
-    if (hung := _one_load(table, arm)) and not mass_columns(table):
-        found, why = (
-            _by_one_load(table, place, found),
-            f"{hung[0]} {hung[1]} is in the names of some columns only",
-        )
-        said = [Entry("values", f"mass_{hung[1]}", hung[0])]
-    if {at.target for at in found if not at.when} & {"0"} and (counted := _counted_states(table, arm, found)):
-        found, why = (
-            counted,
-            "0 means unloaded, 1 or d means loaded, because another column names the targets",
-        )
-    elif {at.target for at in found} == {"0"} and len(arm.markers) > 1 and _names_targets(table, arm):
-        problem = "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ"
-        raise table.header_error(f"{problem}; columns are {listed(table.names)}")
-    if moved := _unloaded_and_moved(table, found):
-        found, why = moved, MOVED
-    whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
-    whole = [p for p in whole if p.when in STATES or (p.when and p._replace(when="before") in whole)] or [
-        p for p in whole if not p.when
-    ]
-    targets = list(dict.fromkeys(p.target for p in whole if p.target))
-    bare = any(not p.target for p in whole)
-    if bare and len(targets) < 2:
-        targets = [""]
-    elif bare:
-        whole = [p for p in whole if p.target]
-    names = {plain(marker): marker for marker in arm.markers} | {"": ""}
-    if not {*targets} <= {*names}:
-        own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
-        markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
-        because = "no markers of the arm"
-        if len(own) == len(arm.markers):
-            markers, because = list(arm.markers), "targets are numbered as the markers of the arm"
-        names = dict(zip(own, markers, strict=True))
-        said.append(Entry("series", "markers", markers, because))
-    kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
-    return {p.ours(names): found[p] for p in kept}, said, why
-
-
-def _unloaded_and_moved(table: TableCells, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
-    """Columns X and dX as unloaded positions and deflections, if every row is loaded; else none.
-
-    Without a load, dX may be a deviation from a drawn place, unless its name says a deflection.
-    """
-    moved = {at: own for at, own in found.items() if at.when == DEFLECTION}
-    bare = {at._replace(when="before"): own for at, own in found.items() if not at.when}
-    clear = any(not DEVIATION.search(plain(table.names[k])) for own in moved.values() for k in own)
-    loaded = bool(mass_columns(table)) and not _by_states(table)
-    if not moved or not (loaded or clear) or any(at.when in STATES for at in found):
-        return {}
-    return {at: own for at, own in bare.items() if at._replace(when=DEFLECTION) in moved} | moved
-
-
-def _one_load(table: TableCells, arm: Arm) -> tuple[float, str] | None:
-    """The load that some names of positions state while others state none, with its unit; else None."""
-    place = places(arm)
-    masses = {
-        (float(own["number"].replace(",", ".")), own["unit"].casefold()[:2])
-        for name in table.names
-        if (own := MASS.search(name)) and place(MASS.sub(" ", name))
-    }
-    return masses.pop() if len(masses) == 1 else None
-
-
-def _by_one_load(
-    table: TableCells, place: Callable[[str], Place | None], found: Mapping[Place, list[int]]
-) -> dict[Place, list[int]]:
-    """Columns as unloaded and loaded, if the names of the loaded ones have a load and the others none."""
-    loaded = {
-        at: [k]
-        for k, name in enumerate(table.names)
-        if (at := place(MASS.sub(" ", name))) and MASS.search(name)
-    }
-    both = {at: found[at] for at in loaded if at in found}
-    unloaded = {at._replace(when="before"): own for at, own in both.items()}
-    return unloaded | {at._replace(when="after"): loaded[at] for at in both}
-
-
-def _names_targets(table: TableCells, arm: Arm) -> bool:
-    """Whether a column holds names of several of the arm's markers, and no other ones."""
-    markers = {*map(squeeze, arm.markers)}
-    texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
-    return any(len(own) > 1 and own <= markers for own in texts)
-
-
-def _counted_states(table: TableCells, arm: Arm, found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:
-    """Columns X0 and X1, or X0 and dX, as states, where another column says the targets; else none."""
-    if len(arm.markers) > 1 and not _names_targets(table, arm):
-        return {}
-    own = {at: columns for at, columns in found.items() if at.target in ("0", "1") and not at.when}
-    if {at.target for at in own} == {"0"}:
-        own |= {at: columns for at, columns in found.items() if at.when == DEFLECTION and not at.target}
-    states = {"0": "before", "1": "after"}
-    named = {
-        at._replace(target="", when=at.when or states[at.target]): columns for at, columns in own.items()
-    }
-    return named if len(named) == 2 * len(XYZ) else {}
-
-
-def _joint_cells(table: TableCells, arm: Arm) -> Entry:
-    """The column that holds all joints in one cell; InputError where none does."""
-    for k in sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints")):
-        values = _cells_of(table, k, len(arm.file_joints))
-        if len(values) and not POSED.search(plain(table.names[k])):
-            said, (guessed, why) = unit_of(table, k), _angle(values)
-            unit = said.name if said else guessed
-            slides = "_m" * any(joint.prismatic for joint in arm.file_joints)
-            return Entry("cells", table.names[k], f"{{joints_{unit}{slides}}}", "" if said else why)
-    raise _unlike(table, arm.file_joints[0].name)
-
-
-def _position_cells(table: TableCells, arm: Arm, length: str) -> Iterator[Entry]:
-    """The columns that hold x, y, z in one cell, of one target or of several; InputError where none does."""
-    place, found = places(arm), dict[Place, Entry]()
-    markers = {plain(marker): marker for marker in arm.markers}
-    for k, name in enumerate(table.names):
-        if looks_like(name, "joints") or not len(values := _cells_of(table, k, len(XYZ))):
-            continue
-        said, (guessed, why) = unit_of(table, k), _length(values, "", length)
-        bare = AXES.sub(" ", (split_unit(name) or (name,))[0])
-        at = place(f"{bare} x") or Place("", "", "x")
-        whose = "_".join(
-            filter(None, (markers.get(at.target, ""), at.when, f"position_{said.name if said else guessed}"))
-        )
-        found.setdefault(at, Entry("cells", name, f"{{{whose}}}", "" if said else why))
-    if not found:
-        raise _unlike(table, "a position")
-    several = [own for at, own in found.items() if at.target in markers or at.when]
-    yield from several or [*found.values()][:1]
-
-
-def _cells_of(table: TableCells, k: int, count: int) -> Array:
-    """Numbers of a column's cells, (cells, count), if they are neither all the same nor dates or times."""
-    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-    same = table.rows > 1 and len(texts) == 1
-    found = None if same or clock(texts) is not None else numbers_in(texts, count)
-    return np.array([[float(x.replace(",", ".")) for x in own] for own in found or []])
-
-
-def angle_unit(table: TableCells, joints: Sequence[int]) -> tuple[str, str]:
-    """Guess the unit of joints from their values: degrees if one exceeds TURNS, else radians.
-
-    Args:
-        table: The export.
-        joints: Places of the joints' columns.
-
-    Returns:
-        Suffix of the map's key, "_deg" or "_rad", and the reason.
-    """
-    unit, why = _angle(_sizes(table, joints))
-    return f"_{unit}", why
-
-
-def _angle(values: Array) -> tuple[str, str]:
-    most = float(np.abs(values).max(initial=0.0))
-    return "deg" if most > TURNS else "rad", f"joints up to {most:.4g}"
-
-
-def _length(values: Array, kind: str, length: str) -> tuple[str, str]:
-    if length and kind not in SCATTER:
-        return length, ""
-    middle = float(np.median(np.abs(values))) if np.size(values) else 1.0
-    middle, typical = middle or 1.0, TYPICAL["sigma" if kind in SCATTER else ""]
-    unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
-    return unit, f"numbers around {middle:.4g}"
-
-
-def _sizes(table: TableCells, columns: Sequence[int]) -> Array:
-    """The numbers of some columns, those that are none left out."""
-    texts = (text.replace(",", ".") for k in columns for text in table.texts(k))
-    return np.array([float(text) for text in texts if is_decimal(text)])
-
-
-def length_unit(table: TableCells, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
-    """Guess the unit of a column from the values of columns like it, where the header states none.
-
-    Args:
-        table: The export.
-        k: Place of the column.
-        alike: Places of the columns whose values are compared with a typical size.
-        kind: Quantity of the column, such as "mass" or "sigma_x"; "" for a position.
-        length: Unit of lengths that the lines above the header state; "" where they state none.
-
-    Returns:
-        Suffix of the map's key, such as "_mm", and the reason; both "" where no suffix is needed.
-    """
-    if unit_of(table, k) or kind in ("axis", "temperature"):
-        return "", ""
-    if kind == "mass":
-        return "_kg", "no unit"
-    unit, why = _length(_sizes(table, alike), kind, length)
-    return f"_{unit}", why
-
-
-def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iterator[Entry]:
-    """Guess from their cells what columns of names hold: poses, targets, states, loads or shots.
-
-    Args:
-        table: The export.
-        arm: The arm, with the names of its markers.
-        said: Quantity of each column that a layout states, by the column's name.
-
-    Yields:
-        Lines of the map, with the reason of each guess.
-    """
-    kinds = {name: column_meaning(name) for name in table.names}
-    names = [name for name, kind in kinds.items() if kind in ("name", "state") and name not in said]
-    others = [
-        name for name, kind in kinds.items() if kind == "mass" or STATE_OF_WORD.get(plain(name)) == "after"
-    ]
-    names += [name for name in others if name not in names and _of_states(table, name)]
-    names += _told_by_cells(table, arm, [name for name, kind in kinds.items() if not kind], names)
-    weighed = [] if "mass" in {*kinds.values(), *said.values()} else mass_columns(table)
-    massive = [table.names[k] for k in weighed[:1]]
-    names = [name for name in names if name not in massive]
-    apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
-    every = keys_of(table, [*names, *apart])
-    again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
-    shots = "names repeat in successive rows: these are shots" if names and again else ""
-    lined = any(_lines(table))
-    told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
-    for name in names:
-        texts = keys_of(table, [name])
-        distinct = list(dict.fromkeys(texts))
-        if _of_states(table, name):
-            yield Entry("columns", "state", name)
-            yield from _states(distinct)
-        elif len(distinct) > 1 and _parts_of(texts, arm, told, own):
-            parted.append(name)
-        elif column_meaning(name) == "state":
-            continue  # in words that nobody knows
-        elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
-            yield Entry("columns", "marker", name)
-            yield from _targets(distinct, arm)
-            own.add("marker")
-        elif len(distinct) > 1 and "pose" not in own:
-            _refuse_unknown_words(table, name, texts, arm)
-            own.add("pose")
-            yield Entry("columns", "pose", name)
-    yield from _sections(table, arm, massive)
-    for name in parted:  # beside columns that hold nothing else
-        texts = keys_of(table, [name])
-        if parts := _parts_of(texts, arm, told, own):
-            yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
-            shots = "the last number of a name counts shots" if parts.shots else shots
-            yield from _words_of_parts(parts, texts, arm)
-            own |= {part for part in ("pose", "marker") if f"{{{part}}}" in parts.pattern}
-    if shots:
-        yield Entry("file", "average", True, shots)
-
-
-def _words_of_parts(parts: "_Parts", texts: Sequence[str], arm: Arm) -> Iterator[Entry]:
-    """What the words in names of several parts mean: masses, else states; and targets."""
-    words = [word for text in dict.fromkeys(texts) for word in WORD.findall(text)]
-    masses = masses_in(parts.loads)
-    yield from (Entry("words", mass.partition(" ")[0], word) for word, mass in masses.items())
-    if not masses:
-        yield from _states([word for word in words if squeeze(word) in STATE_OF_WORD])
-    yield from _targets(parts.targets, arm)
-
-
-def _told_by_cells(
-    table: TableCells, arm: Arm, unknown: Sequence[str], names: Sequence[str]
-) -> Iterator[str]:
-    """Columns that hold the arm's markers, or states, whatever they are called; where none is called so."""
-    markers = {*map(squeeze, arm.markers)}
-
-    def of_markers(name: str) -> bool:
-        return {*map(squeeze, keys_of(table, [name]))} <= markers
-
-    def of_states(name: str) -> set[str]:
-        words = {squeeze(text).strip("0123456789") for text in keys_of(table, [name])}
-        return {STATE_OF_WORD.get(word, "") for word in words}
-
-    if not any(map(of_markers, names)):
-        yield from [name for name in unknown if of_markers(name)][:1]
-    if not any(_of_states(table, name) for name in names):
-        both = [name for name in unknown if of_states(name) == {*STATES}]
-        yield from [name for name in both if _of_states(table, name)][:1]
-
-
-def _of_states(table: TableCells, name: str) -> bool:
-    """Whether every cell of a column is a word for a state, one word for all loaded readings.
-
-    "Loaded 1" and "Loaded 2" are two loads; of "under load" and "after", one may be unloaded again.
-    """
-    texts = {*keys_of(table, [name])}
-    if column_meaning(name) == "name" and not {*map(squeeze, texts)} <= {*STATE_OF_CELL} - {"0", "1"}:
-        return False
-    states = [state_of(text) for text in {*map(squeeze, texts)}]
-    steps = {tuple(NUMBER.findall(text)) for text in texts}
-    alike = "" not in states and (states.count("after") == 1 or ({*states} == {"before"} and len(steps) == 1))
-    return alike and unit_of(table, table.names.index(name)) is None
-
-
-@dataclass(frozen=True)
-class _Told:
-    """Hold what tells names of poses, targets and shots from one another."""
-
-    joints: Sequence[str]  #: Text of the joints in every row; equal in all rows if nobody knows the columns.
-    position: Array  #: Positions over their typical size, (rows, 3) [1]; NaN where nobody knows them.
-
-    def poses(self, texts: Sequence[str]) -> bool:
-        """Tell whether each of some names, one per row, has joints of its own."""
-        both = {*zip(texts, self.joints, strict=True)}
-        return len({*self.joints}) > 1 and len(both) == len({*texts})
-
-    def targets(self, texts: Sequence[str]) -> bool:
-        """Tell whether some names, one per row, are those of targets: they come again, or in one pose."""
-        count, changes = len({*texts}), 1 + sum(a != b for a, b in pairwise(texts))
-        if not 1 < count <= TARGETS or self.poses(texts):
-            return False
-        return count < changes or (self.joints[0] != "" and self.apart([""] * len(texts)))
-
-    def apart(self, others: Sequence[object]) -> bool:
-        """Tell whether positions are far apart in rows that others call the same."""
-        rows = dict[object, list[int]]()
-        for row, own in enumerate(zip(others, self.joints, strict=True)):
-            rows.setdefault(own, []).append(row)
-        spread = [np.ptp(self.position[own], axis=0).max() for own in rows.values() if len(own) > 1]
-        return bool(spread) and float(np.median(spread)) > APART_TARGETS
-
-
-def _told(table: TableCells, arm: Arm, said: Mapping[str, str]) -> _Told:
-    """Read joints and positions of every row, as far as names tell their columns."""
-    joints = [name for name in table.names if said.get(name) == "joint"]
-    joints = joints or [table.names[k] for k in joint_family(table.names, arm)]
-    joints = joints or [name for name in table.names if looks_like(name, "joints")]
-    read = [k for k, name in enumerate(table.names) if said.get(name) == "reading"]
-    columns = read[: len(XYZ)] or [k for k, *_ in _positions(table, arm)[0].values()][: len(XYZ)]
-    position = np.full((table.rows, len(XYZ)), np.nan)
-    for axis, k in enumerate(columns):
-        texts = [text.replace(",", ".") for text in table.texts(k)]
-        position[:, axis] = [float(text) if is_decimal(text) else np.nan for text in texts]
-    size = np.nanmedian(np.abs(position)) if np.isfinite(position).any() else 1.0
-    return _Told(keys_of(table, joints) if joints else [""] * table.rows, position / (size or 1.0))
-
-
-def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
-    """Say whose names those of targets are: the arm's markers by their numbers, else targets of their own."""
-    own = [text for text in own if text]
-    numbers = [NUMBER.findall(text)[-1:] for text in own]
-    if {*map(squeeze, own)} <= {*map(squeeze, arm.markers)}:
-        return
-    if len(own) == len(arm.markers) == len({int(n[0]) for n in numbers if n}):
-        order = sorted(own, key=lambda text: int(NUMBER.findall(text)[-1]))
-        why = "targets are numbered as the markers of the arm"
-        both = zip(arm.markers, order, strict=True)
-        yield from (Entry("words", marker, text, why) for marker, text in both)
-    else:
-        yield Entry("series", "markers", list(own), "no markers of the arm")
-
-
-def _sections(table: TableCells, arm: Arm, massive: Collection[str]) -> Iterator[Entry]:
-    """What lines of words say of the rows below them, or names of sheets of their rows: states or targets."""
-    for name in {*table.names[-1:]} - {*massive}:
-        texts = list(dict.fromkeys(table.texts(len(table.names) - 1)))
-        if name in (SECTION, SHEETS) and all(map(state_of, texts)):
-            yield Entry("columns", "state", name)
-            yield from _states(texts)
-        elif name == SECTION and _marked(texts, arm):
-            yield Entry("columns", "marker", name)
-            both = zip(texts, parts_in(texts, arm.markers), strict=True)
-            yield from (Entry("words", arm.markers[k], text) for text, k in both)
-        elif name == SHEETS:
-            yield Entry("columns", "marker", name)
-            yield from _targets(texts, arm)
-
-
-def _states(words: Sequence[str]) -> Iterator[Entry]:
-    for state in ("before", "after"):
-        if own := sorted({word for word in words if state_of(word) == state}):
-            yield Entry("words", state, own)
-
-
-def _refuse_unknown_words(table: TableCells, name: str, texts: Sequence[str], arm: Arm) -> None:
-    """Refuse names of several parts that differ in nothing but a word that nobody knows, as P1_U and P1_L."""
-    rows = [WORD.findall(text) for text in texts]
-    columns = list(zip(*rows, strict=True)) if {*map(len, rows)} - {1} and len({*map(len, rows)}) == 1 else []
-    unknown = list[list[str]]()
-    for k, words in enumerate(columns):
-        kinds = list(dict.fromkeys(words))
-        others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
-        again = len({*others}) < len({*zip(words, others, strict=True)})
-        known = {*map(squeeze, kinds)} <= {*map(squeeze, arm.markers)} or any(map(is_decimal, kinds))
-        if again and not known and 1 < len(kinds) <= SHOTS:
-            unknown.append(kinds)
-    if unknown:
-        few = " and ".join(map(repr, min(unknown, key=len)[:3]))
-        hint = (
-            f'state it in a map, as [cells] {json.dumps(name)} = "{{pose}}_{{when}}", [words] before = "..."'
-        )
-        raise table.header_error(
-            f"the meaning of {few} in names such as {texts[0]!r} is unknown; {hint}", name
-        )
-
-
-class _Parts(NamedTuple):
-    """Describe names of several parts."""
-
-    pattern: str  #: Such as "P{pose}_{marker}_*".
-    targets: list[str]  #: Names of the targets in them, each once.
-    loads: list[str]  #: Words in them that say a mass, each once.
-    shots: bool  #: Whether a part counts shots.
-
-
-def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str]) -> _Parts | None:
-    """Find what names of several parts hold; None where fewer than two parts differ.
-
-    Args:
-        texts: The names, one per row.
-        arm: The arm, with the names of its markers.
-        told: Joints and positions of the rows.
-        own: Quantities, of pose and marker, that other columns say.
-    """
-    between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
-    if len(between) > 1:
-        return None
-    columns, parts, shots = list(zip(*rows, strict=True)), list[str](), False
-    targets, loads = list[str](), list[str]()
-    for k, words in enumerate(columns):
-        kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
-        others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
-        free, of_poses = not {"pose", "{pose}"} & {*own, *parts}, told.poses(words)
-        alone = free and not any(map(told.poses, columns))
-        of_targets = len(kinds) <= TARGETS and told.apart(others)
-        masses = masses_in(words)
-        unit = next(iter({mass.partition(" ")[2] for mass in masses.values()} - {""}), "")
-        counts = all(word.isdecimal() for word in words)
-        holes = [
-            (words[0], len(kinds) == 1),
-            ("*", "marker" in own and kinds <= {*map(squeeze, arm.markers)}),
-            ("{marker}", kinds <= {*map(squeeze, arm.markers)}),
-            ("{when}", kinds <= {*STATE_OF_WORD}),
-            (f"{{mass_{after}}}", after in ("kg", "lb")),
-            (f"{{mass_{unit}}}", bool(masses)),
-            ("{pose}" if free else "*", of_poses),
-            ("{marker}", of_targets and not {"marker", "{marker}"} & {*own, *parts}),
-            ("{pose}", alone),
-            (
-                "*",
-                len(kinds) <= SHOTS and (counts or len({*others}) == len({*zip(words, others, strict=True)})),
-            ),
-        ]
-        part = next((hole for hole, fits in holes if fits), "")
-        targets = list(dict.fromkeys(words)) if part == "{marker}" else targets
-        loads = list(dict.fromkeys(words)) if masses and part == f"{{mass_{unit}}}" else loads
-        shots = shots or (part == "*" and counts and not of_poses)
-        parts.append(part)
-    if "" in parts or sum(part == "*" or "{" in part for part in parts) < 2:
-        return None
-    [ends] = between
-    pattern = "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))
-    return _Parts(pattern, targets, loads, shots)
-
-
-# --- A map proposed for an export: by the layout that fits it, else by the names of its columns -------------
-
-LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
 WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
-MASS = re.compile(r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)(?![^\W_])", re.IGNORECASE)
-"""A mass in the name of a column, such as "X 150 kg [mm]"."""
-MAX_HEADER = 3  #: Most lines of a header.
-MAX_QUANTITIES = 1000  #: Most lines of a file whose rows are columns: each is a quantity, or a remark.
-SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
-LONGEST = 2_000  #: Letters of a line above a table that is looked at.
 
 
 def map_text(entries: Sequence[Entry]) -> str:
@@ -983,27 +93,6 @@ class Proposal:
         return Map.model_validate(tomllib.loads(map_text(self.entries)))
 
 
-def _joined(
-    table: TableCells, log: Path, arm: Arm, fits: Fitting | None, beside: Path
-) -> tuple[TableCells, list[Entry], list[Entry], tuple[Fitting | None, TableCells]]:
-    """Join the robot's log to an export.
-
-    Returns:
-        The table with the columns of the log; the entries of its points; those of the log; how it was read.
-    """
-    rows, layout, written = _read(log, arm)
-    how, alone = _join(table, rows, fits, layout)
-    table, points = _of_the_arm(table, alone)
-    keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
-    why = {
-        "rows": "no names or times in common, but these counts agree",
-        "parts": "each name here contains a name of the log",
-    }
-    entries = [Entry("log", key, value, why.get(key, "")) for key, value in keys.items()]
-    entries += _file_entries("log.table", written)
-    return join_log(table, rows, how), points, entries, (layout, rows)
-
-
 def propose(
     path: Path,
     arm: Arm,
@@ -1029,55 +118,211 @@ def propose(
         InputError: When a file is no table, fits several layouts, lacks joints or positions, or cannot be
             joined to the log.
     """
+    # Read the file, with its sheets or the file of its loaded readings.
     sheets = sheets_of(path, arm, layout) if loaded is None else []
-    table, fits, file = _read(path, arm, layout, sheets)
-    entries, every = _file_entries("file", file), [(fits, table)]
+    export = read_unknown(path, arm, layout, sheets)
+    table, entries, every = export.table, file_entries("file", export.file), [export]
     if loaded is not None:
-        table = with_loaded(table, _read(loaded, arm, layout).table)
+        table = with_loaded(table, read_unknown(loaded, arm, layout).table)
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
-    above = fits.above if fits else _lines_above(table)
-    patterns, loads = _loads_in_names(table, arm)
-    patterns = patterns or _gauges_in_names(table, arm)
-    if patterns:
-        table = stack_columns(table, patterns, loads, arm.markers)
+    # Rearrange it as the map will: columns of several loads or gauges, merged cells, the log.
+    table, patterns = _stacked(table, arm)
     if log is None:
-        joint = joints_of(arm)
-        joints = [k for k, name in enumerate(table.names) if joint(name)]
-        blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
-        alone = np.all(blank, axis=0)
-        if merged := _merged(table, arm, alone, joints):
-            entries.append(Entry("file", "merged", True, "joints are only in the first row of each pose"))
-            table, alone = table.filled(merged), np.zeros(table.rows, dtype=bool)
-        table, points = _of_the_arm(table, alone)
+        table, points = _with_whole_rows(table, arm)
     else:
-        table, points, of_log, read = _joined(table, log, arm, fits, beside)
-        entries += of_log
+        table, points, read = _joined(table, log, arm, export.fits, beside)
         every.append(read)
-    length = stated_length_unit(above) or _unit_in_cells(table) or (fits and fits.layout.length) or ""
+    # Find what its columns mean: as layouts state it, else by their names and cells.
+    above = export.fits.above if export.fits else lines_above(export.table)
+    length = stated_length_unit(above) or unit_in_cells(table)
+    length = length or (export.fits and export.fits.layout.length) or ""
     stated = Stated()
-    for one, source in every:
-        if one:
-            stated.add(one, table, arm, length)
-            stated.order(one, source, arm)
-    entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
+    for source in every:
+        if source.fits:
+            stated.add(source.fits, table, arm, length)
+            stated.order(source.fits, source.table, arm)
+    entries += [*points, *stated.entries, *columns_by_name(table, arm, length, stated.what)]
     entries += names_by_cells(table, arm, stated.names)
-    named = {without_holes(pattern): pattern for pattern in patterns}
-    entries = [_with_holes(own, named) for own in entries]
+    entries = [_with_holes(own, patterns) for own in entries]
     asked = ""
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
         entries += turned
-    layouts = tuple(_called(one) for one, _ in every if one)
+    layouts = tuple(_called(source.fits) for source in every if source.fits)
     return Proposal(tuple(entries), layouts, asked)
 
 
+def _stacked(table: TableCells, arm: Arm) -> tuple[TableCells, dict[str, str]]:
+    """The table with columns of several loads, or of several gauges, below each other.
+
+    Returns:
+        The table; and the pattern of the names of each stacked column, by its name.
+    """
+    patterns, loads = loads_in_names(table, arm)
+    patterns = patterns or gauges_in_names(table, arm)
+    if patterns:
+        table = stack_columns(table, patterns, loads, arm.markers)
+    return table, {without_holes(pattern): pattern for pattern in patterns}
+
+
+def _with_whole_rows(table: TableCells, arm: Arm) -> tuple[TableCells, list[Entry]]:
+    """The table with filled merged cells and without rows that lack joints; what the map says of both."""
+    joint, entries = joints_of(arm), list[Entry]()
+    joints = [k for k, name in enumerate(table.names) if joint(name)]
+    blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
+    alone = np.all(blank, axis=0)
+    if merged := _merged(table, arm, alone, joints):
+        entries = [Entry("file", "merged", True, "joints are only in the first row of each pose")]
+        table, alone = table.filled(merged), np.zeros(table.rows, dtype=bool)
+    table, points = _of_the_arm(table, alone)
+    return table, [*entries, *points]
+
+
+def _joined(
+    table: TableCells, log: Path, arm: Arm, fits: Fitting | None, beside: Path
+) -> tuple[TableCells, list[Entry], ReadFile]:
+    """Join the robot's log to an export.
+
+    Returns:
+        The table with the columns of the log; what the map says of the log and of points without a row in it;
+        how the log was read.
+    """
+    read = read_unknown(log, arm)
+    ordered = read.fits is not None and read.fits.layout.joints is not None
+    if not ordered and not any(has_joints(own, arm) for own in (read.table, table)):
+        got = f"got columns {listed(read.table.names)}" if read.table.names else "got none"
+        raise InputError(log, "", f"expected columns of the joints, such as A1 to A6, {got}; {ASKED}")
+    how, alone = find_join(table, read.table, fits, read.fits)
+    table, points = _of_the_arm(table, alone)
+    keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
+    why = {
+        "rows": "no names or times in common, but these counts agree",
+        "parts": "each name here contains a name of the log",
+    }
+    entries = [Entry("log", key, value, why.get(key, "")) for key, value in keys.items()]
+    entries += file_entries("log.table", read.file)
+    return join_log(table, read.table, how), [*entries, *points], read
+
+
 def _with_holes(entry: Entry, named: Mapping[str, str]) -> Entry:
-    """A line of the map by the pattern of the columns that were stacked; the line itself of another column."""
+    """A line of the map with the pattern of stacked columns; the line itself of other columns."""
     pattern = named.get(entry.value, "") if isinstance(entry.value, str) else ""
     if not pattern:
         return entry
     why = f"{DIRECTED} (in the names)" if f"{{{DIRECTION}}}" in pattern else ""
-    return entry._replace(value=pattern, why="; ".join(filter(None, [entry.why, why])))
+    return entry._replace(value=pattern, why=reasons(entry.why, why))
+
+
+def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]]:
+    """Without rows that have no joints, such as of a nest, where targets have other names there."""
+    names = [name for name in table.names if column_meaning(name) == "name"] if alone.any() else []
+    for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
+        targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
+        if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
+            own = Entry("words", "ignore", sorted(others), f"no joints for {', '.join(sorted(others))}")
+            return table.take(~alone), [Entry("columns", "marker", name), own]
+    return table, []
+
+
+def _merged(table: TableCells, arm: Arm, alone: Mask, joints: Sequence[int]) -> list[int]:
+    """Columns of merged cells, of a table that states joints once for the rows of a pose; none of another.
+
+    Args:
+        table: The table.
+        arm: The arm, with the names of its markers.
+        alone: Rows without joints, (rows,).
+        joints: Places of the columns of joints.
+    """
+    if not alone.any() or alone[0]:
+        return []
+    place, markers = places(arm), {*map(squeeze, arm.markers)}
+    others = [k for k, name in enumerate(table.names) if name and k not in joints and not place(name)]
+    alike = [k for k in others if np.array_equal(table.blank(k), alone)]
+    named = [np.array([squeeze(text) in markers for text in table.texts(k)]) for k in others]
+    return [*joints, *alike] if alike or any(own.all() for own in named) else []
+
+
+@dataclass
+class Stated:
+    """Hold what layouts state about a table."""
+
+    entries: list[Entry] = field(default_factory=list)
+    what: set[str] = field(default_factory=set)  #: Quantities, such as "joint" and "reading".
+    names: dict[str, str] = field(default_factory=dict)  #: Columns, and the quantity that each says.
+
+    def add(self, fits: Fitting, table: TableCells, arm: Arm, length: str) -> None:
+        """Add what a layout says of the columns of a table, each with its unit.
+
+        Args:
+            fits: The layout.
+            table: The export, with what the log adds.
+            arm: The arm.
+            length: Unit of lengths that the lines above the header state; "" where they state none.
+        """
+        layout, keys = fits.layout, dict[str, str]()
+        names = read_map(layout, arm, series_names)
+        found = {k: own for k, name in enumerate(table.names) if (own := names.find(name)) and own.mapped}
+        for part, pairs in (("columns", layout.columns), ("optional", layout.optional)):
+            for key, value in pairs.items():
+                columns = [k for k, named in found.items() if named.mapped == key]
+                if columns and not {found[k].slot.what for k in columns} & self.what:
+                    unit, why = _missing_unit(table, [(k, found[k]) for k in columns], length)
+                    keys[key] = key + unit
+                    self.entries += _by_joint(Entry(part, key + unit, value, why), arm)
+        self.entries += [Entry("scale", keys[key], by) for key, by in layout.scale.items() if key in keys]
+        for part in ("cells", "words", "values"):
+            self.entries += [Entry(part, *pair) for pair in getattr(layout, part).items()]
+        said = layout.series.model_dump(exclude_defaults=True)
+        self.entries += [Entry("series", *pair) for pair in said.items()]
+        if "lost" not in layout.words:
+            readings = [k for k, named in found.items() if named.slot.what == "reading"]
+            self.entries += lost_words(table, readings)
+        self.what |= {named.slot.what for named in found.values()}
+        self.what |= {what for what, word in WHOLES.items() if word in str(layout.cells)}
+        self.names |= {table.names[k]: named.slot.what for k, named in found.items()}
+        self.names |= dict.fromkeys(layout.cells, "")
+
+    def order(self, fits: Fitting, table: TableCells, arm: Arm) -> None:
+        """Add the joints of a table that itself states their order.
+
+        Args:
+            fits: The layout that fits the table.
+            table: The table.
+            arm: The arm that was measured.
+        """
+        if fits.layout.joints:
+            self.entries += ordered_joints(fits.layout.joints, table, arm)
+            self.what.add("joint")
+
+
+def _by_joint(entry: Entry, arm: Arm) -> list[Entry]:
+    """A line for every joint where some slide, which are in metres; else the line itself."""
+    pattern, _, unit = entry.key.rpartition("_")
+    slides = any(joint.prismatic for joint in arm.file_joints)
+    if not slides or pattern != "{joint}" or not isinstance(entry.value, str):
+        return [entry]
+    return [
+        entry._replace(
+            key=f"{joint.name}_{'m' if joint.prismatic else unit}",
+            value=entry.value.replace(pattern, joint.name),
+        )
+        for joint in arm.file_joints
+    ]
+
+
+def _missing_unit(table: TableCells, columns: Sequence[tuple[int, Named]], length: str) -> tuple[str, str]:
+    """The unit of columns that neither a layout nor the file says, as "_mm", and how it was guessed."""
+    k, named = columns[0]
+    if named.unit or named.header or unit_of(table, k):
+        return "", ""
+    if named.slot.what in ("joint", "rotation"):
+        return angle_unit(table, [k for k, _ in columns])
+    if named.slot.what == "mass":
+        return "_kg", "no unit"
+    if "m" in SI.get(named.slot.what, ()):
+        typical = SCATTER if named.slot.what in ("deviation", "sigma") else PLACE
+        return length_unit(table, k, [k for k, _ in columns], typical, length)
+    return "", ""
 
 
 def _orientations(
@@ -1134,426 +379,3 @@ def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
         return None
     tried = {"as read": series.rotation[some]}
     return fits_of(arm, series.q[some], series.position[some, 0], tried)[0]
-
-
-class _Read(NamedTuple):
-    """Hold a table and how it was read."""
-
-    table: TableCells
-    fits: Fitting | None  #: The layout that fits.
-    file: FileLayout  #: How the table is written.
-
-
-def _read(path: Path, arm: Arm, layout: str | None = None, sheets: Sequence[str] = ()) -> _Read:
-    """Read a table by the layout that fits, else by the names of columns that are known."""
-    place, joint = places(arm), joints_of(arm)
-
-    def known(name: str) -> bool:
-        return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
-
-    def read(**how: object) -> _Read:
-        other = file.model_copy(update=how)
-        return _Read(read_log(path, bool if fits else known, other), fits, other)
-
-    fits, file = None, FileLayout(sheets=[*sheets])
-    if _lies(path, arm):
-        return read(transposed=True)
-    if fits := fitting(path, arm, layout):
-        file = fits.file.model_copy(update={"sheets": [*sheets]})
-    try:
-        found = read()
-    except InputError:
-        with contextlib.suppress(InputError):
-            titled = read(sections=True)
-            titles = list(dict.fromkeys(titled.table.texts(len(titled.table.names) - 1)))
-            if all(map(state_of, titles)) or masses_in(titles) or _marked(titles, arm):
-                return titled
-        raise
-    if fits:
-        return found
-    if tidy := _tidy(found.table, arm):
-        return read(tidy=tidy)
-    axes, lines = [*filter(place, found.table.names)], 1
-    while len({*axes}) < max(len(axes), len(XYZ)) and lines < MAX_HEADER:
-        lines += 1  # merged cells in lines above may say which is which
-        with contextlib.suppress(InputError):
-            wide = read(header=lines)
-            several = [name for name in wide.table.names if place(MASS.sub(" ", name))]
-            whole = len({*several}) == len(several) >= max(len(axes), len(XYZ))
-            if whole and (axes or joint_family(wide.table.names, arm)):
-                return wide
-    return found
-
-
-def _tidy(table: TableCells, arm: Arm) -> list[str]:
-    """Columns of the names, values and units of quantities, if each row holds one of them; else none."""
-    place, kinds = places(arm), [column_meaning(name) for name in table.names]
-    if "position" not in kinds or "axis" in kinds or any(map(place, table.names)):
-        return []
-    value = table.names[kinds.index("position")]
-    for k, name in enumerate(table.names):
-        found = {*map(place, {*table.texts(k)})}
-        if name != value and any(at and {at._replace(axis=axis) for axis in XYZ} <= found for at in found):
-            units = [own for own in table.names if UNIT_LABEL.fullmatch(own)][:1]
-            return [name, value, *units]
-    return []
-
-
-def _loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
-    """Find columns of positions that differ in nothing but a load in their names.
-
-    Returns:
-        Their names with the place of the load, such as "X {mass_kg} [mm]", and the loads.
-
-    Raises:
-        InputError: If two of them have one name.
-    """
-    place, loads = places(arm), set[str]()
-    patterns, stated = dict[str, None](), list[int]()
-    for k, name in enumerate(table.names):
-        masses = [*MASS.finditer(name)]
-        if len(masses) == 1 and place(MASS.sub(" ", name)):
-            unit = masses[0]["unit"].casefold()[:2]
-            patterns[MASS.sub(f"{{mass_{unit}}}", name)] = None
-            loads.add(squeeze(masses[0][0]))
-            stated.append(k)
-    _refuse_twice(table, stated)
-    for pattern in patterns:
-        before, after = (squeeze(part) for part in HOLE.sub("{", pattern).split("{"))
-        for name in map(squeeze, table.names):
-            word = name.removeprefix(before).removesuffix(after)
-            if f"{before}{word}{after}" == name and STATE_OF_WORD.get(word) == "before":
-                loads.add(word)
-    return ([*patterns], sorted(loads)) if len(loads) > 1 else ([], [])
-
-
-def _gauges_in_names(table: TableCells, arm: Arm) -> list[str]:
-    """Find columns of gauges whose names state a direction and perhaps a target, such as "Gauge P1 -Z [mm]".
-
-    Returns:
-        Their names with places for these, such as "Gauge {marker} {direction} [mm]"; none if there are whole
-        positions, or neither names nor rows tell that these are gauges.
-    """
-    place = places(arm)
-    found = {*map(place, table.names)} - {None}
-    if any(at and {at._replace(axis=axis) for axis in XYZ} <= found for at in found):
-        return []
-    markers = "|".join(map(re.escape, sorted(arm.markers, key=len, reverse=True)))
-    part = re.compile(
-        rf"(?<![^\W_])(?P<marker>{markers})(?![^\W_])"
-        r"|(?<![^\s_(\[])(?P<direction>[+-]? ?[xyz] ?[+-]?)(?![^\s_)\]])",
-        re.IGNORECASE,
-    )
-    states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
-    reading = KNOWN_EXPORTS["lines"]["travel"]["reading"]
-    wanted = re.compile(rf"(?:{reading})?(?P<when>{states})?(?:{reading})?")
-    patterns = dict[str, None]()
-    for name in table.names:
-        parts = [own.lastgroup for own in part.finditer(name)]
-        rest = wanted.fullmatch(plain(part.sub(" ", name)))
-        if "direction" in parts and len({*parts}) == len(parts) and rest and rest[0]:
-            patterns[part.sub(lambda own: f"{{{own.lastgroup}}}", name)] = None
-    return [*patterns]
-
-
-def _lies(path: Path, arm: Arm) -> bool:
-    """Whether the first cells of a file's lines name the joints: its rows are columns."""
-    text, how = read_letters(path, None, ".")
-    lines = split_lines(path, text)
-    if len(lines) > MAX_QUANTITIES:
-        return False
-    rows = even_rows(lines, ["\t"] if how.startswith(SHEET) else DELIMITERS[:4])
-    return bool(joint_family([row[0] for row in rows], arm))
-
-
-def _marked(titles: Sequence[str], arm: Arm) -> bool:
-    """Whether lines of words are those of the arm's markers, such as "Marker P1", each once."""
-    rows = parts_in(titles, arm.markers)
-    return bool((rows >= 0).all()) and len({*rows.tolist()}) == len(titles) > 1
-
-
-def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
-    """List the sheets of a workbook that make one table: their names say states, masses or targets.
-
-    Args:
-        path: The file.
-        arm: The arm, with the names of its markers.
-        layout: Name of the layout that the sheets have; None for the one that fits.
-
-    Returns:
-        Their names; empty if there are fewer than two, or the path names one.
-
-    Raises:
-        InputError: If the workbook cannot be read.
-    """
-    names = sheets_with_tables(path)
-    first = _read(path, arm, layout).table if len(names) > 1 else None
-    alike = [name for name in names if first is not None and _alike(first, _sheet(path, name), arm, layout)]
-    states = [state_of(name) for name in alike]
-    targets = {*map(squeeze, alike)} <= {*map(squeeze, arm.markers)}
-    together = sorted(states) == sorted(STATES) or masses_in(alike) or targets
-    return alike if len(alike) > 1 and together else []
-
-
-def _sheet(path: Path, name: str) -> Path:
-    return path.with_name(f"{path.name}#{name}")
-
-
-def _alike(first: TableCells, path: Path, arm: Arm, layout: str | None) -> bool:
-    """Whether a sheet has the columns of another one."""
-    with contextlib.suppress(InputError):
-        _read(path, arm, layout).table.cells_like(first)
-        return True
-    return False
-
-
-def _unit_in_cells(table: TableCells) -> str:
-    """The unit of lengths that every cell of a column of units says; "" without such a column."""
-    for name in (name for name in table.names if UNIT_LABEL.fullmatch(name)):
-        units = {
-            unit.name
-            for text in table.texts(table.names.index(name))
-            if (unit := find_unit(text)) and unit.si == "m"
-        }
-        if len(units) > 1:
-            raise table.header_error(f"expected one unit of length, got {' and '.join(sorted(units))}", name)
-        if units:
-            return units.pop()
-    return ""
-
-
-GUESSED_LAYOUT = {
-    "transposed": "the first column names the joints",
-    "tidy": "each row holds one quantity: its name and its value",
-}
-"""Why the layout of a file is as it was found."""
-
-
-def _file_entries(table: str, file: FileLayout) -> list[Entry]:
-    """Where a table is, and how it is written, as far as a map has to say it."""
-    said = file.model_dump(exclude_defaults=True, exclude_none=True)
-    return [
-        Entry(table, key, value, GUESSED_LAYOUT.get(key, ""))
-        for key, value in said.items()
-        if (key, value) != ("skip", 0)
-    ]
-
-
-@dataclass
-class Stated:
-    """Hold what layouts state about a table."""
-
-    entries: list[Entry] = field(default_factory=list)
-    what: set[str] = field(default_factory=set)  #: Quantities, such as "joint" and "reading".
-    names: dict[str, str] = field(default_factory=dict)  #: Columns, and the quantity that each says.
-
-    def add(self, fits: Fitting, table: TableCells, arm: Arm, length: str) -> None:
-        """Add what a layout says of the columns of a table, each with its unit.
-
-        Args:
-            fits: The layout.
-            table: The export, with what the log adds.
-            arm: The arm.
-            length: Unit of lengths that the lines above the header state; "" where they state none.
-        """
-        layout, keys = fits.layout, dict[str, str]()
-        names = read_map(layout, arm, series_names)
-        found = {k: own for k, name in enumerate(table.names) if (own := names.find(name)) and own.mapped}
-        for part, pairs in (("columns", layout.columns), ("optional", layout.optional)):
-            for key, value in pairs.items():
-                columns = [k for k, named in found.items() if named.mapped == key]
-                if columns and not {found[k].slot.what for k in columns} & self.what:
-                    unit, why = _missing_unit(table, [(k, found[k]) for k in columns], length)
-                    keys[key] = key + unit
-                    self.entries += _by_joint(Entry(part, key + unit, value, why), arm)
-        self.entries += [Entry("scale", keys[key], by) for key, by in layout.scale.items() if key in keys]
-        for part in ("cells", "words", "values"):
-            self.entries += [Entry(part, *pair) for pair in getattr(layout, part).items()]
-        said = layout.series.model_dump(exclude_defaults=True)
-        self.entries += [Entry("series", *pair) for pair in said.items()]
-        if "lost" not in layout.words:
-            readings = [k for k, named in found.items() if named.slot.what == "reading"]
-            self.entries += lost_words(table, readings)
-        self.what |= {named.slot.what for named in found.values()}
-        self.what |= {what for what, word in WHOLES.items() if word in str(layout.cells)}
-        self.names |= {table.names[k]: named.slot.what for k, named in found.items()}
-        self.names |= dict.fromkeys(layout.cells, "")
-
-    def order(self, fits: Fitting, table: TableCells, arm: Arm) -> None:
-        """Add the joints of a table that itself states their order.
-
-        Args:
-            fits: The layout that fits the table.
-            table: The table.
-            arm: The arm that was measured.
-        """
-        if fits.layout.joints:
-            self.entries += _ordered(fits.layout.joints, table, arm)
-            self.what.add("joint")
-
-
-def _by_joint(entry: Entry, arm: Arm) -> list[Entry]:
-    """A line for every joint where some slide, which are in metres; else the line itself."""
-    pattern, _, unit = entry.key.rpartition("_")
-    slides = any(joint.prismatic for joint in arm.file_joints)
-    if not slides or pattern != "{joint}" or not isinstance(entry.value, str):
-        return [entry]
-    return [
-        entry._replace(
-            key=f"{joint.name}_{'m' if joint.prismatic else unit}",
-            value=entry.value.replace(pattern, joint.name),
-        )
-        for joint in arm.file_joints
-    ]
-
-
-def _missing_unit(table: TableCells, columns: Sequence[tuple[int, Named]], length: str) -> tuple[str, str]:
-    """The unit of columns that neither a layout nor the file says, as "_mm", and how it was guessed."""
-    k, named = columns[0]
-    if named.unit or named.header or unit_of(table, k):
-        return "", ""
-    if named.slot.what in ("joint", "rotation"):
-        return angle_unit(table, [k for k, _ in columns])
-    kind = {"deviation": "sigma_x", "sigma": "sigma_x", "axis": "axis", "mass": "mass"}.get(
-        named.slot.what, ""
-    )
-    if kind or "m" in SI.get(named.slot.what, ()):
-        return length_unit(table, k, [k for k, _ in columns], kind, length)
-    return "", ""
-
-
-def _ordered(how: Ordered, table: TableCells, arm: Arm) -> list[Entry]:
-    """The joints of a table by the names that stand beside them.
-
-    Args:
-        how: Where names and values are: a column for each joint, or lists in one column.
-        table: The table.
-        arm: The arm; if it has other names, its joints are those of the file in their order, as a guess.
-
-    Raises:
-        InputError: When a column of names does not say the same in all rows.
-    """
-    said = list[str]()
-    for name in (name for name in numbered(how.names, len(table.names)) if name in table.names):
-        texts = {*table.texts(table.names.index(name))}
-        if len(texts) > 1:
-            raise table.error(0, name, f"expected the same joints in every row, got {len(texts)} lists")
-        said += LISTED.findall(min(texts))
-    own, why = [joint.name for joint in arm.file_joints], ""
-    if len(said) < len(own):
-        raise table.header_error(
-            f"expected {len(own)} joints in {how.names}, got {', '.join(said) or 'none'}"
-        )
-    if not {*own} <= {*said}:
-        why = f"the joints {', '.join(said)} of the file are those of the arm in this order"
-        said = [*own, *said[len(own) :]]
-    units = {joint.name: "m" if joint.prismatic else how.unit for joint in arm.file_joints}
-    if how.values not in table.names:
-        values = dict(zip(said, numbered(how.values, len(table.names)), strict=False))
-        return [Entry("columns", f"{name}_{units[name]}", values[name], why) for name in own]
-    [first, *_] = table.texts(table.names.index(how.values))
-    parts = iter(f"{{{name}_{units[name]}}}" if name in units else "*" for name in said)
-    pattern = NUMBERS[0].sub(lambda _: next(parts, "*"), first)
-    last = pattern.rfind("}") + 1  # joints beyond the arm's, as of a gripper
-    return [Entry("cells", how.values, f"{pattern[:last]}*" if len(said) > len(own) else pattern, why)]
-
-
-def _lines_above(table: TableCells) -> tuple[str, ...]:
-    """The lines before a table's header; none where the file has no header."""
-    lines = read_letters(table.path, None, ".")[0].splitlines()[: max(table.header - 1, 0)]
-    return tuple(line for line in lines if line.strip(BLANK) and len(line) <= LONGEST)
-
-
-def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]]:
-    """Without rows that have no joints, such as of a nest, where targets have other names there."""
-    names = [name for name in table.names if column_meaning(name) == "name"] if alone.any() else []
-    for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
-        targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
-        if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
-            own = Entry("words", "ignore", sorted(others), f"no joints for {', '.join(sorted(others))}")
-            return table.take(~alone), [Entry("columns", "marker", name), own]
-    return table, []
-
-
-def _merged(table: TableCells, arm: Arm, alone: Mask, joints: Sequence[int]) -> list[int]:
-    """Columns of merged cells, of a table that states joints once for the rows of a pose; none of another.
-
-    Args:
-        table: The table.
-        arm: The arm, with the names of its markers.
-        alone: Rows without joints, (rows,).
-        joints: Places of the columns of joints.
-    """
-    if not alone.any() or alone[0]:
-        return []
-    place, markers = places(arm), {*map(squeeze, arm.markers)}
-    others = [k for k, name in enumerate(table.names) if name and k not in joints and not place(name)]
-    alike = [k for k in others if np.array_equal(table.blank(k), alone)]
-    named = [np.array([squeeze(text) in markers for text in table.texts(k)]) for k in others]
-    return [*joints, *alike] if alike or any(own.all() for own in named) else []
-
-
-def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Log, Mask]:
-    """How rows of a log belong to those of a table, by names that it has once each, else by time.
-
-    Args:
-        table: The table.
-        log: The log.
-        fits: The layouts of both, which may say the columns of times.
-
-    Returns:
-        That, and which rows of the table have none, the fewer ones, (rows,).
-    """
-    every = {name: [*map(squeeze, keys_of(log, [name]))] for name in log.names}
-    once = {name: {*texts} for name, texts in every.items() if len({*texts}) == len(texts)}
-    for ours, (theirs, texts) in product(dict.fromkeys(table.names), once.items()):
-        own = [*map(squeeze, keys_of(table, [ours]))]
-        alone = np.array([text not in texts for text in own], dtype=bool)
-        if alone.mean() < 0.5 and len({*own}) > 1:
-            called = squeeze(ours) == squeeze(theirs) or {*map(column_meaning, (ours, theirs))} == {"name"}
-            same = called and {*own} <= texts and all(text.isdecimal() for text in texts)
-            if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
-                return Log(file=log.path.name, on=[ours], to=[theirs]), alone
-    for ours, (theirs, _) in product(dict.fromkeys(table.names), once.items()):
-        if {column_meaning(ours), column_meaning(theirs)} == {"name"}:
-            rows = parts_in(keys_of(table, [ours]), keys_of(log, [theirs]))
-            if (rows >= 0).all() and len({*rows.tolist()}) == log.rows > 1:
-                how = Log(file=log.path.name, on=[ours], to=[theirs], parts=True)
-                return how, np.zeros(table.rows, dtype=bool)
-    both = [_times(own, one) for own, one in zip((table, log), fits, strict=True)]
-    if not all(both):
-        count = table.rows // max(log.rows, 1)
-        if table.rows != count * log.rows or not _in_turn(table, count):
-            got = f"{table.rows} readings and {log.rows} rows of the log"
-            problem = "expected names or times in columns of both files, or as many rows or poses in both"
-            raise InputError(log.path, "", f"{problem}, got {got}")
-        return Log(file=log.path.name, rows=count), np.zeros(table.rows, dtype=bool)
-    when = [times_of(own, names) for own, names in zip((table, log), both, strict=True)]
-    late = np.abs(when[1][nearest_times(*when)] - when[0])
-    alone = late > SOON
-    apart = float(late[~alone].max() if alone.mean() < 0.5 else late.max())
-    if apart > SOON:
-        problem = f"expected a row within {SOON:g} s of every reading, but one reading is {apart:.4g} s away"
-        raise InputError(log.path, "", f"{problem}; do the clocks agree?")
-    how = Log(file=log.path.name, on=both[0], to=both[1], within_s=max(1.0, float(np.ceil(2 * apart))))
-    return how, alone
-
-
-def _times(table: TableCells, fits: Fitting | None) -> list[str]:
-    """The columns that say together when a row was read: those of its layout, else by their names."""
-    own = [name for name in fits.layout.times if name in table.names] if fits else []
-    return own or [name for name in table.names if column_meaning(name) == "when"]
-
-
-def _in_turn(table: TableCells, count: int) -> bool:
-    """Whether rows stand together: their names are those of the targets in each group, or one name."""
-    if count <= 1:
-        return count == 1
-    names = [keys_of(table, [name]) for name in table.names if column_meaning(name) == "name"]
-    parts = [zip(*map(WORD.findall, texts), strict=False) for texts in names]
-    for texts in (*names, *(words for own in parts for words in own)):
-        groups = [{*texts[k : k + count]} for k in range(0, len(texts), count)]
-        one_each = {*map(len, groups)} == {1} and len({*texts}) == len(groups)
-        if one_each or (len(groups[0]) == count and all(group == groups[0] for group in groups)):
-            return True
-    return False

@@ -800,32 +800,10 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     read = read_readings(columns, arm, conditions.loaded, lines)
     runs = pair(columns.table, conditions, read, None if lines is None else _gauges(conditions, read, lines))
     _check_once(columns, conditions, runs, read)
-    own = select_rows(conditions, runs.row)
-    # Noise: one sigma for the file, or a covariance per reading; lost targets have zero weight.
-    lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
-    scatter, (before, after) = read_scatter(columns, sigma), _rotations(columns, runs.row)
-    own_sigma = _of_the_file(columns, 0, scatter.sigma) if lines is None else float(scatter.sigma[0])
-    precision = covariances = _precision(columns, read, runs, lost, lines)
-    if precision is None and lost.any():
-        precision = np.where(lost[..., None, None], 0.0, np.eye(3) / (2 * own_sigma**2))
-    data = Dataset(
-        markers=read.markers,
-        run=runs.run,
-        pose=own.pose,
-        q=own.q,
-        wrench=own.wrench,
-        point=own.point,
-        before=np.where(lost[..., None], 0.0, runs.before),
-        after=np.where(lost[..., None], 0.0, runs.after),
-        sigma=own_sigma,
-        rotation_before=before,
-        rotation_after=after,
-        sigma_rotation=None if before is None else _of_the_file(columns, 1, scatter.sigma_rotation),
-        precision=precision,
-        station=own.station,
-        taken_off=own.taken_off,
-    )
+    scatter = read_scatter(columns, sigma)
+    data = _dataset_of(columns, select_rows(conditions, runs.row), runs, read, scatter, lines)
     if lines is not None:
+        covariances = data.precision if columns.all_of("covariance") else None
         data = _with_lines(data, lines, arm, (runs, read), scatter.sigma, covariances)
     along = () if lines is None else lines.notes
     notes = (
@@ -839,6 +817,40 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         *shots,
     )
     return Export(data, columns, notes)
+
+
+def _dataset_of(
+    columns: Columns,
+    own: RowConditions,
+    runs: Paired,
+    read: FileReadings,
+    scatter: Scatter,
+    lines: FileLines | None,
+) -> Dataset:
+    """The runs, with one sigma for the file or a covariance per reading; lost targets have zero weight."""
+    lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
+    before, after = _rotations(columns, runs.row)
+    sigma = _of_the_file(columns, 0, scatter.sigma) if lines is None else float(scatter.sigma[0])
+    precision = _precision(columns, read, runs, lost, lines)
+    if precision is None and lost.any():
+        precision = np.where(lost[..., None, None], 0.0, np.eye(3) / (2 * sigma**2))
+    return Dataset(
+        markers=read.markers,
+        run=runs.run,
+        pose=own.pose,
+        q=own.q,
+        wrench=own.wrench,
+        point=own.point,
+        before=np.where(lost[..., None], 0.0, runs.before),
+        after=np.where(lost[..., None], 0.0, runs.after),
+        sigma=sigma,
+        rotation_before=before,
+        rotation_after=after,
+        sigma_rotation=None if before is None else _of_the_file(columns, 1, scatter.sigma_rotation),
+        precision=precision,
+        station=own.station,
+        taken_off=own.taken_off,
+    )
 
 
 def _with_lines(

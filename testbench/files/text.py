@@ -360,11 +360,7 @@ def find_header(
         names.insert(0, "")
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
-    others = [k for k in rows if _is_statistic(lines[k], delimiter)]
-    others = _summaries(lines, others, [k for k in rows if k not in {*others}], delimiter)
-    rows = [k for k in rows if k not in {*others}]
-    while len(rows) > 1 and not layout.sections and _is_remark(lines[rows[-1]], delimiter, len(names)):
-        others.append(rows.pop())
+    rows, others = _without_summaries(lines, rows, delimiter, 0 if layout.sections else len(names))
     # lines of words, which name the rows below them
     sections = list[str]()
     if layout.sections:
@@ -437,6 +433,18 @@ def _is_statistic(line: str, delimiter: str) -> bool:
     return STATISTIC.match(begins) is not None and bool(
         STATISTIC.fullmatch(_first_word(line, delimiter).casefold())
     )
+
+
+def _without_summaries(
+    lines: Sequence[str], rows: Sequence[int], delimiter: str, count: int
+) -> tuple[list[int], list[int]]:
+    """The rows that are readings; and those of means, and of remarks behind a table of so many columns."""
+    others = [k for k in rows if _is_statistic(lines[k], delimiter)]
+    others = _summaries(lines, others, [k for k in rows if k not in {*others}], delimiter)
+    kept = [k for k in rows if k not in {*others}]
+    while len(kept) > 1 and count and _is_remark(lines[kept[-1]], delimiter, count):
+        others.append(kept.pop())
+    return kept, others
 
 
 def _summaries(lines: Sequence[str], some: Sequence[int], rows: Sequence[int], delimiter: str) -> list[int]:

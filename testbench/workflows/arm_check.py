@@ -387,6 +387,13 @@ def _numbers(arm: ArmContext) -> Iterator[Item]:
             yield Item(share, f"{link.name}'s {words}")
 
 
+def known_share(arm: ArmContext) -> float:
+    """Compute the share of the deflection that comes from published, measured or inferred numbers [1]."""
+    joints = [joint.compliance.origin in UNSURE for joint in arm.elastic.joint]
+    unsure = np.array([*(bool(_tube(link)) for link in arm.elastic.link), *joints])
+    return float(arm.sag.shares[~unsure].sum())
+
+
 def _tube(link: LinkEntry) -> str:
     """What of a link is unsure, empty where nothing is."""
     if link.compliance is not None:

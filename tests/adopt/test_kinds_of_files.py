@@ -8,7 +8,7 @@ from workbooks import packed, parts
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import InputError
-from testbench.files import propose_map
+from testbench.files import read_unknown
 from testbench.files.names import joint_family, unread_column_warnings
 from testbench.files.propose_map import map_text, propose
 from testbench.files.read_pairs import read_export
@@ -580,7 +580,7 @@ def test_a_long_table_is_not_divided_to_see_whether_its_rows_are_columns(tmp_pat
     """Dividing 200,000 rows by four delimiters took 15 s."""
     header, rows = both().split("\n", 1)
     (file := tmp_path / "long.csv").write_text(f"{header}\n" + f"{rows.rstrip()}\n" * 30)
-    monkeypatch.setattr(propose_map, "even_rows", lambda *_: pytest.fail("divided"))
+    monkeypatch.setattr(read_unknown, "even_rows", lambda *_: pytest.fail("divided"))
     assert propose(file, ARM, None, tmp_path).entries
 
 
@@ -739,13 +739,6 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
         (
             states("Pose|Target|State|X [mm]|Y [mm]|Z [mm]|J{} [deg]", "L0|L1").decode(),
             "no state 'L0' is known",
-        ),
-        (
-            by_target(DOWN)
-            .replace("Z [mm]", "Z [mm],dX [mm],dY [mm],dZ [mm],Load [kg]")
-            .replace("\n", ",1,2,3,100\n")
-            .replace("[kg],1,2,3,100", "[kg]"),
-            "dx, dy, dz are loaded minus unloaded",
         ),
         (
             steps("before", "under load", "after"),
