@@ -11,7 +11,7 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import RegressionWithPrior, PriorUncertainty, cad_prior, with_prior_rows
+from testbench.identify.metric import PriorUncertainty, RegressionWithPrior, cad_prior, with_prior_rows
 from testbench.identify.regression import reduce
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
@@ -113,7 +113,7 @@ def squares_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solu
     program = cone.ConeProgram(
         cost=np.zeros(2 * n),
         blocks=(cone.free_block(0, n), *cone.psd_blocks(n, sizes)),
-        rows=(cone.Rows("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
+        rows=(cone.ConeRows("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
         quadratic=np.r_[np.ones(n), np.zeros(n)],
     )
     return cone.solve(program, tolerance=SHARP)

@@ -6,8 +6,8 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.errors import Array
 from testbench.identify.conic import solve_gco
 from testbench.identify.metric import (
-    RegressionWithPrior,
     PriorUncertainty,
+    RegressionWithPrior,
     WeightedPrior,
     cad_prior,
     rescale_to_data,
@@ -47,7 +47,8 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
     prior = rescale_to_data(scale_by_prior(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
     for u, bar in BARS.items():
         cases = [
-            RegressionWithPrior(regression, WeightedPrior(prior, PriorUncertainty(u))) for regression in regressions
+            RegressionWithPrior(regression, WeightedPrior(prior, PriorUncertainty(u)))
+            for regression in regressions
         ]
         [together] = interleave(REPEATS, lambda c=cases: [solve_with_prior("psd", case) for case in c])  # type: ignore[misc]
         own = [solve_by_reference("psd", case).seconds for case in cases[:ALONE]]

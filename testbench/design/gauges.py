@@ -181,7 +181,7 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     for p in islice(cycle(range(poses)), SWEEPS * poses):
         present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
         rest = M - present.T @ present
-        reached = criterion.after(rest, every[p])
+        reached = criterion.with_candidate(rest, every[p])
         better = way[p] < 0 or reached.max() > (1 + MIN_GAIN) * reached[way[p]]
         way[p] = int(reached.argmax()) if better else way[p]
         M = rest + every[p, way[p]].T @ every[p, way[p]]

@@ -1,23 +1,22 @@
-"""Certificate of optimality for any conservative estimate.
+"""Gramian-constrained optimisation as a conic program, with a certificate of optimality.
 
-F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one,
-|r_k| >= y_k . r_k. So with S_i the gradient of sum y_k . r_k with respect to block i, and any trace term w
-<W, C>, every conservative C whose blocks have a trace of at most t_i obeys
+Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over positive semi-definite C_i it is, and both sets
+are equal (Theorem 1). `solve_gco` solves it in scaled units: by our dense interior-point method where blocks
+are whole, which determines unobservable directions more precisely; by Clarabel otherwise, or where the dense
+answer is not proven.
+
+The certificate holds for any conservative estimate, whatever its method. F_M is a sum of norms |r_k| of
+affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one, |r_k| >= y_k . r_k. So with S_i
+the gradient of sum y_k . r_k with respect to block i, and any trace term w <W, C>, every conservative C
+whose blocks have a trace of at most t_i obeys
 
     F(C) + w <W, C> >= -sum y_k . z_k - sum max(0, -lambda_min(S_i + w W_i)) t_i.
 
-With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. It does not matter how the estimate
-was found. The bound is used twice:
+With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. The bound is used twice:
 
 - with the trace term of GCO it bounds the program that is solved: the duality gap;
-- without it it bounds F_M alone: the largest excess of F_M over its minimum is the cost of the trace term, in
-  addition to the duality gap.
-
-Gramian-constrained optimisation as a conic program with a certificate.
-
-Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
-sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, which holds
-unseen directions far firmer; by Clarabel where they are not, or where the dense answer is not proven.
+- without it, it bounds F_M alone: F_M exceeds its minimum by at most the cost of the trace term plus the
+  duality gap.
 """
 
 import math
@@ -436,7 +435,7 @@ def solve_least_squares_cone(regression: Regression, program: ConicProgram) -> A
         cone.ConeProgram(
             cost=np.r_[np.zeros(k), program.trace],
             blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
-            rows=(cone.Rows("zero", np.c_[np.eye(k), -R], -SQUARES_SHARPNESS * program.z.ravel()),),
+            rows=(cone.ConeRows("zero", np.c_[np.eye(k), -R], -SQUARES_SHARPNESS * program.z.ravel()),),
             quadratic=np.r_[np.ones(k), np.zeros(n)],
         )
     )
@@ -526,7 +525,7 @@ def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalt
     return np.asarray(unit * d[s.a] * d[s.b])
 
 
-def norm_constraints(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
+def norm_constraints(R: Array, z: Array, rest: Array) -> tuple[cone.ConeRows, ...]:
     """Make the constraints |(R_k x - z_k, rest_k)| <= t_k; the unknowns are all t_k, then x.
 
     Args:

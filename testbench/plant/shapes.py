@@ -11,9 +11,9 @@ from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
 from testbench.plant.site import VISUAL_GROUPS, Site
 
-Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
+GeomKind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 
-GEOM_KINDS: dict[int, Kind] = {
+GEOM_KINDS: dict[int, GeomKind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
@@ -39,7 +39,7 @@ class Mesh:
 class Shape:
     """Describe one visual geom, fixed in a body."""
 
-    kind: Kind  #: MuJoCo's geom type.
+    kind: GeomKind  #: MuJoCo's geom type.
     body: int  #: Index of its body.
     #: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius, half
     #: length without caps).
@@ -117,7 +117,7 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
     )
 
 
-def half_sizes(kind: Kind, size: Array) -> Array:
+def half_sizes(kind: GeomKind, size: Array) -> Array:
     """Compute the half sizes of a geom along its axes from MuJoCo's size; see `Shape.size`.
 
     Args:
@@ -272,7 +272,7 @@ def _capped_ends(size: Array, cap: Array) -> Array:
     return np.concatenate([size[0] * cap + [0, 0, end * size[2]] for end in (-1, 1)])
 
 
-SURFACE_POINTS: dict[Kind, Callable[[Array], Array]] = {
+SURFACE_POINTS: dict[GeomKind, Callable[[Array], Array]] = {
     "box": lambda size: CUBE_CORNERS * size,
     "cylinder": lambda size: _capped_ends(size, CIRCLE),
     "capsule": lambda size: _capped_ends(size, SPHERE),

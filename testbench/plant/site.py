@@ -83,14 +83,14 @@ def compute_contacts(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 # --- The rigid cell: the arm with its payload and its tracker, their contacts, and the lines of sight -------
 
-Kind = Literal["itself", "room", "tracker", "payload"]
+ContactCategory = Literal["itself", "room", "tracker", "payload"]
 
-CONTACT_CATEGORIES: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
+CONTACT_CATEGORIES: tuple[ContactCategory, ...] = ("itself", "room", "tracker", "payload")
 """Kinds of contact: with the arm itself, with floor and walls, with the tracker; and of the payload with
 anything. Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its
 two."""
 
-SHACKLE = 0.1
+SHACKLE_LENGTH = 0.1
 """Length below the load point that counts as part of the tool [m], where the payload's clearance does not
 apply."""
 SLING_RADIUS = 0.01  #: Radius of the sling [m].
@@ -135,14 +135,14 @@ class Payload:
     @property
     def upper_end(self) -> float:
         """Return the start of the sling below the load point [m]: the tool around it is no obstacle."""
-        return SHACKLE + self.clearance
+        return SHACKLE_LENGTH + self.clearance
 
 
 @dataclass(frozen=True)
 class Contact:
     """Describe two bodies that touch, or come closer than the payload's clearance."""
 
-    kind: Kind  #: Kind of contact.
+    kind: ContactCategory  #: Category of the contact.
     #: Their names, in the order of `CONTACT_CATEGORIES`: the arm's before the world's, the payload's last.
     bodies: tuple[str, str]
 

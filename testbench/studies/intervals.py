@@ -126,7 +126,7 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     best = solve_gco(regression).f_m
     n, count = scaling.structure.n, len(regression.terms)
     allowed = (1 + SLACK) * max(best, EXACT_FIT * f_m(regression, np.zeros(n)))
-    total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
+    total = cone.ConeRows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
     parts = [(term.R @ scaling.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
     norms = norm_constraints(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
@@ -375,7 +375,7 @@ def _program(models: FitSet) -> cone.ConeProgram:
     if len(models.rows):
         Q, R = np.linalg.qr(models.rows / models.radius)  # the same ball of fewer entries: a seventh faster
         head = np.zeros((1, n))
-        ball = cone.Rows(
+        ball = cone.ConeRows(
             "second order", np.vstack([head, R]), np.r_[1.0, Q.T @ models.centre / models.radius]
         )
         rows = (ball, *rows)
@@ -391,11 +391,11 @@ def _nearest(rows: Array, centre: Array, sizes: tuple[int, ...], ceiling: float)
     return float(unit * cone.solve(problem, tolerance=TOLERANCE).x[0])
 
 
-def _ceiling(sizes: tuple[int, ...], first: int, n: int, ceiling: float) -> list[cone.Rows]:
+def _ceiling(sizes: tuple[int, ...], first: int, n: int, ceiling: float) -> list[cone.ConeRows]:
     """Ceiling - X positive semi-definite in every block."""
     blocks = cone.psd_blocks(first, sizes)
     return [
-        cone.Rows("psd", np.eye(n)[block.at], ceiling * cone.svec(np.eye(block.size))) for block in blocks
+        cone.ConeRows("psd", np.eye(n)[block.at], ceiling * cone.svec(np.eye(block.size))) for block in blocks
     ]
 
 

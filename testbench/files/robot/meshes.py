@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array, InputError, read_bytes
 from testbench.files.robot.robot import Faces, ImportedMesh, Note, Surface
-from testbench.plant.shapes import SURFACE_POINTS, Kind, half_sizes
+from testbench.plant.shapes import SURFACE_POINTS, GeomKind, half_sizes
 
 PLAUSIBLE = 300.0, 4000.0
 """Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
@@ -36,7 +36,7 @@ VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])
 """Colour if the file states none."""
 
 
-def primitive(kind: Kind, size: Array) -> ImportedMesh:
+def primitive(kind: GeomKind, size: Array) -> ImportedMesh:
     """Make the surface of a primitive in its own axes.
 
     Args:

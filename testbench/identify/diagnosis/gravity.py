@@ -1,14 +1,14 @@
 """Gravity from another side than the arm's folder has it: a base that hangs, stands on a wall or is tilted.
 
-A hung weight pulls along -z of the folder's world. If the base is mounted otherwise it pulls along a unit
-vector g of these axes. Deflections are linear in the force, so that expected compliances and the deflections
-d_k that they give under the same force along x, y and z tell g by least squares:
+A hung weight pulls along -z of the folder's world. If the base is mounted otherwise, it pulls along a unit
+vector g of these axes. Deflections are linear in the force. So g follows by least squares from the
+deflections d_k that the expected compliances have under the same force along x, y and z:
 
     d = x_1 d_1 + x_2 d_2 + x_3 d_3,    g = x / |x|
 
-Deflections alone do not tell an arm that hangs from one whose readings before and after are exchanged. A
-tracker that stands level does: its z against the registered base. Without one, own weight tells: it has bent
-the arm in the unloaded readings already, towards g.
+Deflections alone cannot distinguish a hanging arm from exchanged readings before and after. A tracker that
+stands level can: its z against the registered base. Without one, own weight can: it has already bent the arm
+towards g in the unloaded readings.
 
 Absolute readings show the direction of the arm's own weight (`mounting_by_own_weight`). With gravity from the
 wrong side, joint springs would have to be negative to fit. They are held at zero, and explain none of the

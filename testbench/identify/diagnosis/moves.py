@@ -1,13 +1,13 @@
 """Moves in the middle of a series: of the targets on the tool, or of the tracker against the base.
 
 A move is a step in the residuals that nothing else explains. From row k on a step b of up to six numbers is
-added to the model, in tool axes for the targets and in base axes for the tracker. Beside it stands all that
-the model may still lack: geometry, low periodic errors of the joints and compliances, each with its prior.
-What these explain as well is no step (`hypothesis`: P is of these). A row or pose that is off alone is
-another hypothesis, of the same columns.
+added to the model, in tool axes for the targets and in base axes for the tracker. A nuisance model has all
+that the arm may still lack: geometry, low periodic errors of the joints and compliances, each with its prior.
+A step that these explain as well is none: the projector 1 - P of the score test removes them. A single wrong
+row or pose is another hypothesis, with the same columns.
 
-`identify` doubts a move; `calibrate` takes the rows behind it as a series with a mount or a frame of its own,
-fits again and looks again.
+`identify` reports a move. `calibrate` makes the rows after it a series with a mount or a frame of its own,
+fits again and searches again.
 """
 
 from collections.abc import Callable, Iterator, Sequence
