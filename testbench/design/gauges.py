@@ -1,4 +1,4 @@
-"""Where gauges touch: in every pose of a plan, which markers are read and along which axes.
+"""Places of gauges: in every pose of a plan, which markers are read and along which axes.
 
 A gauge reads one number, so that a pose offers a choice that a tracker does not have. A candidate is a pose
 with some of its markers, each touched along an axis of the world or of the tool. Candidates are chosen by the
@@ -23,9 +23,9 @@ MIN_GAIN, SWEEPS = 1e-6, 20
 
 @dataclass(frozen=True)
 class Gauges:
-    """Describe the gauges that are at hand."""
+    """Describe the gauges that are available."""
 
-    count: int  #: How many are read in a pose, each at a marker of its own.
+    count: int  #: Number of gauges per pose, each at a different marker.
     sigma: float  #: Standard deviation of one reading [m].
     tilt: float  #: Standard deviation of a direction about each axis across it [rad].
 
@@ -79,7 +79,7 @@ def _deviations(d: Array, gauges: Gauges) -> Array:
 class PlacedGauges:
     """Hold the gauges of a plan in the order of measuring."""
 
-    gauges: Gauges  #: How they read.
+    gauges: Gauges  #: Number and accuracy of the gauges.
     marker: Ids  #: Index of the marker of every gauge, (poses, count).
     axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
     deviation: Array  #: Standard deviation of every reading, a tilt included, (poses, count) [m].

@@ -53,7 +53,7 @@ class Tasks:
 class Specification:
     """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
-    experiment: MeasurementSetup  #: How poses are measured.
+    experiment: MeasurementSetup  #: Loads, readings and noise of a pose.
     loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
     tasks: Tasks  #: Where predictions are wanted.
     #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].

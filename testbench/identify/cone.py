@@ -37,7 +37,7 @@ class Block:
 
     at: Ids  #: Their places in v, (k,).
     size: int = 0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
-    #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None where they are it.
+    #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None if they are svec itself.
     svec: Array | None = None
 
 
@@ -45,7 +45,7 @@ class Block:
 class ConeRows:
     """Hold constraints: b - A v lies in a cone."""
 
-    kind: ConeKind  #: Of the cone; "psd" holds svec of a matrix.
+    kind: ConeKind  #: Kind of the cone; for "psd", rows are svec of a matrix.
     A: Array  #: (rows, n).
     b: Array  #: (rows,).
 
@@ -65,10 +65,10 @@ class Solution:
     """Hold the last iterate of the solver, with its duals."""
 
     x: Array  #: The unknowns v, (n,).
-    duals: tuple[Array, ...]  #: Of every `Rows`, in their order, (rows,) each, then of every PSD block.
-    cost: float  #: Of x.
-    bound: float  #: What the duals prove: no feasible v costs less.
-    solver_status: str  #: The solver's own word for how it ended.
+    duals: tuple[Array, ...]  #: Dual of every `ConeRows`, (rows,) each, then of every PSD block.
+    cost: float  #: Cost of x.
+    bound: float  #: Lower bound that the duals prove: no feasible v costs less.
+    solver_status: str  #: Status as the solver names it.
     seconds: float  #: Time inside the solver.
 
     @property

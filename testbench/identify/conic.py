@@ -51,7 +51,7 @@ UNSEEN_SHARE = 1e-2
 MAX_DUAL_LENGTH = 1 + 1e-9
 """Length up to which a dual vector counts as a unit vector; the excess is rounding [1]."""
 EIGENVALUE_ROUNDING = 4 * np.finfo(float).eps
-"""What rounding may take from an eigenvalue of S_i, as a share of the size of what S_i is summed from.
+"""Rounding error of an eigenvalue of S_i, relative to the size of the terms of S_i.
 
 The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 """
@@ -298,9 +298,9 @@ class ConicProgram:
     structure: Structure  #: Those blocks.
     unit: float  #: F_M at C = 0: the unit of F_M [1].
     scale: Array  #: pi[columns] = scale * x, (k,).
-    R: Array  #: Of every term of F_M in these units, (terms, n, k).
-    z: Array  #: The same, (terms, n).
-    rest: Array  #: The norm of what no parameter can explain, (terms,).
+    R: Array  #: Factor R of every term of F_M in these units, (terms, n, k).
+    z: Array  #: Readings z of every term in these units, (terms, n).
+    rest: Array  #: Norm of the readings that no parameter can explain, (terms,).
     trace: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
     penalty: Penalty  #: The trace term.
 
@@ -326,7 +326,7 @@ class ConicSolution:
     pi: Array  #: Parameters, (n,).
     seconds: float  #: Time inside the solver.
     failure: str  #: Status if it is not proven to be close to the optimum.
-    dual: Dual  #: Its proof.
+    dual: Dual  #: Dual vectors that prove the distance from the optimum.
 
 
 def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimate:

@@ -48,7 +48,7 @@ class MeanReadings:
     frame: Ids  #: Index of the frame, (n,).
     target: Ids  #: Index of the target, (n,).
     y: Array  #: Position, the frame's axes, (n, 3) [m].
-    covariance: Array  #: Of its noise, the frame's axes, (n, 3, 3) [m^2].
+    covariance: Array  #: Covariance of each reading's noise along the frame's axes, (n, 3, 3) [m^2].
     rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
     position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
 
@@ -374,7 +374,7 @@ class Registration:
     nominal: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
     layout: FrameLayout  #: Frames and targets in order.
     free: Mask  #: Frames that were not given, (frames,).
-    covariance: Array  #: Of rotation and translation of every frame not given, then of all targets [rad, m].
+    covariance: Array  #: Covariance of all frames not given (rotation, translation), then targets [rad, m].
     distance: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
     downweighted: int  #: Number of outliers, with less than full robust weight.

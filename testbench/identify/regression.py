@@ -69,10 +69,12 @@ class Regression(Displayed):
     structure: Structure  #: The unknowns, n of them.
     terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
     columns: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
-    weight: Array  #: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
+    weight: (
+        Array  #: Norm of the weighted column of each diagonal entry of C_theta, (n_theta,) [N/m, N m/rad].
+    )
     #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; empty if they were not requested.
     poses: tuple[Array, ...] = ()
-    #: How much each link's parameters vary from pose to pose, standard deviations, (links, n); None for not.
+    #: Standard deviation of each link's parameters from pose to pose, (links, n); None if they do not vary.
     pose_variation: Array | None = None
 
     def about(self) -> dict[str, object]:
@@ -370,8 +372,8 @@ class PartitionedRegression:
     """Hold the reduced equations of a structure on a dataset, part by part."""
 
     structure: Structure  #: The unknowns, n of them.
-    factors: TriangularFactors  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
-    columns: Ids | slice  #: Those of the unknowns and of the readings.
+    factors: TriangularFactors  #: Factors of these unknowns or more, readings last [sqrt(2) sigma].
+    columns: Ids | slice  #: Columns of the unknowns and of the readings in `factors`.
 
     @property
     def all_parts(self) -> Ids:
@@ -550,7 +552,7 @@ class ReducedReadings:
     """Hold all equations of absolute readings, reduced."""
 
     kinds: tuple[int, ...]  #: Kinds of equations that there are, as places in `EQUATION_KINDS`.
-    parts: tuple[SeriesBlock, ...]  #: In blocks.
+    parts: tuple[SeriesBlock, ...]  #: The rows, block by block.
     factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
 
     @cached_property

@@ -445,9 +445,9 @@ class WeightedReadings:
     """Hold rows of Eq. (13), reading by reading, in standard deviations."""
 
     A: Array  #: Observation matrices, (readings, 3, n).
-    y: Array  #: Measured, (readings, 3) [1].
+    y: Array  #: Measured deflections, (readings, 3) [1].
     unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
-    numbers: Ids  #: How many numbers each has: 3, or 1 along a line, (readings,).
+    numbers: Ids  #: Numbers of each reading: 3, or 1 along a line, (readings,).
     run: Ids  #: Index of its run in the dataset, (readings,).
     marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 

@@ -185,7 +185,7 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
 # --- The true arm as MuJoCo models: one for inspection, and one with several copies for computation ---------
 
 COMPILE_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
-"""What MuJoCo raises of a model that it does not compile."""
+"""Errors that MuJoCo raises if it does not compile a model."""
 MAX_PAIRS = 50_000
 """Most geoms that may collide: 316 on ten links."""
 HULL_CORNERS = 1000
@@ -216,7 +216,7 @@ class Plant:
 
     arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
-    copies: Copies  #: Of the model, or of the one that it is an altered copy of.
+    copies: Copies  #: Copies of the model, or of the model that it is an altered copy of.
     theta: Ids  #: Address of each virtual joint, (n_theta,).
     joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.

@@ -33,7 +33,7 @@ class Sections:
     Corners are counterclockwise.
     """
 
-    corners: Array  #: In the section's axes y and z, (sections, walls, 2) [m].
+    corners: Array  #: Corners in the section's axes y and z, (sections, walls, 2) [m].
     thickness: Array  #: Thickness that carries normal stress, (sections, walls) [m].
     shear_thickness: Array  #: Thickness that carries shear [m]: less if ribs with gaps replace a wall.
 

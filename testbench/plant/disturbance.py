@@ -51,7 +51,7 @@ class GearErrors:
     """
 
     sigma: float = 30e-6  #: Standard deviation of every coefficient of the flat spectrum [rad].
-    orders: int = 30  #: Its highest order, K; 0 for none.
+    orders: int = 30  #: Highest order of the spectrum, K; 0 for none.
     ratio: float = 0.0  #: Standard deviation of the relative error of the gear ratio [1].
 
     def __post_init__(self) -> None:

@@ -50,8 +50,8 @@ class BodyState:
     weight: Array  #: Generalised force of the arm's own weight, (poses, nv) [N, N m].
     #: Rotation, and motion at `centre`, per unit of every coordinate: MuJoCo's cdof, (poses, nv, 6) [1, m].
     motion: Array
-    centre: Array  #: Its point of reference in the world, (poses, 3) [m].
-    position: dict[int, Array]  #: Of the bodies in the world, (poses, 3) each [m].
+    centre: Array  #: Reference point of `motion` in the world, (poses, 3) [m].
+    position: dict[int, Array]  #: Position of every body in the world, (poses, 3) each [m].
     rotation: dict[int, Array]  #: World from body, (poses, 3, 3) each [1].
 
 
@@ -62,9 +62,9 @@ class ArmCopies:
     model: mujoco.MjModel
     data: mujoco.MjData
     qpos: Array  #: Configuration of every arm, (arms, nv) [m, rad].
-    motion: Array  #: As in `BodyState`, (arms, nv, 6).
-    centre: Array  #: As in `BodyState`, (arms, 3).
-    position: Array  #: Of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
+    motion: Array  #: Motion, as in `BodyState`, (arms, nv, 6).
+    centre: Array  #: Reference point, as in `BodyState`, (arms, 3).
+    position: Array  #: Position of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
     rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
 
 

@@ -44,7 +44,7 @@ class Shape:
     #: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius, half
     #: length without caps).
     size: Array
-    position: Array  #: Of its centre in the body, (3,) [m].
+    position: Array  #: Position of its centre in the body, (3,) [m].
     rotation: Array  #: Body from shape, (3, 3) [1].
     rgba: Array  #: Colour, (4,) [1].
     mesh: Mesh | None = None  #: For kind "mesh", in the shape's axes.

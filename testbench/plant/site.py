@@ -109,9 +109,9 @@ RAY_GROUPS = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 class Payload:
     """Describe a weight that hangs from the load point: an upright steel cylinder, as high as wide."""
 
-    mass: float  #: Of the weight [kg].
-    sling: float = 0.5  #: From the load point to the top of the weight [m].
-    density: float = 7850.0  #: Of the weight [kg/m^3]; 7850 is steel.
+    mass: float  #: Mass of the weight [kg].
+    sling: float = 0.5  #: Length from the load point to the top of the weight [m].
+    density: float = 7850.0  #: Density of the weight [kg/m^3]; 7850 is steel.
     clearance: float = 0.05  #: Least distance to anything [m], since weights swing.
 
     def __post_init__(self) -> None:

@@ -409,8 +409,8 @@ class PlaneProbe:
 
     sigma: float = 10e-6  #: Standard deviation of one reading [m].
     flatness: float = 3e-6  #: Standard deviation of the face from a plane, one per pose [m].
-    fixed_point_sigma: float = 2e-3  #: That of the stated point of the face along each axis [m].
-    tilt: float = math.radians(0.5)  #: That of the stated normal about each axis [rad].
+    fixed_point_sigma: float = 2e-3  #: Standard deviation of the stated point along each axis [m].
+    tilt: float = math.radians(0.5)  #: Standard deviation of the stated normal [rad].
     travel: float = 25e-3  #: Largest height that it reads, to either side [m].
     radius: float = 0.4  #: Radius of the face around the stated point [m].
 

@@ -322,8 +322,8 @@ class Outliers:
     count: int  #: Number of outliers.
     readings: int  #: Number of positions that were read.
     series: str  #: Series of the worst outlier.
-    row: int  #: Its row's identifier.
-    distance: float  #: Its distance from the model [m].
+    row: int  #: Identifier of the reading's row.
+    distance: float  #: Distance of the reading from the model [m].
 
 
 def outliers(state: ArmState, series: Sequence[Series], influences: Sequence[Array]) -> Outliers | None:

@@ -69,7 +69,7 @@ class SelectionStep:
     """Hold the held-out errors without and with one kind of error, and whether this kind is kept."""
 
     name: str  #: Kind of error that was added to all those kept before.
-    kept: bool  #: Whether it is kept.
+    kept: bool  #: Whether the part is kept.
     before: float  #: RMS error of held-out positions along an axis without it [m].
     after: float  #: The RMS error with it [m].
     deviation: float  #: Standard error of the difference of the two mean squares, over the first [1].
@@ -100,7 +100,7 @@ class ErrorCandidate:
     name: str  #: Name in reports, and in `CalibrationOptions.without`.
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it adds.
     elastic: PriorScaling | None = None  #: Compliances that it selects, in place of the earlier ones.
-    always_kept: bool = False  #: Whether it is kept whatever the trial shows: every arm has it.
+    always_kept: bool = False  #: Whether the part is kept without a trial, because every arm has it.
     #: Whether it searches for a shared `pattern` in the kept errors; it is kept unless it harms.
     pattern: bool = False
 
@@ -426,7 +426,7 @@ def _by_block(sums: Array) -> Array:
 # --- Masses of the links from measured joint torques --------------------------------------------------------
 
 MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
-CENTRE_DEVIATION = 0.1  #: Of a first moment, over the mass: how far a centre may be off [m].
+CENTRE_DEVIATION = 0.1  #: Prior standard deviation of a centre of mass [m].
 MAX_DEVIATIONS = 3.0
 """Bound on each parameter in prior standard deviations: no mass falls below a tenth."""
 MAX_UNEXPLAINED = 0.3

@@ -102,7 +102,7 @@ class Calibration(Displayed):
     """Hold a calibrated arm: its state with posterior and noise, and how it was found."""
 
     state: ArmState  #: The calibrated arm.
-    active: ActiveUnknowns  #: Its unknowns.
+    active: ActiveUnknowns  #: Unknowns of the fit.
     #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
     information: Array
     #: Upper triangular root of the posterior's precision, R^T R, compliances in the metric, (c, c).

@@ -464,7 +464,7 @@ class _PatternInformation:
     """Hold the information of one joint's readings about the pattern; its individual error is eliminated."""
 
     W: Array  #: Precision of the pattern's waves, (2 k, 2 k).
-    g: Array  #: Its product with the most probable waves, (2 k,).
+    g: Array  #: W times the most probable waves, (2 k,).
     individual_log_odds: float  #: Log odds of individual waves of full size against those of individual size.
 
 

@@ -261,7 +261,7 @@ MIN_POSES = 3  #: Poses before and behind a step that is doubted.
 MAX_ORDER = 2  #: Periodic errors that may explain it: few poses tell no more.
 MAX_TARGETS = 30
 """Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
-MOUNT_NAME = "targets"  #: Of the mount.
+MOUNT_NAME = "targets"  #: Name of the mount in reports.
 
 
 def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:

@@ -62,9 +62,9 @@ class Change(Generic[Case]):
     neither is plain and needs no fit.
     """
 
-    where: tuple[str, ...] = ()  #: As in `Issue`.
-    size: Array = field(default_factory=_nothing)  #: As in `Issue`; a fit adds its free parameters.
-    numbers: Mapping[str, float] = field(default_factory=dict)  #: As in `Issue`.
+    where: tuple[str, ...] = ()  #: Places of the mistake, as in `Issue`.
+    size: Array = field(default_factory=_nothing)  #: Size, as in `Issue`; a fit adds its free parameters.
+    numbers: Mapping[str, float] = field(default_factory=dict)  #: Numbers, as in `Issue`.
     undone: Case | None = None  #: The data without the mistake, to be fitted again.
     columns: Array | None = None  #: Z of the score test on `rows`, (rows, z) [standard deviations].
     rows: tuple[int, int] | None = None  #: First row, and the one after the last; None for all.
@@ -81,7 +81,7 @@ class Hypothesis(Generic[Case]):
     name: str  #: Identifier in programs and in models.json.
     changes: Callable[[Case], Iterable[Change[Case]]]  #: Yields the ways to undo the mistake in the data.
     words: Callable[[Issue, Arm], str]  #: Describes an issue: what is wrong, and by how much.
-    remedy: str = ""  #: What the user should check.
+    remedy: str = ""  #: Check that the user should make.
     nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
     #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
     many_parameters: bool = False
@@ -194,7 +194,7 @@ def undo_one_by_one(
 
 # --- Readings against the arm's kinematics: what explains them, and which mistake explains them better ------
 
-SOUND_DISTANCE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
+SOUND_DISTANCE = 1.5e-3  #: Distance of targets of a sound arm from its kinematics, over its reach [1].
 IDENTITY_FRAME = Frame(np.eye(3), np.zeros(3))
 PARAMETER_NATS = 4.0  #: Log-likelihood that a free number has to gain [nats].
 ROUNDS = 8  #: Most rounds of reweighting and fitting.

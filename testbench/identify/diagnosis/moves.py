@@ -155,19 +155,19 @@ class _Sums:
     AA: Array  #: Over all rows, (c + 1, c + 1), e last.
     Z: Array  #: Over the rows of every cell between two edges, (cells, z, c + 1 + z): Z A, Z e, Z Z.
     edges: Ids  #: First rows of all cells but the first.
-    count: int  #: Equations that were read.
+    count: int  #: Number of equations.
 
 
 @dataclass(frozen=True)
 class _Unexplained:
-    """Project on what nothing else explains, 1 - P."""
+    """Project on the part of the residuals that no other unknown explains, 1 - P."""
 
-    L: Array  #: Root of the precision of what may be lacking, of unit diagonal, (c, c).
+    L: Array  #: Root of the precision of the possible errors, scaled to unit diagonal, (c, c).
     size: Array  #: Roots of its diagonal, (c,).
-    e: Array  #: What of the residuals it explains, (c,).
-    before: float  #: Sum of squares that it leaves.
-    count: float  #: Equations that nothing spends.
-    shared: float  #: How many of them say the same.
+    e: Array  #: Part of the residuals that the possible errors explain, (c,).
+    before: float  #: Sum of squares of the rest.
+    count: float  #: Number of equations less the fitted unknowns.
+    shared: float  #: Number of equations per independent one.
 
     def score_moves(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
         """Test whether the targets or the tracker moved, in a batch of rows.
