@@ -114,7 +114,7 @@ def squares_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solu
     program = cone.ConeProgram(
         cost=np.zeros(2 * n),
         blocks=(cone.free_block(0, n), *cone.psd_blocks(n, sizes)),
-        rows=(cone.Rows("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
+        rows=(cone.ConeRows("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
         quadratic=np.r_[np.ones(n), np.zeros(n)],
     )
     return cone.solve(program, tolerance=SHARP)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.correct.newton import Aim, Points, equilibrium, solve_inverse_statics
+from testbench.correct.newton import Aim, InverseStatics, equilibrium, solve_inverse_statics
 from testbench.data.dataset import Dataset
 from testbench.identify.posterior import elastic_state
 from testbench.model.load import Load, no_weights
@@ -69,4 +69,4 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
 def correct(state, q, loads, target, aim=None):
     """Joints for which the loaded tool is on its target, all of them free."""
     every = [load.for_poses(len(q)) for load in loads]
-    return solve_inverse_statics(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))
+    return solve_inverse_statics(InverseStatics(state, q, every, target, aim or Aim(), np.ones(q.shape)))

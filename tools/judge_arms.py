@@ -29,7 +29,7 @@ from testbench.identify import average
 from testbench.identify.estimate import deflections, score
 from testbench.identify.method import gco
 from testbench.identify.posterior import intervals
-from testbench.identify.trace import SELECTION_PROBABILITY, paired
+from testbench.identify.trace import SELECTION_PROBABILITY, mean_and_standard_error
 from testbench.model.structure import template56
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed, true_arms
 from testbench.report import markdown
@@ -153,7 +153,7 @@ def decision(cell, truth, regression, constraint, prior, mean, _):
     gain = None
     if rivals is not None:
         links, joints = (np.log(own) for own in rivals.errors)
-        gain = paired(joints - links)  # mean and standard error over poses
+        gain = mean_and_standard_error(joints - links)  # mean and standard error over poses
     return {
         **dict(zip(ANSWERS, (errors[w] for w in weights), strict=True)),
         "gain": gain,

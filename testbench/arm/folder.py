@@ -3,11 +3,10 @@
 An arm is a folder with `rigid.xml` (MJCF: kinematics, masses, geometry) and `elastic.toml` (which body is
 which link, and the true compliances, each number with its unit and origin). `load_arm` reads it.
 
-Linear map from file joints to chain joints: q_model = L q_file + q_0.
-
 A pendant may count joint 3 from the horizontal, so that it moves with joint 2; a palletiser's hand is kept
-level by dependent joints. Both are this one linear map. Files, programs, plans and limits that
-people read are in file joints; all mathematics is in the joints of the chain.
+level by dependent joints. Both are one linear map from file joints to chain joints,
+q_model = L q_file + q_0 (`JointMap`). Files, programs, plans and limits that people read are in file joints;
+all mathematics is in the joints of the chain.
 """
 
 import math

@@ -1,15 +1,14 @@
-"""Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits.
+"""Compensation of a program, and inverse kinematics of the rigid arm along a path of the tool.
 
-`solve_poses` puts the tool into poses by damped Newton steps within limits, all poses at once. A path has
-supports, a stride apart. They are guessed at once; then every one is solved again from its left neighbour
-until none changes. That gives the same joints as one after the other, because only supports behind a change
-are solved again. The points between start from joints interpolated between their supports. `compensate` uses
-such joints for programs in Cartesian coordinates.
+`compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out. They
+are within the limits, with the remaining error and its interval. A point that cannot be corrected keeps its
+programmed joints and has a reason.
 
-Compensation of a program: corrected joints inside the limits, the remaining error, and refused points.
-
-`compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out.
-Points that cannot be corrected keep their programmed joints and say why.
+`joints_along` converts a Cartesian program to joints for `compensate`. `solve_poses` puts the tool into all
+poses at once by damped Newton steps within limits. A path has supports, one stride apart. They are guessed at
+once; then every support is solved again from its left neighbour until none changes. The result is the same as
+solving one after the other, because only supports after a change are solved again. The points between start
+from joints interpolated between their supports.
 """
 
 import itertools
@@ -25,8 +24,8 @@ from testbench.arm.folder import Arm
 from testbench.correct.newton import (
     Aim,
     Corrected,
+    InverseStatics,
     JointMeaning,
-    Points,
     Target,
     assign_rows,
     equilibrium,
@@ -47,7 +46,7 @@ from testbench.plant.site import Site, collisions
 
 POSE_TOLERANCE = 1e-9  #: Distance and angle to its pose within which the tool has reached it [m, rad].
 STOP_ERROR = 1e-12  #: Error, rotation times lever included, below which a pose takes no further step [m].
-LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over the arm's reach [1].
+ROTATION_LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over the arm's reach [1].
 DAMPING = 1e-2  #: Damping of the first step over the squared error [1]: it fades as the tool comes near.
 MIN_DAMPING = 1e-14  #: Damping that stays, over the square of the lever [1].
 MAX_STEP = 0.5  #: Largest motion of a joint in one step [rad, m].
@@ -86,7 +85,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> InverseKinematics:
     Returns:
         Joints within the limits, and the remaining distance and angle.
     """
-    lever = LEVER * vjm.reach
+    lever = ROTATION_LEVER * vjm.reach
     q = vjm.arm.clip_to_limits(start)
     e, J = _error(vjm, lever, q, target)
     cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
@@ -450,7 +449,7 @@ def compensate(
     q: Array,
     loads: Sequence[Load],
     aim: Aim | None = None,
-    room: Site | None = None,
+    site: Site | None = None,
 ) -> Compensated:
     """Find joints that put the loaded tool where a program asks it to be.
 
@@ -460,7 +459,7 @@ def compensate(
         loads: Loads at the points, each the same at all or with one row per point.
         aim: Tool point, the part of its pose to correct, and what joints of the program mean; None for the
             whole pose of the tool's origin.
-        room: Surroundings of the arm, for collisions; None leaves collisions unchecked.
+        site: Surroundings of the arm, for collisions; None leaves collisions unchecked.
 
     Returns:
         Corrected joints inside the limits, remaining errors and their intervals.
@@ -482,7 +481,7 @@ def compensate(
     target = target_of(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).at(point) - target.position
     solution, held = within_limits(model, q, loads, target, aim)
-    refused = _refused(model.arm, solution, q, room)
+    refused = _refused(model.arm, solution, q, site)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     # refused points keep their joints, and their error before correction
     left = np.where(bad[:, None], before, -solution.position_error)
@@ -518,7 +517,7 @@ def within_limits(
     """
     arm, (lower, upper) = model.arm, model.arm.limits
     free_joints = True if arm.dependence is None else arm.dependence.any(axis=0)
-    points = Points(model.state, q, loads, target, aim, np.ones(q.shape))
+    points = InverseStatics(model.state, q, loads, target, aim, np.ones(q.shape))
     corrected = solve_inverse_statics(points)
     for _ in range(arm.n_joints):
         beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.may_move > 0) & free_joints
@@ -535,7 +534,7 @@ def within_limits(
     return corrected, points.may_move == 0
 
 
-def _refused(arm: Arm, corrected: Corrected, q: Array, room: Site | None) -> list[Refusal | None]:
+def _refused(arm: Arm, corrected: Corrected, q: Array, site: Site | None) -> list[Refusal | None]:
     """Find why points cannot be corrected: reach, equilibrium, a limit, or a collision that is new."""
     lower, upper = arm.limits
     reasons: list[Refusal | None] = [None] * len(q)
@@ -545,9 +544,9 @@ def _refused(arm: Arm, corrected: Corrected, q: Array, room: Site | None) -> lis
     for k, j in np.argwhere((corrected.q < lower - 1e-12) | (corrected.q > upper + 1e-12)):
         beyond = float(max(lower[j] - corrected.q[k, j], corrected.q[k, j] - upper[j]))
         reasons[k] = reasons[k] or Refusal("limit", (arm.joints[j].name,), beyond)
-    if room is not None:
+    if site is not None:
         good = np.flatnonzero([reason is None for reason in reasons])
-        for k, pair in zip(good, collisions(room, corrected.q[good]), strict=True):
-            if pair and collisions(room, q[k : k + 1])[0] != pair:
+        for k, pair in zip(good, collisions(site, corrected.q[good]), strict=True):
+            if pair and collisions(site, q[k : k + 1])[0] != pair:
                 reasons[k] = Refusal("collision", pair)
     return reasons

@@ -1,27 +1,25 @@
-"""Joints for which the loaded tool is on its target, solved by Newton's method for many points at once.
+"""Static equilibrium of the loaded arm, and inverse statics: joints whose loaded tool is on its target.
 
-Both unknowns move together: the virtual joints theta towards the equilibrium of `equilibrium`, the commanded
-joints q towards the target. Every step evaluates the deflected arm once. It predicts by J_theta where the new
-theta brings the tool, and moves q by the remaining error. What it neglects is a hundredth on heavy arms, so
-five steps reach 1e-10 m. The operator of a step is that of the start, so the directions that are met or
-damped follow from the start of a point alone, and neighbours on a path stay neighbours. Steps have bounded
-length, and get shorter where they do not converge (a damped Newton method). Points that have not converged by
-then get a new operator in every step.
+All predictions and corrections of this package start from `equilibrium`, in any number of poses at once.
 
-A step corrects position first, then as much of the rotation as is asked. With d the joints' motion, J_p and
-J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a base of the motions
-that leave the position unchanged:
+`solve_inverse_statics` is Newton's method in two unknowns together: the virtual joints theta move towards
+their equilibrium, and the commanded joints q towards the target. Every step evaluates the deflected arm once.
+It predicts by J_theta how the new theta moves the tool, and moves q by the remaining error. The neglected
+terms are a hundredth on heavy arms, so five steps reach 1e-10 m. All steps use the operator of the first one;
+so the directions that are met or damped depend on the start of a point alone, and neighbours on a path stay
+neighbours. Steps have bounded length, and are halved if they do not converge. Points that still have not
+converged get a new operator in every step.
+
+A step corrects position first, then as much of the rotation as is asked for. With d the motion of the joints,
+J_p and J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a basis of the
+motions that leave the position unchanged:
 
     d = J_p^+ b_p + Z z,    z of least norm(J_r Z z - (b_r - J_r J_p^+ b_p))
 
 So the position is met in any pose in which it can be met at all. Near a singular pose of the wrist a rotation
-costs large motions. There every direction z of small singular value s is damped, s / (s^2 + l^2) in place of
-1 / s, with l growing smoothly from zero at s = MIN_SINGULAR_VALUE (Nakamura & Hanafusa 1986); the remaining
-rotation is reported. Where joints are redundant, d is the shortest.
-
-Static equilibrium of the loaded arm in any number of poses, computed in batches that are joined.
-
-All predictions and corrections of this package start from `equilibrium`.
+takes large joint motions. There every direction z of small singular value s is damped: s / (s^2 + l^2)
+replaces 1 / s, with l growing smoothly from zero at s = MIN_SINGULAR_VALUE (Nakamura & Hanafusa 1986); the
+remaining rotation is reported. If joints are redundant, d is the shortest motion.
 """
 
 from collections.abc import Iterator, Sequence
@@ -207,9 +205,9 @@ USUAL_STEPS, MAX_STEPS = 5, 60  #: Steps that suffice for most points, and most 
 HALVING_STEPS = 10  #: Number of steps after which steps are halved; after twice as many they are quartered.
 MIN_MOTION = 1e-9  #: Largest motion of the joints in the last step [rad, m].
 MAX_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
-MAX_COORDINATE, UNIT = 10.0, 1e-6
+MAX_COORDINATE, UNIT_VECTOR_TOLERANCE = 10.0, 1e-6
 """Largest coordinate of a tool point in the tool's frame [m], and rounding of a unit vector's length [1]."""
-SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
+DEFAULT_SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
 
 
 @dataclass(frozen=True)
@@ -228,7 +226,8 @@ class Aim:
     #: Meaning of programmed joints; None is "drawn" for an absolute model, "unloaded" for any other.
     reference: JointMeaning | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
-    spindle: tuple[float, float, float] = SPINDLE  #: Unit vector of the spindle in the tool's frame, (3,).
+    #: Unit vector of the spindle in the tool's frame, (3,) [1].
+    spindle: tuple[float, float, float] = DEFAULT_SPINDLE
 
     def __post_init__(self) -> None:
         """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
@@ -239,12 +238,12 @@ class Aim:
             raise BenchError(f"aim.reference: expected {known} or None, got {self.reference!r}")
         point = check_array(self.point, (3,), "aim.point [m]")
         spindle = check_array(self.spindle, (3,), "aim.spindle [1]")
-        if np.abs(point).max() > MAX_COORDINATE or abs(np.linalg.norm(spindle) - 1) > UNIT:
+        if np.abs(point).max() > MAX_COORDINATE or abs(np.linalg.norm(spindle) - 1) > UNIT_VECTOR_TOLERANCE:
             problem = f"a tool point within {MAX_COORDINATE:g} m and a spindle of length 1"
             raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
 
 
-def target_of(state: ArmState, q: Array, meant: JointMeaning, point: Array) -> Target:
+def target_of(state: ArmState, q: Array, reference: JointMeaning, point: Array) -> Target:
     """Compute the target poses that programmed joints ask for.
 
     Mathematics: `cor-2`.
@@ -252,7 +251,7 @@ def target_of(state: ArmState, q: Array, meant: JointMeaning, point: Array) -> T
     Args:
         state: The identified arm.
         q: Joints of the program, (points, n) [rad, m].
-        meant: "unloaded": the pose under own weight alone, so that only the effect of loads is corrected.
+        reference: "unloaded": the pose under own weight alone, so that only the effect of loads is corrected.
             "drawn": the pose of the nominal rigid arm, so that geometry, joint errors and own weight are
             corrected too.
         point: Tool point in the tool's frame, (3,) [m].
@@ -263,7 +262,7 @@ def target_of(state: ArmState, q: Array, meant: JointMeaning, point: Array) -> T
     Raises:
         NoEquilibrium: When the unloaded arm has no equilibrium; the message names the pose.
     """
-    if meant == "drawn":
+    if reference == "drawn":
         position, rotation = tool_pose(state.vjm, q)
         return Target(position + rotation @ point, rotation)
     rest_poses = equilibrium(state, q)
@@ -290,17 +289,17 @@ class Corrected:
 
 
 @dataclass(frozen=True)
-class Points:
+class InverseStatics:
     """Describe the points to solve: start, loads, target and joints that may move."""
 
     state: ArmState  #: The arm.
     start: Array  #: Joints to start from, (points, n) [rad, m].
-    loads: Sequence[Load]  #: Each with a row a point.
+    loads: Sequence[Load]  #: Loads, each with one row per point.
     target: Target  #: Where the tool point has to be.
     aim: Aim  #: Tool point, and the part of its pose to correct.
     may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
-    def select(self, points: slice | Ids) -> "Points":
+    def select(self, points: slice | Ids) -> "InverseStatics":
         """Select some of the points.
 
         Args:
@@ -322,7 +321,7 @@ class _Errors:
     spring_error: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
 
 
-def _errors(points: Points, q: Array, theta: Array) -> _Errors:
+def _errors(points: InverseStatics, q: Array, theta: Array) -> _Errors:
     """Evaluate the deflected arm once."""
     state = points.state
     where = chain(state.vjm, q, theta)
@@ -333,7 +332,7 @@ def _errors(points: Points, q: Array, theta: Array) -> _Errors:
     return _Errors(where, points.target.position - position, turned, springs)
 
 
-def _rotation_error(points: Points, rotation: Array) -> Array:
+def _rotation_error(points: InverseStatics, rotation: Array) -> Array:
     """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
     if points.aim.hold != "axis":
         return rotation_vectors_between(rotation, points.target.rotation)
@@ -341,7 +340,7 @@ def _rotation_error(points: Points, rotation: Array) -> Array:
     return rotation_vectors_between_axes(rotation @ spindle, points.target.rotation @ spindle)
 
 
-def solve_inverse_statics(points: Points) -> Corrected:
+def solve_inverse_statics(points: InverseStatics) -> Corrected:
     """Find joints for which the loaded tool is on its target, without regard to joint limits.
 
     Most points converge in `USUAL_STEPS` steps of the constant operator. Late ones are solved together,
@@ -373,13 +372,13 @@ def solve_inverse_statics(points: Points) -> Corrected:
     return corrected
 
 
-def _in_batches(points: Points, max_steps: int, *, renewed: bool = False) -> Corrected:
+def _in_batches(points: InverseStatics, max_steps: int, *, renewed: bool = False) -> Corrected:
     """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
     slices = batches(len(points.start))
     return join_rows([_solve_batch(points.select(part), max_steps, renewed=renewed) for part in slices])
 
 
-def _solve_batch(points: Points, max_steps: int, *, renewed: bool) -> Corrected:
+def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Corrected:
     """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
     q, theta = points.start.copy(), unsprung_theta(points.state, points.start, points.loads)
@@ -423,7 +422,7 @@ def _jacobian(aim: Aim, chain: Chain, columns: slice) -> Array:
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
-def _joint_step(points: Points, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
+def _joint_step(points: InverseStatics, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
     """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
     # the errors that remain once theta has followed its springs, to first order
     arm = (errors.chain.rotation @ np.array(points.aim.point)).T

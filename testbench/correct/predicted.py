@@ -1,14 +1,9 @@
-"""Prediction: where the tool goes under its loads, with 95 % intervals.
+"""Prediction: where the tool goes under its loads, with 95 % intervals; and the stiffness of the loaded tool.
 
 `predict` evaluates an identified model, by the equilibrium behind Eq. (7) or by the linear model of Eq. (6).
-
-Extrapolation: how far loads exceed those under which a model was identified.
-
-Stiffness of the loaded tool in every direction: the compliance of Eq. (7) and its ellipsoid.
-
-Process forces that turn with the tool's path: along the feed, across it, and along the spindle.
-
-Process forces become loads of `predict` and `compensate`.
+`load_extent` compares loads with those under which the model was identified. `stiffness` computes the
+compliance of Eq. (7) in every direction, with its ellipsoid. `process_wrench` converts forces that follow the
+path of a tool, along the feed, across it and along the spindle, to loads of `predict` and `compensate`.
 """
 
 import math
@@ -114,7 +109,7 @@ def predict(
 
 def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) -> Prediction:
     """Predict a few poses, as `predict`."""
-    before, after = equilibrium(model.state, loaded.q), loaded.at_rest(model.state)
+    before, after = equilibrium(model.state, loaded.q), loaded.rest_poses(model.state)
     loaded, free = replace(loaded, equilibrium=after), LoadedPoses(loaded.q, equilibrium=before)
     half = half_widths(model, loaded, free, points)
     turn, straight = rotation_vectors_between(before.rotation, after.rotation), _linear(model, loaded, points)

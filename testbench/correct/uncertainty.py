@@ -52,7 +52,7 @@ class LoadedPoses:
             self.q[poses], [load.select(poses) for load in self.loads], self.with_own_weight, known
         )
 
-    def releases(self, other: "LoadedPoses") -> bool:
+    def is_unloaded(self, other: "LoadedPoses") -> bool:
         """Tell whether these are the same poses as others, but without any load.
 
         Args:
@@ -63,7 +63,7 @@ class LoadedPoses:
         """
         return not (self.loads or self.with_own_weight) and np.array_equal(self.q, other.q)
 
-    def at_rest(self, state: ArmState) -> RestPoses:
+    def rest_poses(self, state: ArmState) -> RestPoses:
         """Return the equilibrium under these loads; solve it if it is not known.
 
         Args:
@@ -109,7 +109,7 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
             loaded_poses = end.select(batch)
             free = (
                 before
-                if before is not None and before.releases(loaded_poses)
+                if before is not None and before.is_unloaded(loaded_poses)
                 else LoadedPoses(loaded_poses.q)
             )
             half = np.hypot(half, curvature(model, loaded_poses, free, points))
@@ -145,7 +145,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     rows = rows_between(model, end, None, point[None])[:, 0]
-    x = end.at_rest(model.state).at(point)
+    x = end.rest_poses(model.state).at(point)
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
     F = marker_motion(x)
@@ -190,7 +190,7 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     """
     state, at_rest = model.state, nominal_chain(model.vjm, poses.q, poses.loads)
     if model.absolute:
-        theta = poses.at_rest(state).theta
+        theta = poses.rest_poses(state).theta
         where = chain(model.vjm, poses.q, theta)
         at_rest = replace(at_rest, theta=theta, chain=where, u=on_joints(where, poses.loads))
     if model.absolute or poses.with_own_weight:
@@ -222,12 +222,12 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     state, loads = model.state, poses.loads
-    where, after = chain(model.vjm, poses.q), poses.at_rest(state)
+    where, after = chain(model.vjm, poses.q), poses.rest_poses(state)
     u = on_joints(where, loads)
     if poses.with_own_weight:
         (position, rotation), u = tool_pose(model.vjm, poses.q), u + own_weight(where, state.weights)
     else:
-        before = free.at_rest(state)
+        before = free.rest_poses(state)
         position, rotation = before.position, before.rotation
     bent = np.einsum("rxy,py->rpx", after.rotation - rotation, points) + (after.position - position)[:, None]
     return np.asarray(np.abs(bent - displacement(where, (state.C_theta @ u).T, points)))

@@ -70,8 +70,8 @@ class Dataset(Displayed):
     #: Length of a reading that is a distance to a fixed point, (runs, m) [m]; 0 for the travel of a gauge on
     #: a plane face of the tool, which turns with the tool. With `direction`.
     reach: Array | None = None
-    #: How a tilt moves each reading, tilt times direction x deflection, as a model predicts it, (runs, m, 3)
-    #: [m]. `identify.rows` fills it in; None before. Readings of one set-up share their tilt.
+    #: Error of each reading by the tilt: tilt times direction x deflection of a model, (runs, m, 3) [m].
+    #: `identify.rows` fills it in; None before. Readings of one set-up share their tilt.
     slide: Array | None = None
 
     def __post_init__(self) -> None:

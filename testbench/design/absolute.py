@@ -1,9 +1,9 @@
-"""Absolute readings as a plan sees them: frame, mount, geometry, joint errors, compliances are unknown.
+"""Design of an absolute calibration: frame, mount, geometry, joint errors and compliances are unknown.
 
-Unknowns are in units of what the prior expects, x ~ N(e, 1). Each pose is read under every load without a
-move in between. Joint errors that the model does not explain are one more noise, common to all readings of a
-pose. So the covariance of a pose's readings is that of the tracker plus J diag(rest^2) J^T. `candidate_set`
-turns this into a problem for `planning`.
+Unknowns are in units of their prior, x ~ N(e, 1). Each pose is read under every load without a move in
+between. Joint errors beyond the model are one more noise, common to all readings of a pose: the covariance of
+a pose's readings is that of the tracker plus J diag(unmodelled^2) J^T. `candidate_set` makes a problem for
+`planning` from this.
 
 Instead of a tracker, instruments may read distances from fixed points and heights over planes. A pose is
 then of one kind: all fixed points, and at most one plane, are read in it.
@@ -102,12 +102,12 @@ def series_at(pose: Series, q: Array) -> Series:
 
 
 def measured_rows(
-    union: AbsoluteSetup, q: Array, basis: Array | None = None, kind: Ids | None = None
+    setup: AbsoluteSetup, q: Array, basis: Array | None = None, kind: Ids | None = None
 ) -> Array:
     """Compute whitened rows of poses per unit of x.
 
     Args:
-        union: The unknowns and how a pose is read.
+        setup: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
         basis: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
         kind: Kind of every pose, (poses,); None if there is one.
@@ -115,117 +115,117 @@ def measured_rows(
     Returns:
         Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
     """
-    rows = (_whitened(union, *batch) for batch in _batches(q, kind))
+    rows = (_whitened(setup, *batch) for batch in _batches(q, kind))
     if basis is None:
-        return np.concatenate([whitened @ union.L for whitened in rows])
-    scale = union.L @ basis
+        return np.concatenate([whitened @ setup.L for whitened in rows])
+    scale = setup.L @ basis
     return np.concatenate([row_products(whitened, scale) for whitened in rows])
 
 
-def position_rows(union: AbsoluteSetup, q: Array) -> Array:
+def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
     """Compute positions of all targets per unit of x, under one load after the other.
 
     Positions are those in the tracker's frame. Distances and heights have none: then the arm's base is moved
     and turned so that all positions together change least.
 
     Args:
-        union: The unknowns and how a pose is read.
+        setup: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         Rows, (poses, 3 loads m, r) [m].
     """
-    m = len(union.pose.markers)
-    frame = np.arange(union.unknowns.size)[union.unknowns.columns(f"frame {union.pose.frame}")][:6]
+    m = len(setup.pose.markers)
+    frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose.frame}")][:6]
 
     def rows(batch: Array) -> Array:
-        A = series_rows(union.unknowns, union.state, series_at(union.pose, batch))[:m, :, :-1]
+        A = series_rows(setup.unknowns, setup.state, series_at(setup.pose, batch))[:m, :, :-1]
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]))
 
-    if not union.kinds:
-        return np.concatenate([rows(batch) @ union.L for batch, _ in _batches(q, None)])
+    if not setup.kinds:
+        return np.concatenate([rows(batch) @ setup.L for batch, _ in _batches(q, None)])
     A = np.concatenate([rows(batch) for batch, _ in _batches(q, None)])
     Q = np.linalg.qr(A[:, :, frame].reshape(-1, 6))[0]
     A[:, :, frame] = 0
     flat = A.reshape(-1, A.shape[2])
-    return np.asarray((flat - Q @ (Q.T @ flat)).reshape(A.shape) @ union.L)
+    return np.asarray((flat - Q @ (Q.T @ flat)).reshape(A.shape) @ setup.L)
 
 
-def scale_row(union: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
+def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
     """Compute the scale of predicted positions per unit of x: how they grow with the distance of each other.
 
     Args:
-        union: The unknowns and how a pose is read.
+        setup: The unknowns and how a pose is read.
         rows: Positions per unit of x, `position_rows`, (poses, 3 loads m, r) [m].
         q: Their poses, (poses, n) [rad, m].
 
     Returns:
         Scale, (r,) [m/m], and the RMS distance of a position from the middle of all [m].
     """
-    series = series_at(union.pose, q)
-    at = series_equilibrium(union.state, series).chain.points(union.state.mount(series).points)
+    series = series_at(setup.pose, q)
+    at = series_equilibrium(setup.state, series).chain.points(setup.state.mount(series).points)
     off = at - at.reshape(-1, 3).mean(axis=0)
     return off.ravel() @ rows.reshape(-1, rows.shape[2]) / (off**2).sum(), float(
         np.sqrt((off**2).sum(axis=2).mean())
     )
 
 
-def realigned(union: AbsoluteSetup, rows: Array) -> Array:
+def realigned(setup: AbsoluteSetup, rows: Array) -> Array:
     """Remove from positions what a frame and a mount, fitted to them, would take up.
 
     Args:
-        union: The unknowns; frame and mount are its first columns.
+        setup: The unknowns; frame and mount are its first columns.
         rows: Positions per unit of x, such as `position_rows`, (poses, 3 loads m, r) [m].
 
     Returns:
         The rest of the rows, the same shape [m].
     """
-    first = union.unknowns.starts["geometry"]
+    first = setup.unknowns.starts["geometry"]
     A = rows.reshape(-1, rows.shape[2])
     Q = np.linalg.svd(A[:, :first], full_matrices=False)[0]
     arm = A[:, first:] - Q @ (Q.T @ A[:, first:])
     return np.column_stack([np.zeros_like(A[:, :first]), arm]).reshape(rows.shape)
 
 
-def realignment_loss(union: AbsoluteSetup, rows: Array) -> float:
+def realignment_loss(setup: AbsoluteSetup, rows: Array) -> float:
     """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
 
     Args:
-        union: The unknowns; frame and mount are its first columns.
+        setup: The unknowns; frame and mount are its first columns.
         rows: Positions per unit of x, such as `position_rows`, (poses, 3 loads m, r) [m].
 
     Returns:
         RMS distance of a target from its prediction [m].
     """
-    left = realigned(union, rows)
+    left = realigned(setup, rows)
     return float(np.sqrt(3 * np.square(left).sum() / left[..., 0].size))
 
 
-def unmodelled_joint_error(union: AbsoluteSetup, q: Array) -> Array:
+def unmodelled_joint_error(setup: AbsoluteSetup, q: Array) -> Array:
     """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
 
     Args:
-        union: The unknowns; `unmodelled` holds the joints' standard deviations.
+        setup: The unknowns; `unmodelled` holds the joints' standard deviations.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    m = len(union.pose.markers)
-    return np.asarray(np.sqrt(np.square(_joint_rows(union, union.pose, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
+    m = len(setup.pose.markers)
+    return np.asarray(np.sqrt(np.square(_joint_rows(setup, setup.pose, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
-def sag(union: AbsoluteSetup, q: Array) -> Array:
+def sag(setup: AbsoluteSetup, q: Array) -> Array:
     """Compute the RMS displacement of targets by own weight and the last load, at the expected compliances.
 
     Args:
-        union: The unknowns and where they are expected.
+        setup: The unknowns and where they are expected.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    series, state = series_at(union.pose, q), union.state
+    series, state = series_at(setup.pose, q), setup.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
     bent, straight = (
@@ -235,13 +235,13 @@ def sag(union: AbsoluteSetup, q: Array) -> Array:
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
 
-def candidate_set(union: AbsoluteSetup, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
+def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
     """Make poses the candidates of a plan, in the directions that such a plan can see.
 
-    A direction counts as seen where `poses` average candidates tell more than `union.min_information` of it.
+    A direction counts as seen where `poses` average candidates tell more than `setup.min_information` of it.
 
     Args:
-        union: The unknowns and how a pose is read.
+        setup: The unknowns and how a pose is read.
         q: Actuated joints, (candidates, n) [rad, m].
         poses: Number of poses of the plan.
         kind: Kind of every pose, (candidates,); None if there is one.
@@ -252,32 +252,32 @@ def candidate_set(union: AbsoluteSetup, q: Array, poses: int, kind: Ids | None =
     Raises:
         BenchError: When no direction is seen.
     """
-    mean = np.zeros((union.L.shape[1],) * 2)
+    mean = np.zeros((setup.L.shape[1],) * 2)
     for batch, own in _batches(q, kind):
-        A = measured_rows(union, batch, kind=own).reshape(-1, len(mean))
+        A = measured_rows(setup, batch, kind=own).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
     # directions in which `poses` average candidates tell more than the threshold
     values, V = np.linalg.eigh(mean)
-    seen = poses * values > union.min_information
+    seen = poses * values > setup.min_information
     if not seen.any():
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
-    rows = np.concatenate([measured_rows(union, batch, kind=own) @ lift for batch, own in _batches(q, kind)])
+    rows = np.concatenate([measured_rows(setup, batch, kind=own) @ lift for batch, own in _batches(q, kind)])
     problem = DesignProblem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
     return CandidateSet(q, np.zeros(len(q), dtype=int) if kind is None else kind, problem)
 
 
-def information_of(union: AbsoluteSetup, q: Array) -> Array:
+def information_of(setup: AbsoluteSetup, q: Array) -> Array:
     """Compute the information matrix of positions that are read in some poses, without a prior.
 
     Args:
-        union: The unknowns and how a pose is read.
+        setup: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         Sum of A^T A of the whitened rows A per unit of the unknowns, (size, size).
     """
-    rows = (_whitened(union, *batch).reshape(-1, union.unknowns.size) for batch in _batches(q, None))
+    rows = (_whitened(setup, *batch).reshape(-1, setup.unknowns.size) for batch in _batches(q, None))
     return np.asarray(sum(A.T @ A for A in rows))
 
 
@@ -287,17 +287,17 @@ def _batches(q: Array, kind: Ids | None) -> Iterator[tuple[Array, Ids | None]]:
     yield from zip(np.array_split(q, parts), kinds, strict=True)
 
 
-def _whitened(union: AbsoluteSetup, q: Array, kind: Ids | None = None) -> Array:
+def _whitened(setup: AbsoluteSetup, q: Array, kind: Ids | None = None) -> Array:
     """Compute whitened rows of poses per unit of the unknowns, (poses, k, size) [1/m, 1/rad].
 
     The covariance of a pose's readings is that of the instruments plus that of joint errors beyond the model.
     """
-    kinds = union.kinds or ((union.pose,),)
+    kinds = setup.kinds or ((setup.pose,),)
     own = np.zeros(len(q), dtype=int) if kind is None else kind
-    rows = np.empty((len(q), 0, union.unknowns.size))
+    rows = np.empty((len(q), 0, setup.unknowns.size))
     for k in np.unique(own):
         at = own == k
-        parts = [_read(union, one, q[at]) for one in kinds[k]]
+        parts = [_read(setup, one, q[at]) for one in kinds[k]]
         A, sigma, G = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
         noise = np.einsum("pk,kl->pkl", sigma**2, np.eye(sigma.shape[1]))
         whitened = np.linalg.solve(np.linalg.cholesky(G @ G.swapaxes(1, 2) + noise), A)
@@ -307,34 +307,34 @@ def _whitened(union: AbsoluteSetup, q: Array, kind: Ids | None = None) -> Array:
     return rows
 
 
-def _read(union: AbsoluteSetup, pose: Series, q: Array) -> tuple[Array, Array, Array]:
+def _read(setup: AbsoluteSetup, pose: Series, q: Array) -> tuple[Array, Array, Array]:
     """Compute the readings of one instrument, k of every pose.
 
     Returns:
         Readings per unit of the unknowns, (poses, k, size) [m, rad], their noise, (poses, k) [m, rad], and
         readings per unit of joint errors beyond the model, (poses, k, n) [m, rad].
     """
-    series, G = series_at(pose, q), np.repeat(_joint_rows(union, pose, q)[:, None], pose.rows, axis=1)
-    A = series_rows(union.unknowns, union.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
+    series, G = series_at(pose, q), np.repeat(_joint_rows(setup, pose, q)[:, None], pose.rows, axis=1)
+    A = series_rows(setup.unknowns, setup.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
     sigma = np.full((len(q), pose.rows, A.shape[1] * A.shape[2]), pose.sigma)
     sigma[:, :, 3 * len(pose.markers) :] = pose.sigma_rotation or pose.sigma
     if pose.distance is not None:  # of the rows of a position that along the beam
         [k] = np.flatnonzero(pose.seen[0])
-        u = beams(union.state, series, series_equilibrium(union.state, series))[0][k].T
+        u = beams(setup.state, series, series_equilibrium(setup.state, series))[0][k].T
         A, sigma = np.einsum("rx,rxc->rc", u, A[:, k])[:, None], sigma[:, :, :1]
         G = np.einsum("plx,plxn->pln", u.reshape(len(q), -1, 3), G[:, :, 3 * k : 3 * k + 3])[:, :, None]
     flat = (len(q), -1)
-    return A.reshape(*flat, union.unknowns.size), sigma.reshape(flat), G.reshape(*flat, G.shape[-1])
+    return A.reshape(*flat, setup.unknowns.size), sigma.reshape(flat), G.reshape(*flat, G.shape[-1])
 
 
-def _joint_rows(union: AbsoluteSetup, pose: Series, q: Array) -> Array:
+def _joint_rows(setup: AbsoluteSetup, pose: Series, q: Array) -> Array:
     """Compute positions and orientations per unit of joint errors beyond the model, (poses, 3 s, n) [m, rad].
 
     The arm is rigid: they do not depend on the load.
     """
-    n, state = union.unknowns.vjm.arm.n_joints, union.state
+    n, state = setup.unknowns.vjm.arm.n_joints, setup.state
     where = chain(state.vjm, q)
     J = translation_rows(where, state.mount(pose).points)[:, -n:]
     if pose.rotation is not None:
         J = np.concatenate([J, where.J_theta[3:, -n:]])
-    return np.asarray(J.transpose(2, 0, 1) * union.unmodelled)
+    return np.asarray(J.transpose(2, 0, 1) * setup.unmodelled)

@@ -2,8 +2,8 @@
 
 Every criterion Phi is concave in M and positively homogeneous (Pukelsheim 1993, ch. 5), so that its
 efficiency Phi(plan) / Phi(best) is between 0 and 1. A criterion has three methods. `information(M)` is Phi.
-`after(M, rows)` is Phi with one more candidate, for every candidate, by updates of rank k; it is 0 for a
-candidate that was not worth computing. `tangent(M)` is a supporting plane above Phi, from which the
+`with_candidate(M, rows)` is Phi with one more candidate, for every candidate, by updates of rank k; it is 0
+for a candidate that was not worth computing. `tangent(M)` is a supporting plane above Phi, from which the
 equivalence theorem bounds all plans at once. M is (r, r), rows are (candidates, k, r).
 
 D: det(M)^(1/r). A: r / tr(M^-1). E: least eigenvalue. I, and the test-pose criterion of Klimchik et al.
@@ -36,7 +36,7 @@ class Tangent:
     height: float
     #: Curvature along S over <Z, S M^-1 S> / height: 1 of log Phi for D, 2 of tr(W M^-1) over its value for a
     #: linear criterion; 0 for a stand-in, which has no Newton step.
-    bend: float = 0.0
+    curvature: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class DeterminantCriterion:
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
 
-    def after(self, M: Array, rows: Array) -> Array:
+    def with_candidate(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, by det(M + F^T F) = det(M) det(1 + F M^-1 F^T).
 
         Mathematics: `pose-7`.
@@ -82,7 +82,7 @@ class DeterminantCriterion:
             M: Information matrix, (r, r) [1].
         """
         value = self.information(M)
-        return Tangent(value * np.linalg.inv(M) / len(M), value, bend=1.0)
+        return Tangent(value * np.linalg.inv(M) / len(M), value, curvature=1.0)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class LinearCriterion:
         """
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
-    def after(self, M: Array, rows: Array) -> Array:
+    def with_candidate(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, by Woodbury's formula.
 
         Mathematics: `pose-7`.
@@ -119,7 +119,7 @@ class LinearCriterion:
         Returns:
             Phi(M + F^T F) of every candidate, (candidates,).
         """
-        return gains_of(M, rows, self.W).after()
+        return gains_of(M, rows, self.W).with_candidate()
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
@@ -160,7 +160,7 @@ class LargestCriterion:
         """
         return float(1 / self.costs(M).max())
 
-    def after(self, M: Array, rows: Array) -> Array:
+    def with_candidate(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, exactly for the `SHORTLIST` that the stand-in ranks first.
 
         Args:
@@ -317,7 +317,7 @@ class Gains:
     #: Factor by which M grew at most along a direction since K and N were computed from it [1].
     growth: float = 1.0
 
-    def after(self) -> Array:
+    def with_candidate(self) -> Array:
         """Compute 1 / tr(W M^-1) with one more candidate.
 
         Returns:
@@ -398,4 +398,4 @@ def grow(gains: Gains, rows: Array) -> Gains:
 def _tangent(M: Array, W: Array) -> Tangent:
     I = np.linalg.inv(M)  # noqa: E741 - used thrice
     value = float(1 / (I * W).sum())
-    return Tangent(value**2 * (I @ W @ I), value, bend=2.0)
+    return Tangent(value**2 * (I @ W @ I), value, curvature=2.0)

@@ -1,25 +1,21 @@
-"""Plans of whole poses: a greedy start, Fedorov's exchange, and several starts from the relaxed weights.
+"""Search for the best plan: relaxation to weights, exchange of whole poses, local refinement.
 
-Fedorov (1972) and Mitchell's DETMAX (1974): remove the pose that another candidate replaces best, until no
+The relaxed problem has weights w >= 0 with sum N in place of N poses: Phi(prior + sum w F^T F) is concave in
+them. With Z of a tangent at any M, Phi of every plan is at most <Z, prior> + N max <Z, F^T F>: the
+equivalence theorem (Kiefer and Wolfowitz 1960) as a bound. Weights increase on a working set of candidates;
+candidates that limit the bound join it. If Phi is smooth the weights follow Newton's method: the best
+weights of its second-order model solve a least-squares problem with weights >= 0 (Lawson and Hanson 1974). G
+and E use the multiplicative algorithm (Silvey, Titterington and Torsney 1978; Yu 2010), which needs no
+second derivatives but more steps.
+
+Whole poses are chosen by Fedorov's exchange (1972) and Mitchell's DETMAX (1974), from a greedy start and from
+several starts by the relaxed weights. The pose that another candidate replaces best is exchanged, until no
 exchange of one pose helps. Every trial is an update of rank k of the information matrix. A tangent of the
-criterion selects the trials that can help. Local refinement follows.
+criterion selects the trials that can help.
 
-The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses.
-
-Weights w >= 0 with sum N in place of N poses make Phi(prior + sum w F^T F) a concave problem. With Z of a
-tangent at any M, Phi of every plan is at most <Z, prior> + N max <Z, F^T F>: the equivalence theorem (Kiefer
-and Wolfowitz 1960) read as a bound. Weights climb on a working set of candidates; candidates that the bound
-blames for the gap join it.
-
-Where Phi is smooth the weights climb by Newton's method: the best weights of its second-order model solve a
-least-squares problem with weights >= 0 (Lawson and Hanson 1974). G and E use the multiplicative algorithm
-(Silvey, Titterington and Torsney 1978; Yu 2010), which needs no second derivatives but more steps.
-
-Local refinement of a plan: from the best candidates to better joint angles, pose after pose.
-
-It is a random search with a shrinking step, an evolution strategy with one parent. Many neighbours of a pose
-are judged at once by updates of the information matrix. Only those that would help are checked for
-feasibility.
+Local refinement then improves the joint angles pose by pose. It is a random search with a shrinking step, an
+evolution strategy with one parent. Updates of the information matrix judge many neighbours of a pose at once;
+feasibility is checked only for those that would help.
 """
 
 import itertools
@@ -143,13 +139,13 @@ def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) 
     every = gram_matrices(rows)
     M = prior + (w @ every).reshape(prior.shape)
     plane = criterion.tangent(M)
-    if not plane.bend:
+    if not plane.curvature:
         return _multiply(prior, criterion, every, w)
     # Newton: the best weights of a second-order model, of log Phi for D and of the cost 1 / Phi for a linear
     # criterion; multiplicative steps where there is none
     Z, inverse = plane.Z / plane.height, np.asarray(np.linalg.inv(M))
     try:
-        goal = _best_of_model(every @ Z.ravel(), plane.bend * _curvature(rows, every, inverse, Z), w)
+        goal = _best_of_model(every @ Z.ravel(), plane.curvature * _curvature(rows, every, inverse, Z), w)
     except (np.linalg.LinAlgError, RuntimeError):  # without a prior few poses cost too many digits
         return _multiply(prior, criterion, every, w)
     # halve the step until Phi does not fall
@@ -268,7 +264,7 @@ def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int
     gains = gains_of(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
     for k in stepwise(range(poses), "choosing poses"):
         # of a linear criterion the gains follow M; the others are computed from it
-        worth = criterion.after(M, rows) if gains is None else gains.after()
+        worth = criterion.with_candidate(M, rows) if gains is None else gains.with_candidate()
         plan[k] = worth.argmax()
         added = rows[plan[k]]
         M = M + added.T @ added
@@ -310,7 +306,7 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
             useful = sensitivity(rows, Z)
             promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
         # exact Phi of the promising ones; if the best is better it replaces k, and all poses are tried again
-        reached = criterion.after(rest, rows[promising]) if len(promising) else np.zeros(1)
+        reached = criterion.with_candidate(rest, rows[promising]) if len(promising) else np.zeros(1)
         left -= 1
         if reached.max() > floor:
             plan[k], value = promising[reached.argmax()], float(reached.max())
@@ -431,7 +427,7 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
         return hopeful
-    reached = criterion.after(others, rows[hopeful])
+    reached = criterion.with_candidate(others, rows[hopeful])
     first = np.argsort(-reached)[:CHECKED_NEIGHBOURS]
     return np.asarray(hopeful[first[reached[first] > floor]])
 

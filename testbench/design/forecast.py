@@ -1,13 +1,12 @@
 """Forecast of a plan: the error of predicted deflections to expect after identification, with intervals.
 
 A forecast is linear and normal: the error of a prediction is bias + spread @ N(0, 1). `inflate_intervals`
-adds what nonlinear arms and wrong priors cost.
+adds the effect of nonlinear arms and wrong priors.
 
-Forecast of a plan on an arm of which every link and joint is elastic, where the model leaves some out.
-
-The arm's unknowns are x ~ N(e, u^2 1) in the metric of the prior from which it is drawn. Its whitened
-readings are y = A x + noise. A model's fit is affine in them, x_m = K y + k. So its error at the tasks is T x
-- T_m x_m = D x - T_m (K noise + k) with D = T - T_m K A: normal, with known mean and covariance.
+`linear_fit` forecasts a model that leaves out some elastic links and joints. All unknowns of the arm are x ~
+N(e, u^2 1) in units of the prior from which it is drawn. Its whitened readings are y = A x + noise. A
+model's fit is affine in them, x_m = K y + k. So its error at the tasks is T x - T_m x_m = D x - T_m (K noise
++ k) with D = T - T_m K A: normal, with known mean and covariance.
 """
 
 import math
@@ -113,7 +112,7 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     """
     # a root of the covariance of x, lift M^-1 lift^T + hidden
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
-    values, V = np.linalg.eigh(half.T @ half + problem.hidden)
+    values, V = np.linalg.eigh(half.T @ half + problem.remaining_covariance)
     errors = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
     return without_bound(errors, unbounded_predictions(problem, rows))
 

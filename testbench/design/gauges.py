@@ -1,4 +1,4 @@
-"""Where gauges touch: in every pose of a plan, which markers are read and along which axes.
+"""Places of gauges: in every pose of a plan, which markers are read and along which axes.
 
 A gauge reads one number, so that a pose offers a choice that a tracker does not have. A candidate is a pose
 with some of its markers, each touched along an axis of the world or of the tool. Candidates are chosen by the
@@ -23,9 +23,9 @@ MIN_GAIN, SWEEPS = 1e-6, 20
 
 @dataclass(frozen=True)
 class Gauges:
-    """Describe the gauges that are at hand."""
+    """Describe the gauges that are available."""
 
-    count: int  #: How many are read in a pose, each at a marker of its own.
+    count: int  #: Number of gauges per pose, each at a different marker.
     sigma: float  #: Standard deviation of one reading [m].
     tilt: float  #: Standard deviation of a direction about each axis across it [rad].
 
@@ -79,7 +79,7 @@ def _deviations(d: Array, gauges: Gauges) -> Array:
 class PlacedGauges:
     """Hold the gauges of a plan in the order of measuring."""
 
-    gauges: Gauges  #: How they read.
+    gauges: Gauges  #: Number and accuracy of the gauges.
     marker: Ids  #: Index of the marker of every gauge, (poses, count).
     axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
     deviation: Array  #: Standard deviation of every reading, a tilt included, (poses, count) [m].
@@ -181,7 +181,7 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     for p in islice(cycle(range(poses)), SWEEPS * poses):
         present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
         rest = M - present.T @ present
-        reached = criterion.after(rest, every[p])
+        reached = criterion.with_candidate(rest, every[p])
         better = way[p] < 0 or reached.max() > (1 + MIN_GAIN) * reached[way[p]]
         way[p] = int(reached.argmax()) if better else way[p]
         M = rest + every[p, way[p]].T @ every[p, way[p]]

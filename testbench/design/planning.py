@@ -1,25 +1,21 @@
-"""A measurement plan: from candidate poses to those that pay, with certificate, forecast and order.
+"""A measurement plan: from candidate poses to the best ones, with certificate, forecast and order.
 
 `make_plan` joins the parts of this package: relaxation, exchange, local refinement, order of measuring. The
 relaxed bound certifies how far the plan is from the best one over all poses examined.
 
-The order of measuring: the shortest way through all poses, as an integer program.
+The order of measuring is the shortest way through all poses, an integer program (travelling salesman). Every
+pose has two of the chosen legs, and subtours are forbidden as they appear (Dantzig, Fulkerson and Johnson
+1954). A place at distance zero from all others is where the round trip is cut open. Programs over legs to
+near places come first, and linear relaxations before integer ones: these cheaper programs reveal most
+subtours and most surcharges. More than `MAX_EXACT_PLACES` places use legs to near places only. A surcharge
+of a leg, such as a collision check, is expensive to compute. It is computed only for legs that a best trip
+uses. A trip without its surcharges seems no longer than it is, so the best trip whose legs all have theirs
+is the shortest.
 
-It is a travelling salesman problem. Every pose has two of the chosen legs, and subtours are forbidden as they
-appear (Dantzig, Fulkerson and Johnson 1954). A place at distance zero from all others is where the round trip
-is cut open. Programs over legs to near places come first, and linear relaxations before integer ones: these
-cheaper programs show most subtours, and most surcharges, sooner. More than `MAX_EXACT_PLACES` places use legs
-to near places only.
-
-A surcharge of a leg, such as a collision check, is expensive to compute. It is asked only for legs that a
-best trip uses. Without it a trip seems no longer than it is. So the best trip whose legs were all asked is
-the shortest.
-
-Baselines of a plan: greedy and random plans, the part that rests on the prior, observability indices.
-
-O1: Borm and Menq (IJRR 1991). O2: Driels and Pathre (J. Robotic Systems 1990). O3: Nahvi, Hollerbach and
-Hayward (ICRA 1994). O4: Nahvi and Hollerbach (ICRA 1996). O5: Sun and Hollerbach (ICRA 2008). Reports compare
-them with the plan.
+`baselines` compares the plan with greedy and random plans, `prior_influence` computes the part of the
+forecast that rests on the prior, and `observability` the indices O1: Borm and Menq (IJRR 1991); O2: Driels
+and Pathre (J. Robotic Systems 1990); O3: Nahvi, Hollerbach and Hayward (ICRA 1994); O4: Nahvi and Hollerbach
+(ICRA 1996); O5: Sun and Hollerbach (ICRA 2008).
 """
 
 import itertools
@@ -276,14 +272,17 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     return CandidateSet(every, load, problem)
 
 
-def make_plan(spec: Specification, name: str, q: Array, reach: Feasibility, rng: np.random.Generator) -> Plan:
+def make_plan(
+    spec: Specification, name: str, q: Array, feasibility: Feasibility, rng: np.random.Generator
+) -> Plan:
     """Find the best plan by one of `CRITERIA`, certified against all poses examined.
 
     Args:
         spec: Specification of the plan.
         name: One of `CRITERIA`.
         q: Feasible poses, (candidates, n) [rad, m].
-        reach: Tells which poses near the candidates are feasible, and which ways between them are clear.
+        feasibility: Tells which poses near the candidates are feasible, and which paths between them are
+            clear.
         rng: Source of starts and steps.
 
     Returns:
@@ -297,13 +296,13 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Feasibility, rng:
     examined = candidate_set(spec, q)
     arm = spec.experiment.vjm.arm
     search = PoseSearch(
-        partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
+        partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
     )
     criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
     return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
 
 
-def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.Generator) -> Plan:
+def place_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.random.Generator) -> Plan:
     """Choose poses together with the gauges that are read in each of them.
 
     A place is a pose with its gauges. Places are exchanged one by one by the plan's criterion, among the
@@ -313,7 +312,8 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     Args:
         plan: A plan for a tracker; its poses are among those that are tried.
         gauges: The gauges that are at hand.
-        reach: Tells which poses near the candidates are feasible, and which ways between them are clear.
+        feasibility: Tells which poses near the candidates are feasible, and which paths between them are
+            clear.
         rng: Source of steps.
 
     Returns:
@@ -325,7 +325,7 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     spec, examined, criterion = plan.specification, plan.examined, plan.criterion
     problem, arm = examined.problem, spec.experiment.vjm.arm
     search = PoseSearch(
-        partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
+        partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
     )
     every = gauge_rows(spec, examined.q, examined.load, gauges, problem.lift)
     # poses with their gauges by exchange, then better joint angles with these gauges
@@ -333,7 +333,7 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     load = examined.load[pose]
     q = _refine_places(plan, gauges, start, examined.q[pose], load, search)
     # the order of measuring, and other gauges where these are better now
-    order = _measuring_order(q, load, reach)
+    order = _measuring_order(q, load, feasibility)
     q, load = q[order], load[order]
     rows = gauge_rows(spec, q, load, gauges, problem.lift)
     chosen = _better_gauges(rows, problem, criterion, gauges, (start.marker[order], start.axis[order]))
@@ -515,20 +515,20 @@ def _add_candidates(search: PoseSearch, examined: CandidateSet, q: Array, load: 
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 
-def _measuring_order(q: Array, load: Ids, reach: Feasibility) -> Ids:
+def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
     """Order the poses: one load after the other, each on the shortest way through its poses, (poses,)."""
     order: list[int] = []
     for kind in np.unique(load):
         poses = q[load == kind]
 
-        path = shortest_path(joint_travel(poses), partial(_collision_detour, reach, poses))
+        path = shortest_path(joint_travel(poses), partial(_collision_detour, feasibility, poses))
         order += np.flatnonzero(load == kind)[path].tolist()
     return np.array(order)
 
 
-def _collision_detour(reach: Feasibility, poses: Array, a: int, b: int) -> float:
+def _collision_detour(feasibility: Feasibility, poses: Array, a: int, b: int) -> float:
     """Return what the motion from pose a to pose b costs beyond its length: more if it collides."""
-    return 0.0 if reach.clear(poses[a], poses[b]) else COLLISION_DETOUR
+    return 0.0 if feasibility.clear(poses[a], poses[b]) else COLLISION_DETOUR
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
@@ -611,10 +611,11 @@ class Baselines:
 class PriorInfluence:
     """Hold how far a plan's forecast rests on the prior instead of its readings."""
 
-    outweighed: int  #: Directions that the plan's readings determine better than the prior does.
+    #: Number of directions that the readings of the plan determine better than the prior does.
+    directions_from_readings: int
     #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
     prior_share: float
-    hidden: float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
+    unseen_mean_square: float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
@@ -638,9 +639,9 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
     against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
     return PriorInfluence(
-        outweighed=int((against > 1).sum()),
+        directions_from_readings=int((against > 1).sum()),
         prior_share=left_open / (hidden + float(np.trace(W @ I))),
-        hidden=hidden,
+        unseen_mean_square=hidden,
     )
 
 
@@ -706,4 +707,4 @@ def hidden_mean_square(problem: DesignProblem, rows: Array) -> float:
     Returns:
         Mean square error, at least 0 whatever rounding does [m^2].
     """
-    return max(0.0, float(np.trace(mean_square(rows) @ problem.hidden)))
+    return max(0.0, float(np.trace(mean_square(rows) @ problem.remaining_covariance)))

@@ -26,7 +26,9 @@ RIDGE = 1e-13
 It is small enough: the weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's
 information.
 """
-BLOCK = 128  #: Candidates whose products are computed at once: 128 of six rows of 89 numbers are 0.5 MB.
+CANDIDATES_PER_BLOCK = (
+    128  #: Candidates whose products are computed at once: 128 of six rows of 89 numbers are 0.5 MB.
+)
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Tasks:
 class Specification:
     """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
-    experiment: MeasurementSetup  #: How poses are measured.
+    experiment: MeasurementSetup  #: Loads, readings and noise of a pose.
     loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
     tasks: Tasks  #: Where predictions are wanted.
     #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
@@ -72,8 +74,8 @@ class DesignProblem:
     rows: Array  #: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
     prior: Array  #: Information on a before any reading, (r, r).
     lift: Array  #: x per unit of a, (n, r).
-    #: Covariance of x that stays whatever is measured, (n, n) [1]; zero without a prior, see `unobservable`.
-    hidden: Array
+    #: Covariance of x that no candidate reduces, (n, n) [1]; zero without a prior, see `unobservable`.
+    remaining_covariance: Array
     #: Directions of x that no candidate shows and no prior bounds, (n, n - r); none with a prior, (n, 0).
     unobservable: Array
 
@@ -202,9 +204,9 @@ def in_blocks(rows: Array) -> list[Array]:
         rows: Rows, (candidates, k, r).
 
     Returns:
-        The rows in order, at most `BLOCK` candidates each; one block where there are none.
+        The rows in order, at most `CANDIDATES_PER_BLOCK` candidates each; one block where there are none.
     """
-    return np.split(rows, range(BLOCK, len(rows), BLOCK))
+    return np.split(rows, range(CANDIDATES_PER_BLOCK, len(rows), CANDIDATES_PER_BLOCK))
 
 
 def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float | None) -> DesignProblem:

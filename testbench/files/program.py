@@ -38,7 +38,7 @@ from testbench.files.languages import (
     values_of,
 )
 from testbench.files.mapping import Controller, Names, read_map
-from testbench.files.motion import axes_of, turn_flags
+from testbench.files.motion import axes_of, scale_of, turn_flags
 from testbench.files.names import (
     ALONG,
     ROTATIONS,

@@ -1,31 +1,31 @@
 """The default method: an average of models, weighted by their evidence.
 
-The models are joints only; links and joints; these with laws of joints; and these with coupled joints. Each
-is fitted under two priors: links as expected, and softened ones, which are less of a beam.
+The models are joints only; links and joints; these with joint laws; and these with coupled joints. Each is
+fitted under two priors: links as expected, and softened links, whose rotations and shears are less coupled
+than those of a beam.
 
 If links are so stiff that the readings hardly show them, their fitted compliances are noise, and joints only
-predict better. If joints stiffen, stick or have backlash, a linear model errs. If a torque on one joint turns
-another one too, the cone bends links to explain it. Held-out errors of few poses are too noisy to select a
-model; the evidence is not. Where it is undecided, an average errs less than a selection: selecting by the
-same evidence loses to joints only twice as often where links are 10 or 30 times stiffer than the folder's. A
-mean of positive semi-definite matrices is positive semi-definite.
+predict better. If joints stiffen, stick or have backlash, a linear model errs. If a torque on one joint also
+turns another one, the cone bends links to explain it. Held-out errors of few poses are too noisy to select a
+model; the evidence is not. Where the evidence is undecided, an average errs less than a selection: selecting
+by the same evidence loses to joints only twice as often where links are 10 or 30 times stiffer than the
+folder's. A mean of positive semi-definite matrices is positive semi-definite.
 
-Link compliances that vary from pose to pose: the size of the variation, learnt from the readings.
-
-No linear model contains it, and its prior would explain it by links that are far off. In pose p every link k
-has (1 + rho e_pk) times its compliance, e_pk standard normal. With W the rows pi_k of a fit, one per link,
+`stiffness_scatter` learns from the readings how much link compliances vary from pose to pose. No linear model
+contains this variation, and its prior would explain it by links that are far off. In pose p every link k has
+(1 + rho e_pk) times its compliance, with e_pk standard normal. With W the rows pi_k of a fit, one per link,
 the rows A_p of a pose have the covariance
 
     S_p = 1 + rho^2 A_p W^T W A_p^T
 
-in units of the noise, and multiplied by S_p^-1/2 they are those of a linear model again. rho maximises the
-evidence under the prior that was learnt without it; it is 0 unless the evidence gains enough. In new poses
-links vary as much, which is added to the noise of predictions.
+in units of the noise. Multiplied by S_p^-1/2 they are rows of a linear model again. rho maximises the
+evidence under the prior that was learnt without it; it is 0 unless the evidence gains enough. Links vary as
+much in new poses, which is added to the noise of predictions.
 
-Poses held out: whether links help at all. The evidence trusts the prior's shape, and of links ten times
-stiffer than the folder's it may make a model that fits noise. So where the evidence is not overwhelming,
-links count only if they predict poses that are left out better than joints alone, by a paired test. Links
-that change from pose to pose count unless they predict these poses worse.
+`LinksAndJoints` compares links with joints only in poses that are left out of the fit. The evidence trusts
+the prior's form; for links ten times stiffer than the folder's it may prefer a model that fits noise. So
+where the evidence is not overwhelming, links count only if they predict the poses left out better than joints
+only, by a paired test. Links that vary from pose to pose count unless they predict these poses worse.
 """
 
 import math
@@ -59,25 +59,25 @@ from testbench.model.structure import Structure
 TRIED_SCATTERS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
 """Values of rho that are tried [1]."""
 MIN_LOG_EVIDENCE = math.log(10)
-"""Log evidence that rho must gain. Of 19 arms of the family with all disturbances none gains it, of 13
-undisturbed ones one, which then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
+"""Log evidence that rho must gain. 19 arms of the family with all disturbances do not gain it. Of 13
+undisturbed ones one does, and then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
 EVIDENCE_BACKOFF = 1.5
-"""Log evidence that a larger rho may lose against the best one: the learnt prior explains some of it
-already."""
+"""Log evidence that a larger rho may be below the best: the learnt prior already explains some of the
+variation."""
 ROUNDING_SHARE = 1e-9
 """Rows below this share of the largest are rounding [1]."""
 
 
-# --- Links that change with the pose ------------------------------------------------------------------------
+# --- Links that vary from pose to pose ----------------------------------------------------------------------
 
 
 def stiffness_scatter(r: Regression, estimate: Estimate, backoff: float = 0.0) -> float:
-    """Find the relative change rho of link compliances between poses of greatest evidence.
+    """Find the relative variation rho of link compliances from pose to pose that has the greatest evidence.
 
     Args:
         r: The dataset, with its rows pose by pose.
         estimate: A fit to it with a learnt prior.
-        backoff: Log evidence that a larger rho may lose against the best.
+        backoff: Log evidence that a larger rho may be below the best.
 
     Returns:
         rho, 0 if the evidence does not gain enough [1].
@@ -94,28 +94,32 @@ def _scatter_evidence(r: Regression, fit: Estimate) -> Array:
     assert weighted_prior is not None
     r = restrict_to(r, fit.structure)
     poses = [_pose_variances(rows, _parameters_by_link(r, fit.pi)) for rows in r.poses]
-    lost = r.equations - sum(len(w) for w, _ in poses)
-    left = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in r.terms)
-    left -= math.fsum(float(y @ y) for y in _readings(poses))
-    return np.array([_log_evidence(rho, weighted_prior, poses, lost, left) for rho in TRIED_SCATTERS])
+    unused = r.equations - sum(len(w) for w, _ in poses)
+    rest = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in r.terms)
+    rest -= math.fsum(float(y @ y) for y in _readings(poses))
+    return np.array([_log_evidence(rho, weighted_prior, poses, unused, rest) for rho in TRIED_SCATTERS])
 
 
 def _uncoupled_fit(estimate: Estimate) -> Estimate:
-    """Return the fit of links and joints, with laws if these are more probable: links explain the rest."""
+    """Return the fit without coupled joints; with joint laws if these are more probable."""
     if estimate.average is None:
         return estimate
-    lawful = estimate.average.with_laws
-    return lawful if lawful is not None and estimate.average.laws_weight > 0.5 else estimate.average.all_parts
+    with_laws = estimate.average.with_laws
+    return (
+        with_laws
+        if with_laws is not None and estimate.average.laws_weight > 0.5
+        else estimate.average.all_parts
+    )
 
 
 def _parameters_by_link(r: Regression, pi: Array) -> Array:
-    """Split the parameters by link, (links, n): row k keeps those of link k, all others are zero."""
+    """Split the parameters by link, (links, n): row k has those of link k, and zeros for all others."""
     of_link = np.arange(r.structure.links)[:, None] == r.structure.a // 6
     return np.asarray(of_link * np.pad(pi, (0, r.structure.n - len(pi))))
 
 
 def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
-    """Compute variances of a pose's rows per rho^2, (k,), and the rows along uncorrelated directions."""
+    """Compute the variances of a pose's rows per rho^2, (k,), and the rows along uncorrelated directions."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     long = np.abs(R).max(axis=1)
     R = R[long > ROUNDING_SHARE * long.max(initial=0)]
@@ -125,29 +129,29 @@ def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
 
 
 def _log_evidence(
-    rho: float, weighted_prior: WeightedPrior, poses: list[tuple[Array, Array]], lost: int, left: float
+    rho: float, weighted_prior: WeightedPrior, poses: list[tuple[Array, Array]], unused: int, rest: float
 ) -> float:
-    """Compute the log density of the readings, up to a constant; their noise is as stated or as learnt."""
+    """Compute the log density of the readings, up to a constant, with stated noise or learnt noise."""
     B, c = (
         part / weighted_prior.misfit
         for part in precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
     )
     prior, L, best = np.c_[B, c].T @ np.c_[B, c], weighted_prior.scaling.L, -math.inf
     for kappa in {1.0, weighted_prior.misfit}:
-        H, spread = prior.copy(), 2 * lost * math.log(kappa)
+        H, spread = prior.copy(), 2 * unused * math.log(kappa)
         for values, rows in poses:
             variance = kappa**2 + rho**2 * values
             whitened = np.c_[rows[:, :-1] @ L, rows[:, -1]] / np.sqrt(variance)[:, None]
             H += whitened.T @ whitened
             spread += float(np.log(variance).sum())
         _, size_of = np.linalg.slogdet(H[:-1, :-1])
-        chi = float(H[-1, -1] - H[-1, :-1] @ np.linalg.solve(H[:-1, :-1], H[:-1, -1])) + left / kappa**2
+        chi = float(H[-1, -1] - H[-1, :-1] @ np.linalg.solve(H[:-1, :-1], H[:-1, -1])) + rest / kappa**2
         best = max(best, -(chi + spread + float(size_of) + (math.log(kappa) / MISFIT_DEVIATION) ** 2) / 2)
     return best
 
 
 def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
-    """Weigh a dataset as if every link's compliance varied from pose to pose by a share rho.
+    """Weight a dataset as if the compliance of every link varied from pose to pose by a share rho.
 
     Mathematics: `prior-13`.
 
@@ -158,66 +162,69 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
     """
     links, [term] = _parameters_by_link(r, pi), r.terms
     poses, points = [_pose_variances(rows, links) for rows in r.poses], term.equations / 3
-    weighed = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
+    weighted = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
     rest = term.unexplained + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
-    weighed_term = term_from_triangle(
-        triangular_factor(np.vstack(weighed) / math.sqrt(points)), max(0.0, rest), term.equations
+    weighted_term = term_from_triangle(
+        triangular_factor(np.vstack(weighted) / math.sqrt(points)), max(0.0, rest), term.equations
     )
     # rho is known from as many poses only: Student's quantile in place of the normal one
     width = float(stdtrit(len(poses) - 1, NEW_POSE_PROBABILITY) / ndtri(NEW_POSE_PROBABILITY))
-    return replace(regression_of(r.structure, (weighed_term,)), pose_variation=width * rho * links)
+    return replace(regression_of(r.structure, (weighted_term,)), pose_variation=width * rho * links)
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
-    """Select for every pose the residuals that its rows can explain, (k,) each."""
+    """Select the residuals that the rows of every pose can explain, (k,) each."""
     return [rows[:, -1] for _, rows in poses]
 
 
 JOINTS_ONLY_ODDS = 10.0
-"""Of joints alone beforehand: links count half where the readings make them ten times likelier.
+"""Prior odds of joints only to links and joints. Links count half where the readings make them ten times more
+probable.
 
-Odds of three lose to joints alone, by more than 5 %, in 4 of 54 arms whose links are 10, 30 or 100 times
-stiffer than the folder's, these in none of them; other kinds of arms do not move (`kr500_l480`, seeds 740001
-to 740018, 8 poses)."""
+With odds of three, 4 of 54 arms whose links are 10, 30 or 100 times stiffer than the folder's err more than 5
+% more than joints only; with these odds none does. Other kinds of arms do not change (`kr500_l480`, seeds
+740001 to 740018, 8 poses)."""
 LINEAR_JOINTS_ODDS = 10.0
-"""Odds of linear joints beforehand. On undisturbed arms of the family even odds lose more than 5 % in 18 % of
-arms, these in 5 %; disturbed ones do not mind (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-BEAM_ODDS = 20.0
-"""Odds of links as coupled as the prior's over softened ones beforehand. Coupled links and soft bearings have
-a tenth less error by these, and undisturbed arms of the family 1 % more, by odds of 3 5 %; coverage in the
-worst tenth rises by 1 to 3 points of all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-UNCOUPLED_ODDS = 10.0
-"""Odds beforehand of joints that turn each with its own torque alone. With them coupled joints weigh less
-than `MIN_LAW_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds 5000 to
-5018, 8 poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
-NEW_POSE_PROBABILITY = 0.975
-"""Quantile at which what links do in new poses is as wide as Student's distribution, of a pose less than were
-measured: the size of their change is learnt from these poses."""
-MIN_JOINTS_WEIGHT, JOINTS_WEIGHT_IF_UNSURE = 0.33, 0.5
-"""Weight of joints alone where links change with the pose: a few poses do not teach what they do in others.
-The second where links do not surely predict poses better that are left out.
-
-With both, and poses held out, four of nine such arms that lost more than 5 % to joints alone still do, and 34
-others err 3 % more (`kr500_l480`, seeds 770001 to 770048 and 793001 to 793012, 8 poses)."""
-CERTAIN_LOG_EVIDENCE = 15.0
-"""Log evidence of links over joints alone beyond which poses that are left out are not asked. Eight poses are
-few: of 16 arms of the family, cast and coupled ones two do not predict them surely better, and err 2.5 times
-as much without links; their log evidence is 30 to 136. Of five arms with links 10 times stiffer that lose to
-joints alone it is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8 poses)."""
-NEGLIGIBLE_WEIGHT = 0.01  #: Weight below which joints alone are left out.
-EVIDENCE_EXPONENT = 0.5
-"""Power with which odds of models count in widths, even beforehand: of few readings Laplace's evidence is not
-sure. Coverage in the worst tenth of disturbed arms rises by it from 78 to 84 % (seeds 1 to 40, 11 poses).
-For the two priors it does so by 0 to 3 points. Where links are 30 or 100 times stiffer, intervals that count
-joints alone are 40 % narrower and hold 97 % (seeds 740001 to 740012, 8 poses)."""
-JOINTS_EVIDENCE_EXPONENT = 0.25
-"""Power of the odds of joints alone in widths, where joints alone win. Links that the readings do not show
-still move other poses. With it the worst tenth of arms whose links are 10 times stiffer is covered to 79 %
-in place of 70 %, of ones 30 and 100 times stiffer to 90 % in place of 86 %, and intervals are 7 to 12 %
-wider (`kr500_l480`, seeds 792101 to 792212 and eleven of 770001 to 770049 that were covered worst, 8
+"""Prior odds of linear joints to joint laws. With even odds 18 % of the undisturbed arms of the family lose
+more than 5 %, with these 5 %. Results of disturbed arms do not change (`kr500_l480`, seeds 1 to 40, 8
 poses)."""
-#: Probability, and weight, below which laws are left out, and above one less it all else.
+BEAM_ODDS = 20.0
+"""Prior odds of links as coupled as the prior's to softened ones. They lower the error of coupled links and
+soft bearings by a tenth, and raise that of undisturbed arms of the family by 1 %; odds of 3 raise it by 5 %.
+Coverage in the worst tenth rises by 1 to 3 points for all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
+UNCOUPLED_ODDS = 10.0
+"""Prior odds of joints that turn by their own torque only to coupled joints. With them coupled joints weigh
+less than `MIN_LAW_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds
+5000 to 5018, 8 poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
+NEW_POSE_PROBABILITY = 0.975
+"""Quantile at which the variation of links in new poses is as wide as that of Student's distribution. Its
+degrees of freedom are the number of poses less one, because the variation is learnt from these poses."""
+MIN_JOINTS_WEIGHT, JOINTS_WEIGHT_IF_UNSURE = 0.33, 0.5
+"""Weight of joints only if links vary from pose to pose: a few poses do not show how links vary in others.
+The second applies if links do not surely predict the poses left out better.
+
+With both, and with poses left out, four of nine such arms that erred more than 5 % more than joints only
+still do, and 34 others err 3 % more (`kr500_l480`, seeds 770001 to 770048 and 793001 to 793012, 8 poses)."""
+CERTAIN_LOG_EVIDENCE = 15.0
+"""Log evidence of links over joints only beyond which no poses are left out to compare them. Eight poses are
+few: of 16 arms of the family, cast and coupled ones, two do not surely predict them better, and without links
+err 2.5 times as much; their log evidence is 30 to 136. For five arms with links 10 times stiffer that are
+worse than joints only it is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8
+poses)."""
+NEGLIGIBLE_WEIGHT = 0.01  #: Weight below which joints only are left out.
+EVIDENCE_EXPONENT = 0.5
+"""Exponent of the odds of models, even prior odds included, in intervals: Laplace's evidence of few readings
+is uncertain. It raises the coverage in the worst tenth of disturbed arms from 78 to 84 % (seeds 1 to 40, 11
+poses); for the two priors by 0 to 3 points. Where links are 30 or 100 times stiffer, intervals that include
+joints only are 40 % narrower and cover 97 % (seeds 740001 to 740012, 8 poses)."""
+JOINTS_EVIDENCE_EXPONENT = 0.25
+"""Exponent of the odds of joints only in intervals, if joints only are more probable. Links that the readings
+do not show still move other poses. It raises the coverage in the worst tenth from 70 to 79 % for arms whose
+links are 10 times stiffer, and from 86 to 90 % for links 30 and 100 times stiffer; intervals are 7 to 12 %
+wider (`kr500_l480`, seeds 792101 to 792212 and the eleven of 770001 to 770049 with the worst coverage, 8
+poses)."""
 MIN_LAW_PROBABILITY = 0.05
+"""Probability, and weight, below which a model is left out; above one minus it, it is taken alone."""
 
 
 # --- The average of the default -----------------------------------------------------------------------------
@@ -228,8 +235,8 @@ def average_two_priors(
 ) -> Estimate:
     """Average estimates under a prior and a softened prior by their evidence, with intervals.
 
-    If the readings want links whose compliance varies from pose to pose, they are weighted for it first, see
-    `pose_variation`; joint stiffness only then weighs at least `MIN_JOINTS_WEIGHT`.
+    If the readings show links whose compliance varies from pose to pose, rows are weighted accordingly
+    (`pose_variation`), and joints only have at least the weight `MIN_JOINTS_WEIGHT`.
 
     Mathematics: `prior-12`.
 
@@ -256,7 +263,7 @@ def average_two_priors(
 def _with_changing_links(
     r: Regression, constraint: Constraint, priors: tuple[PriorScaling, PriorScaling], estimate: Estimate
 ) -> Estimate | None:
-    """Fit anew, weighed for links that change from pose to pose; None where the readings do not want it."""
+    """Fit again with rows weighted for links that vary from pose to pose; None if there is no need."""
     start = _fit_before_laws(r, estimate)
     rho = stiffness_scatter(r, start)
     if not rho:
@@ -265,63 +272,63 @@ def _with_changing_links(
         first = average_models(weigh_for_scatter(r, start.pi, rho), constraint, priors[0], widths=False)
         rho = stiffness_scatter(r, first, EVIDENCE_BACKOFF)
         return _average_priors(weigh_for_scatter(r, first.pi, rho), constraint, *priors) if rho else None
-    except BenchError:  # readings weighed so want a scale of the prior that is not above 0
+    except BenchError:  # such weights require a scale of the prior that is not above 0
         return None
 
 
 def _fit_before_laws(r: Regression, estimate: Estimate) -> Estimate:
-    """Select the fit without laws of joints where links that change are likelier than these, or the average.
+    """Select the fit without joint laws if links that vary are more probable, otherwise the average.
 
-    Laws of joints can explain what links do that change, and predict new poses badly then.
+    Joint laws can explain the effect of links that vary, but then predict new poses badly.
     """
     known = estimate.average
     if known is None or known.with_laws is None or known.laws_weight <= 0.5:
         return estimate
-    plain, lawful = (model.weighted_prior for model in (known.all_parts, known.with_laws))
-    if plain is None or lawful is None or plain.log_evidence is None or lawful.log_evidence is None:
+    plain, with_laws = (model.weighted_prior for model in (known.all_parts, known.with_laws))
+    if plain is None or with_laws is None or plain.log_evidence is None or with_laws.log_evidence is None:
         return estimate
     gains = _scatter_evidence(r, known.all_parts)
     changing = plain.log_evidence + gains.max() - gains[0] - MIN_LOG_EVIDENCE
-    return known.all_parts if changing > lawful.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
+    return known.all_parts if changing > with_laws.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
 
 
-# --- Links or joints alone, by poses that are left out ------------------------------------------------------
+# --- Links or joints only, by poses left out ------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class LinksAndJoints:
-    """Hold the likeliest model of an average beside joints alone; poses left out compare them."""
+    """Compare the most probable model of an average with joints only, in poses left out of the fit."""
 
     regression: Regression  #: The reduced dataset, with its rows pose by pose.
-    likeliest: Estimate  #: The model of greatest weight, joints alone apart.
+    likeliest: Estimate  #: The model of greatest weight, except joints only.
     links_prior: WeightedPrior  #: Its learnt prior.
-    joints_regression: Regression  #: The dataset of joints alone.
+    joints_regression: Regression  #: The dataset of joints only.
     joints_prior: WeightedPrior  #: Their prior.
-    log_evidence: float  #: Of the likeliest model over joints alone.
+    log_evidence: float  #: Log evidence of `likeliest` less that of joints only.
 
     @property
     def links_certain(self) -> bool:
-        """Tell whether the evidence leaves no doubt of links that do not change."""
+        """Return whether links do not vary from pose to pose and the evidence for them is overwhelming."""
         return self.likeliest.regression.pose_variation is None and self.log_evidence > CERTAIN_LOG_EVIDENCE
 
     @cached_property
     def errors(self) -> tuple[Array, Array]:
-        """Compute errors in poses left out in turn, of the likeliest model and of joints alone, (poses,) [1].
+        """Compute the errors of both models in every pose by fits without it, (poses,) each [1].
 
-        Each is the root mean square over a pose in standard deviations. What was learnt of the prior stays:
-        with it a fit without a pose is one solution of normal equations. The cone is left out.
+        Each is the root mean square over a pose in standard deviations. The learnt prior is that of all
+        poses, so that a fit without a pose is one solution of normal equations. The cone is left out.
         """
-        pose_variation, rigid = self.likeliest.regression.pose_variation, self.joints_regression.poses
+        pose_variation, joints_poses = self.likeliest.regression.pose_variation, self.joints_regression.poses
         poses = restrict_to(self.regression, self.likeliest.structure).poses
-        weighed = (
+        weighted = (
             poses if pose_variation is None else tuple(_weigh_pose(rows, pose_variation) for rows in poses)
         )
-        ours = _held_out_errors(poses, weighed, self.links_prior)
-        return ours, _held_out_errors(rigid, rigid, self.joints_prior)
+        ours = _held_out_errors(poses, weighted, self.links_prior)
+        return ours, _held_out_errors(joints_poses, joints_poses, self.joints_prior)
 
 
 def compare_links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
-    """Set the likeliest model of an average beside joints alone.
+    """Prepare the comparison of the most probable model of an average with joints only.
 
     Args:
         r: The reduced dataset, with its rows pose by pose.
@@ -329,11 +336,11 @@ def compare_links_and_joints(r: Regression, estimate: Estimate, prior: PriorScal
         prior: Units of the prior.
 
     Returns:
-        Both, or None where joints alone are no model.
+        Both models, or None if joints only cannot be fitted.
     """
-    regression, bare = _joints_only(r, prior)
+    regression, scaling = _joints_only(r, prior)
     try:
-        log_evidence, alone = log_evidence_alone(regression, bare)
+        log_evidence, joints_prior = log_evidence_alone(regression, scaling)
     except BenchError:  # no joint is loaded, or all turn against their loads
         return None
     likeliest = _likeliest(estimate)
@@ -341,11 +348,11 @@ def compare_links_and_joints(r: Regression, estimate: Estimate, prior: PriorScal
     if weighted_prior is None or weighted_prior.log_evidence is None:
         return None
     over = weighted_prior.log_evidence - log_evidence
-    return LinksAndJoints(r, likeliest, weighted_prior, regression, alone, over)
+    return LinksAndJoints(r, likeliest, weighted_prior, regression, joints_prior, over)
 
 
 def _likeliest(estimate: Estimate) -> Estimate:
-    """Select the model of greatest weight in an average, joints alone apart."""
+    """Select the model of greatest weight in an average, except joints only."""
     known = estimate.average
     if known is not None and known.with_joint_couplings is not None and known.joint_couplings_weight > 0.5:
         return known.with_joint_couplings
@@ -353,18 +360,18 @@ def _likeliest(estimate: Estimate) -> Estimate:
 
 
 def _weigh_pose(rows: Array, pose_variation: Array) -> Array:
-    """Weigh the rows of a pose for links that change: they are uncorrelated and of unit noise then."""
+    """Weight the rows of a pose for links that vary: the result is uncorrelated, with noise of one."""
     G = rows[:, :-1] @ pose_variation.T
     values, Q = np.linalg.eigh(np.eye(len(rows)) + G @ G.T)
     return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
 
 
 def _held_out_errors(
-    poses: tuple[Array, ...], weighed: tuple[Array, ...], weighted_prior: WeightedPrior
+    poses: tuple[Array, ...], weighted: tuple[Array, ...], weighted_prior: WeightedPrior
 ) -> Array:
-    """Compute the errors in every pose of the fit to all others, which counts their weighed rows [1]."""
+    """Compute for every pose the error of the fit to all others, from their weighted rows [1]."""
     L, (B, c) = weighted_prior.scaling.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
-    grams = [rows.T @ rows for rows in (np.c_[rows[:, :-1] @ L, rows[:, -1]] for rows in weighed)]
+    grams = [rows.T @ rows for rows in (np.c_[rows[:, :-1] @ L, rows[:, -1]] for rows in weighted)]
     whole = np.c_[B, c].T @ np.c_[B, c] + sum(grams)
     errors = []
     for rows, gram in zip(poses, grams, strict=True):
@@ -375,24 +382,24 @@ def _held_out_errors(
 
 
 def joints_only_weight(held_out: tuple[Array, Array] | None, *, changes: bool) -> float:
-    """Choose the weight of joints alone by what they and links predict of poses that were left out.
+    """Choose the weight of joints only by the errors of both models in poses left out.
 
     Mathematics: `prior-14`.
 
     Args:
-        held_out: Errors of the likeliest model and of joints alone, (poses,) each; None to keep the average.
-        changes: Whether links change with the pose.
+        held_out: Errors of the most probable model and of joints only, (poses,) each; None keeps the average.
+        changes: Whether links vary from pose to pose.
 
     Returns:
-        Where links surely predict these poses better, 0, or `MIN_JOINTS_WEIGHT` if they change; else 1, or
-        `JOINTS_WEIGHT_IF_UNSURE` if they change and are not surely worse [1].
+        If links surely predict these poses better, 0, or `MIN_JOINTS_WEIGHT` if they vary; else 1, or
+        `JOINTS_WEIGHT_IF_UNSURE` if they vary and are not surely worse [1].
     """
     better = MIN_JOINTS_WEIGHT if changes else 0.0
     if held_out is None:
         return better
-    likeliest, alone = np.log(np.maximum(held_out, TINY))
-    gain, error = mean_and_standard_error(alone - likeliest)
-    sure = float(stdtrit(len(likeliest) - 1, SELECTION_PROBABILITY)) * error
+    with_links, joints_only = np.log(np.maximum(held_out, TINY))
+    gain, error = mean_and_standard_error(joints_only - with_links)
+    sure = float(stdtrit(len(with_links) - 1, SELECTION_PROBABILITY)) * error
     if gain > sure:
         return better
     return JOINTS_WEIGHT_IF_UNSURE if changes and gain > -sure else 1.0
@@ -401,33 +408,35 @@ def joints_only_weight(held_out: tuple[Array, Array] | None, *, changes: bool) -
 def average_with_joints_only(
     r: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate, weight: float
 ) -> Estimate:
-    """Average a fit with joints alone; laws and coupled joints keep their weight unless these weigh one.
+    """Average a fit with joints only.
 
-    Joints alone are fitted to the readings as they are: weighed for links that change, they err a third more.
-    Intervals stay those of the average, about the mean of greater weight of joints alone.
+    Joint laws and coupled joints keep their weight unless joints only have a weight of 1.
+
+    Joints only are fitted to unweighted readings: weighted for links that vary, they err a third more.
+    Intervals remain those of the average, about the new mean.
 
     Args:
         r: The reduced dataset, with its rows pose by pose.
         constraint: Least squares or GCO.
         prior: Units of the prior.
         estimate: An average by evidence.
-        weight: Weight of joints alone, by `joints_only_weight` [1].
+        weight: Weight of joints only, by `joints_only_weight` [1].
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:
         weight *= (1 - known.laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
-    # Joints alone, fitted with their wide prior, and the average of both.
-    regression, bare = _joints_only(r, prior)
-    rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
+    # Joints only, fitted with their wide prior, and the average of both.
+    regression, scaling = _joints_only(r, prior)
+    joints_fit = solve(regression, constraint, log_evidence_alone(regression, scaling)[1])
     average = replace(
         known,
         weight=weight + (1 - weight) * known.weight,
         laws_weight=(weight < 1) * known.laws_weight,
     )
-    weighed = (1 - weight, estimate), (weight, rigid)
-    mean = _average(estimate.regression, weighed, estimate.weighted_prior, average)
+    weighted = (1 - weight, estimate), (weight, joints_fit)
+    mean = _average(estimate.regression, weighted, estimate.weighted_prior, average)
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
 
 
@@ -437,7 +446,7 @@ def average_with_joints_only(
 def _average_priors(
     r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
 ) -> Estimate:
-    """Average the fits under both priors, for readings with given weights."""
+    """Average the fits under both priors, for given weights of the rows."""
     first, log_evidence = _average_joint_couplings(r, constraint, prior, widths=True)
     if log_evidence is None:
         return first
@@ -445,14 +454,14 @@ def _average_priors(
     assert log_other is not None
     # Weights by evidence: for the mean, and for intervals.
     odds = log_other - log_evidence
-    share, likely = _logistic(odds - math.log(BEAM_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
-    if not MIN_LAW_PROBABILITY < likely < 1 - MIN_LAW_PROBABILITY:
-        return second if likely > 0.5 else first
+    share, probability = _logistic(odds - math.log(BEAM_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
+    if not MIN_LAW_PROBABILITY < probability < 1 - MIN_LAW_PROBABILITY:
+        return second if probability > 0.5 else first
     share = share if share > MIN_LAW_PROBABILITY else 0.0
     likelier, widest = (second if share > 0.5 else first), max(first, second, key=lambda e: e.structure.n)
     # The mean, and the models that it contains.
-    weighed = (1 - share, first), (share, second)
-    known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighed]
+    weighted = (1 - share, first), (share, second)
+    known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighted]
     average = ModelAverage(
         weight=sum(weight * model.weight for weight, model in known),
         all_parts=known[share > 0.5][1].all_parts,
@@ -463,23 +472,23 @@ def _average_priors(
         with_joint_couplings=next(
             (model.with_joint_couplings for _, model in known if model.with_joint_couplings is not None), None
         ),
-        parts=((1 - likely, first), (likely, second)),
+        parts=((1 - probability, first), (probability, second)),
     )
-    return _average(widest.regression, weighed, likelier.weighted_prior, average)
+    return _average(widest.regression, weighted, likelier.weighted_prior, average)
 
 
 def _average(
     regression: Regression,
-    weighed: Sequence[tuple[float, Estimate]],
+    weighted: Sequence[tuple[float, Estimate]],
     prior: WeightedPrior | None,
     average: ModelAverage,
 ) -> Estimate:
-    """Average models by their weights; parameters that one lacks are zero in it.
+    """Average models by their weights; parameters that a model lacks count as zero.
 
     The status is that of the first model that is not solved.
     """
-    models = [model for _, model in weighed]
-    parameters = (w * scatter_to(model.pi, model.structure, regression.structure) for w, model in weighed)
+    models = [model for _, model in weighted]
+    parameters = (w * scatter_to(model.pi, model.structure, regression.structure) for w, model in weighted)
     pi = np.sum(list(parameters), axis=0)
     mean = make_estimate(regression, pi, method=models[0].method, constraint=models[0].constraint)
     return replace(
@@ -499,8 +508,8 @@ def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *
     Args:
         r: The reduced dataset; if its structure has joint laws, the average includes them.
         constraint: Least squares or GCO.
-        prior: Prior, in the metric of the structure.
-        widths: Whether the uncertainty of the learnt prior is computed, which intervals need.
+        prior: Units of the prior, for the structure of the dataset.
+        widths: Whether to compute the uncertainty of the learnt prior, which intervals need.
 
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.
@@ -511,28 +520,30 @@ def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *
 def _average_joint_couplings(
     r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
 ) -> tuple[Estimate, float | None]:
-    """Fit under one prior and average with simpler models; also return the evidence, None without one."""
+    """Average fits with and without coupled joints; also return the evidence, None without one."""
     if not prior.joint_couplings.any():
         return _average_laws(r, constraint, prior, widths=widths)
     # Both models: without and with couplings between joints.
-    bare, tied = (
+    uncoupled, coupled_scaling = (
         restrict_scaling(prior, structure)
         for structure in (
             without_joint_couplings(prior.structure),
             with_joint_couplings(linear(prior.structure)),
         )
     )
-    mean, log_evidence = _average_laws(restrict_to(r, bare.structure), constraint, bare, widths=widths)
+    mean, log_evidence = _average_laws(
+        restrict_to(r, uncoupled.structure), constraint, uncoupled, widths=widths
+    )
     if log_evidence is None:
         return mean, None
-    coupled = restrict_to(r, tied.structure)
-    weighted_prior = learn_prior(coupled, tied, widths=widths)
+    coupled = restrict_to(r, coupled_scaling.structure)
+    weighted_prior = learn_prior(coupled, coupled_scaling, widths=widths)
     assert weighted_prior.log_evidence is not None
     # Their odds by evidence; a model that hardly counts is left out.
     odds = weighted_prior.log_evidence - log_evidence - math.log(UNCOUPLED_ODDS)
-    together, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
+    total_evidence, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
     if share < MIN_LAW_PROBABILITY:
-        return mean, together
+        return mean, total_evidence
     share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
     estimate, known = solve(coupled, constraint, weighted_prior), mean.average or ModelAverage(0.0, mean)
     average = replace(
@@ -542,7 +553,7 @@ def _average_joint_couplings(
         with_joint_couplings=estimate,
     )
     likelier = weighted_prior if share > 0.5 else mean.weighted_prior
-    return _average(r, ((1 - share, mean), (share, estimate)), likelier, average), together
+    return _average(r, ((1 - share, mean), (share, estimate)), likelier, average), total_evidence
 
 
 def _average_laws(
@@ -551,45 +562,45 @@ def _average_laws(
     """Average models with uncoupled joints, with and without laws; also return the evidence."""
     plain = scaling_without_laws(prior)
     compliances = r if plain is prior else restrict_to(r, plain.structure)
-    straight, log_evidence = _average_joints(compliances, constraint, plain, widths)
+    linear_mean, log_evidence = _average_joints(compliances, constraint, plain, widths)
     if plain is prior or log_evidence is None:
-        return straight, log_evidence
+        return linear_mean, log_evidence
     # Odds of joint laws, and the mean by them.
     weighted_prior = learn_prior(r, prior, widths=widths)
     assert weighted_prior.log_evidence is not None
     odds = weighted_prior.log_evidence - log_evidence
-    together = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR_JOINTS_ODDS)))
-    weight, likely = _logistic(odds - math.log(LINEAR_JOINTS_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
-    if likely < MIN_LAW_PROBABILITY:
-        return straight, together
-    lawful = solve(r, constraint, weighted_prior)
-    if likely > 1 - MIN_LAW_PROBABILITY:
-        weight = likely = 1.0
+    total_evidence = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR_JOINTS_ODDS)))
+    weight, probability = _logistic(odds - math.log(LINEAR_JOINTS_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
+    if probability < MIN_LAW_PROBABILITY:
+        return linear_mean, total_evidence
+    with_laws = solve(r, constraint, weighted_prior)
+    if probability > 1 - MIN_LAW_PROBABILITY:
+        weight = probability = 1.0
     elif weight < MIN_LAW_PROBABILITY:
         weight = 0.0
-    known = straight.average or ModelAverage(0.0, straight)
-    average = replace(known, laws_weight=weight, laws_probability=likely, with_laws=lawful)
+    known = linear_mean.average or ModelAverage(0.0, linear_mean)
+    average = replace(known, laws_weight=weight, laws_probability=probability, with_laws=with_laws)
     likelier = weighted_prior if weight > 0.5 else known.all_parts.weighted_prior
-    return _average(r, ((1 - weight, straight), (weight, lawful)), likelier, average), together
+    return _average(r, ((1 - weight, linear_mean), (weight, with_laws)), likelier, average), total_evidence
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
 def scaling_without_laws(scaling: PriorScaling) -> PriorScaling:
-    """Return the scaling of the prior of compliances alone, without joint laws."""
+    """Return the units of the prior of compliances only, without joint laws."""
     return scaling if not scaling.law.any() else restrict_scaling(scaling, linear(scaling.structure))
 
 
 def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScaling:
-    """Restrict a metric to a structure without some joint laws or couplings, which a prior expects to be 0.
+    """Restrict the units of a prior to fewer unknowns: the expectation of the others is 0.
 
     Args:
         scaling: Units of the prior.
         structure: Some of its unknowns.
 
     Returns:
-        The metric of these unknowns.
+        The units of these unknowns.
     """
     places = structure.indices_in(scaling.structure)
     row, column = scaling.structure.triangles
@@ -610,29 +621,29 @@ def _average_joints(
     whole = solve(r, constraint, weighted_prior)
     if (
         weighted_prior.log_evidence is None or len(joints) < prior.structure.links - 1
-    ):  # of links or joints alone
+    ):  # of links or joints only
         return whole, None
-    regression, bare = _joints_only(r, prior)
+    regression, scaling = _joints_only(r, prior)
     try:
-        log_evidence, alone = log_evidence_alone(regression, bare)
-    except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
+        log_evidence, joints_prior = log_evidence_alone(regression, scaling)
+    except BenchError:  # no joint is loaded, or all turn against their loads: joints only cannot be fitted
         return whole, weighted_prior.log_evidence
     odds = log_evidence - weighted_prior.log_evidence + math.log(JOINTS_ONLY_ODDS)
     weight = _logistic(odds)
-    together = weighted_prior.log_evidence + float(np.logaddexp(0, odds))
+    total_evidence = weighted_prior.log_evidence + float(np.logaddexp(0, odds))
     if weight < NEGLIGIBLE_WEIGHT:
-        return whole, together
-    rigid = solve(regression, constraint, alone)
+        return whole, total_evidence
+    joints_fit = solve(regression, constraint, joints_prior)
     probability = min(
         _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
         for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
     )
-    average = ModelAverage(weight, whole, joints_probability=probability, joints_only=rigid)
-    return _average(r, ((1 - weight, whole), (weight, rigid)), weighted_prior, average), together
+    average = ModelAverage(weight, whole, joints_probability=probability, joints_only=joints_fit)
+    return _average(r, ((1 - weight, whole), (weight, joints_fit)), weighted_prior, average), total_evidence
 
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
-    """Restrict a dataset, and the scaling of its prior, to joint compliances alone."""
+    """Restrict a dataset, and the units of its prior, to joint compliances only."""
     joints = joint_columns(prior)
     regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
@@ -647,4 +658,5 @@ def joint_columns(scaling: PriorScaling) -> Ids:
 
 
 def _logistic(x: float) -> float:
+    """Return the probability of odds whose logarithm is x."""
     return float(1 / (1 + np.exp(-np.clip(x, -700, 700))))

@@ -22,8 +22,8 @@ from testbench.errors import Array, Ids
 TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
-Kind = Literal["zero", "nonnegative", "second order", "psd"]
-CONES: dict[Kind, Callable[[int], object]] = {
+ConeKind = Literal["zero", "nonnegative", "second order", "psd"]
+CONES: dict[ConeKind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
     "second order": clarabel.SecondOrderConeT,
@@ -37,15 +37,15 @@ class Block:
 
     at: Ids  #: Their places in v, (k,).
     size: int = 0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
-    #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None where they are it.
+    #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None if they are svec itself.
     svec: Array | None = None
 
 
 @dataclass(frozen=True)
-class Rows:
+class ConeRows:
     """Hold constraints: b - A v lies in a cone."""
 
-    kind: Kind  #: Of the cone; "psd" holds svec of a matrix.
+    kind: ConeKind  #: Kind of the cone; for "psd", rows are svec of a matrix.
     A: Array  #: (rows, n).
     b: Array  #: (rows,).
 
@@ -56,7 +56,7 @@ class ConeProgram:
 
     cost: Array  #: c, (n,).
     blocks: tuple[Block, ...]  #: The unknowns; their places fill 0 to n - 1.
-    rows: tuple[Rows, ...] = ()  #: All constraints but those of the PSD blocks.
+    rows: tuple[ConeRows, ...] = ()  #: All constraints but those of the PSD blocks.
     quadratic: Array | None = None  #: Diagonal of P, (n,); None for none.
 
 
@@ -65,10 +65,10 @@ class Solution:
     """Hold the last iterate of the solver, with its duals."""
 
     x: Array  #: The unknowns v, (n,).
-    duals: tuple[Array, ...]  #: Of every `Rows`, in their order, (rows,) each, then of every PSD block.
-    cost: float  #: Of x.
-    bound: float  #: What the duals prove: no feasible v costs less.
-    solver_status: str  #: The solver's own word for how it ended.
+    duals: tuple[Array, ...]  #: Dual of every `ConeRows`, (rows,) each, then of every PSD block.
+    cost: float  #: Cost of x.
+    bound: float  #: Lower bound that the duals prove: no feasible v costs less.
+    solver_status: str  #: Status as the solver names it.
     seconds: float  #: Time inside the solver.
 
     @property
@@ -121,17 +121,17 @@ def free_block(first: int, count: int) -> Block:
     return Block(np.arange(first, first + count))
 
 
-def norm_below(column: int, R: Array, z: Array) -> Rows:
+def norm_below(column: int, R: Array, z: Array) -> ConeRows:
     """Make the second-order cone |R v - z| <= v[column].
 
     Args:
         column: Place of the bound among the unknowns.
-        R: Rows, zero in that column, (rows, n).
+        R: ConeRows, zero in that column, (rows, n).
         z: Right-hand side, (rows,).
     """
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1
-    return Rows("second order", np.vstack([head, R]), np.r_[0.0, z])
+    return ConeRows("second order", np.vstack([head, R]), np.r_[0.0, z])
 
 
 def triangle(size: int) -> int:
@@ -263,7 +263,7 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
         if block.size:
             A = np.zeros((triangle(block.size), n))
             A[:, block.at] = -np.eye(len(A)) if block.svec is None else -block.svec
-            rows.append(Rows("psd", A, np.zeros(len(A))))
+            rows.append(ConeRows("psd", A, np.zeros(len(A))))
     P = np.zeros(n) if problem.quadratic is None else problem.quadratic
     return clarabel.DefaultSolver(
         sparse.csc_matrix(np.diag(P)),

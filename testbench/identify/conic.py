@@ -1,23 +1,22 @@
-"""Certificate of optimality for any conservative estimate.
+"""Gramian-constrained optimisation as a conic program, with a certificate of optimality.
 
-F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one,
-|r_k| >= y_k . r_k. So with S_i the gradient of sum y_k . r_k with respect to block i, and any trace term w
-<W, C>, every conservative C whose blocks have a trace of at most t_i obeys
+Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over positive semi-definite C_i it is, and both sets
+are equal (Theorem 1). `solve_gco` solves it in scaled units: by our dense interior-point method where blocks
+are whole, which determines unobservable directions more precisely; by Clarabel otherwise, or where the dense
+answer is not proven.
+
+The certificate holds for any conservative estimate, whatever its method. F_M is a sum of norms |r_k| of
+affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one, |r_k| >= y_k . r_k. So with S_i
+the gradient of sum y_k . r_k with respect to block i, and any trace term w <W, C>, every conservative C
+whose blocks have a trace of at most t_i obeys
 
     F(C) + w <W, C> >= -sum y_k . z_k - sum max(0, -lambda_min(S_i + w W_i)) t_i.
 
-With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. It does not matter how the estimate
-was found. The bound is used twice:
+With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. The bound is used twice:
 
 - with the trace term of GCO it bounds the program that is solved: the duality gap;
-- without it it bounds F_M alone: the largest excess of F_M over its minimum is the cost of the trace term, in
-  addition to the duality gap.
-
-Gramian-constrained optimisation as a conic program with a certificate.
-
-Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
-sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, which holds
-unseen directions far firmer; by Clarabel where they are not, or where the dense answer is not proven.
+- without it, it bounds F_M alone: F_M exceeds its minimum by at most the cost of the trace term plus the
+  duality gap.
 """
 
 import math
@@ -52,7 +51,7 @@ UNSEEN_SHARE = 1e-2
 MAX_DUAL_LENGTH = 1 + 1e-9
 """Length up to which a dual vector counts as a unit vector; the excess is rounding [1]."""
 EIGENVALUE_ROUNDING = 4 * np.finfo(float).eps
-"""What rounding may take from an eigenvalue of S_i, as a share of the size of what S_i is summed from.
+"""Rounding error of an eigenvalue of S_i, relative to the size of the terms of S_i.
 
 The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 """
@@ -299,9 +298,9 @@ class ConicProgram:
     structure: Structure  #: Those blocks.
     unit: float  #: F_M at C = 0: the unit of F_M [1].
     scale: Array  #: pi[columns] = scale * x, (k,).
-    R: Array  #: Of every term of F_M in these units, (terms, n, k).
-    z: Array  #: The same, (terms, n).
-    rest: Array  #: The norm of what no parameter can explain, (terms,).
+    R: Array  #: Factor R of every term of F_M in these units, (terms, n, k).
+    z: Array  #: Readings z of every term in these units, (terms, n).
+    rest: Array  #: Norm of the readings that no parameter can explain, (terms,).
     trace: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
     penalty: Penalty  #: The trace term.
 
@@ -327,7 +326,7 @@ class ConicSolution:
     pi: Array  #: Parameters, (n,).
     seconds: float  #: Time inside the solver.
     failure: str  #: Status if it is not proven to be close to the optimum.
-    dual: Dual  #: Its proof.
+    dual: Dual  #: Dual vectors that prove the distance from the optimum.
 
 
 def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimate:
@@ -436,7 +435,7 @@ def solve_least_squares_cone(regression: Regression, program: ConicProgram) -> A
         cone.ConeProgram(
             cost=np.r_[np.zeros(k), program.trace],
             blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
-            rows=(cone.Rows("zero", np.c_[np.eye(k), -R], -SQUARES_SHARPNESS * program.z.ravel()),),
+            rows=(cone.ConeRows("zero", np.c_[np.eye(k), -R], -SQUARES_SHARPNESS * program.z.ravel()),),
             quadratic=np.r_[np.ones(k), np.zeros(n)],
         )
     )
@@ -526,7 +525,7 @@ def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalt
     return np.asarray(unit * d[s.a] * d[s.b])
 
 
-def norm_constraints(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
+def norm_constraints(R: Array, z: Array, rest: Array) -> tuple[cone.ConeRows, ...]:
     """Make the constraints |(R_k x - z_k, rest_k)| <= t_k; the unknowns are all t_k, then x.
 
     Args:

@@ -1,12 +1,12 @@
 """The result of identification: an `Estimate` with its compliances, fit, certificate and status.
 
-Predict deflections of a dataset with an estimate, and score their errors.
+`deflections` predicts a dataset with an estimate, and `score` compares the prediction with measured or true
+deflections.
 
-Lilliefors' test: whether residuals come from a normal distribution of any mean and deviation.
-
-The statistic is the largest distance between the distribution of the residuals and the normal one with their
-own mean and deviation (Lilliefors 1967). Its distribution under normality has no closed form; it is simulated
-with a fixed stream, so that one sample has one p value.
+`lilliefors` tests whether residuals come from a normal distribution of any mean and deviation. Its statistic
+is the largest distance between the distribution of the residuals and the normal one with their own mean and
+deviation (Lilliefors 1967). Its distribution under normality has no closed form; it is simulated with fixed
+random numbers, so that one sample has one p value.
 """
 
 from collections.abc import Callable, Sequence

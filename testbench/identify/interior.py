@@ -42,7 +42,7 @@ INITIAL_SIZE = 1e-3
 STOP_DISTANCE = 1e-11
 """Distance from the optimum at which the method ends, in units in which the data are of order one."""
 STOP_DISTANCE_OF_SQUARES = 1e-14
-"""That distance for squares, whose unit is that of the noise."""
+"""Distance from the optimum at which the method ends for squares, in units of the noise."""
 ZERO_RESIDUAL = 1e-9
 """Norm of a residual below which it has no direction: no dual proves the optimum there."""
 MIN_STEP = 1e-6
@@ -550,7 +550,7 @@ def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]
 class _Newton:
     """Solve (1 + S^T S) y = u in scaled coordinates, S = R K."""
 
-    scalings: list[Scaling]  #: Of the blocks of each order.
+    scalings: list[Scaling]  #: Scalings of the blocks of each order.
     K: list[Array]  #: svec(Y) -> svec(G Y G^T) of their blocks, (problems, blocks, t, t) each.
     S: Array  #: (problems, rank, n).
     inner: Array  #: 1 + S S^T, (problems, rank, rank).

@@ -86,7 +86,7 @@ class ObservedQuantity:
     """Describe a quantity that can be named in reports."""
 
     name: str  #: Name, such as "joint_3's offset".
-    H: Array  #: Its numbers per unit of every unknown, (k, size).
+    H: Array  #: Jacobian of its k numbers with respect to the unknowns, (k, size).
     #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
     belongs_to_arm: bool = True
 

@@ -31,17 +31,17 @@ from testbench.model.vjm import Vjm, chain, marker_points, observation
 # --- Uncertainty of everything that is linear in the unknowns -----------------------------------------------
 
 UNSEEN_SHARE = 1e-8
-"""Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
-#: Distance from the optimum without a cone that counts as moved by it [standard deviations].
+"""Share of a functional in unobservable directions above which it is unobservable [1]: rounding is 1e-11."""
+#: Distance from the optimum without a cone from which the cone counts as binding [standard deviations].
 BINDING_DISTANCE = 0.1
 CONFIDENCE = 0.95
 COVARIANCE_RIDGE, TINY = 1e-12, 1e-100
-"""Share of a covariance that is added to it, and how much of what is known: that has none."""
-INTERVAL_BATCH = 600  #: Deflections whose intervals are found together: enough for numpy, few for memory.
+"""Ridge added to a covariance before its root, relative to its mean diagonal, and the least ridge."""
+INTERVAL_BATCH = 600  #: Deflections whose intervals are computed in one batch: limits memory.
 CURVATURE_COUNT = 2.0
-"""How often what a linear model leaves out counts: once where it predicts, once for what it put into the
+"""Factor of the terms that a linear model leaves out: once for the prediction, once for their effect on the
 parameters. On an arm that moves by 9 to 41 mm (`arm_6r`, 18 full poses, non-linear truths of the family,
-seeds 1 to 5) 95 % intervals hold 68 % without it, 97 % with it."""
+seeds 1 to 5) 95 % intervals cover 68 % without it, 97 % with it."""
 PRIOR_STUDENT_DOF = 4.0
 """Degrees of freedom of the Student distribution of the prior's part in prediction errors.
 
@@ -68,17 +68,17 @@ class Posterior(Displayed):
     """Hold a normal distribution of the unknowns about their estimate.
 
     A linear functional a has the value a @ x and the standard deviation |root a|, with root^T root = (M^T
-    M)^-1 and M the rows of all that is known. The share of a learnt prior has Student's distribution and adds
-    in quadrature.
+    M)^-1 and M the whitened rows of readings and prior. The part of a learnt prior has Student's distribution
+    and adds in quadrature.
     """
 
-    x: Array  #: Its centre, (n,).
-    root: Array  #: Covariance of x is root^T root along the seen directions, (r, n).
-    unobservable: Array  #: Rows whose product with a functional is zero where it is seen, (f, n).
-    scale: Array  #: Of each unknown, for what counts as zero, (n,).
-    #: Degrees of freedom of the Student distribution of what the prior puts in; infinite for a normal one.
+    x: Array  #: Estimate, the centre of the distribution, (n,).
+    root: Array  #: The covariance of x is root^T root in observable directions, (r, n).
+    unobservable: Array  #: Rows whose products with an observable functional are zero, (f, n).
+    scale: Array  #: Scale of each unknown, to tell rounding errors from a value, (n,).
+    #: Degrees of freedom of the Student distribution of the prior's part; infinite for a normal one.
     student_dof: float = math.inf
-    prior_rows: int = 0  #: How many rows of the root, its last ones, are what the prior puts in.
+    prior_rows: int = 0  #: Number of rows of the root, the last ones, that are the prior's part.
     #: Distance between the estimate and the optimum without a cone [standard deviations].
     cone_distance: float = 0.0
     on_boundary: bool = False  #: Whether the cone holds the estimate.
@@ -468,7 +468,7 @@ class ArmModel:
     columns: Ids  #: Columns of `unknowns` that are uncertain, (c,).
     posterior: Posterior  #: Posterior of these unknowns.
     about: ModelOrigin
-    #: How absolute readings scatter about it; None where geometry and joint errors were not identified.
+    #: Noise of absolute readings about the model; None where geometry and joint errors were not identified.
     noise: Noise | None = None
 
     def __repr__(self) -> str:

@@ -20,7 +20,7 @@ from testbench.identify.registration import Frame, Registration, arm_reach, larg
 from testbench.identify.rows import check_runs, resolve_lines
 from testbench.model.vjm import Vjm, marker_points, skew, tool_points
 
-Choice = Literal["auto", "base", "tracker"]
+FrameChoice = Literal["auto", "base", "tracker"]
 
 STATION = "station"
 """Prefix of the names of frames; the number of the station follows."""
@@ -56,7 +56,7 @@ class RegisteredDataset:
 
 
 def register_dataset(
-    vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "auto"
+    vjm: Vjm, data: Dataset, frame: FrameChoice | Mapping[str, Frame] = "auto"
 ) -> RegisteredDataset:
     """Find out what frame runs were read in, and bring them into the base's.
 

@@ -1,26 +1,21 @@
-"""Registration: frames and targets of readings together, the arm rigid, by Gauss-Newton from a closed form.
+"""Registration: frames and targets of readings with the rigid arm, by Gauss-Newton from a closed form.
 
-It minimises
+A reading of target k in pose r in frame s is
+
+    p_rk = R_s (R_r m_k + p_r) + t_s.
+
+The arm's kinematics give the pose R_r, p_r of the tool; R_s, t_s and the target m_k are unknown. With R_s^T
+and R_s^T t_s as unknowns the equation is linear: this is the start. If m_k is roughly known, Kabsch's
+rotation between two sets of points needs fewer poses. The refinement minimises
 
     sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| / NOMINAL_DEVIATION)
 
 with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
-the residuals show beyond it: the arm's geometric errors and its own sag. It is estimated with the rest.
+the residuals show in addition, from the arm's geometric errors and its sag; it is estimated with the rest.
 
-Pose of the base in a tracker's frame, and targets on the tool, in closed form.
-
-A reading of target k in pose r in frame s, the arm rigid, is
-
-    p_rk = R_s (R_r m_k + p_r) + t_s.
-
-The tool's pose R_r, p_r follows from the arm; R_s, t_s and the target m_k are unknown. With R_s^T and R_s^T
-t_s as unknowns it is linear. If m_k is roughly known, Kabsch's rotation between two sets of points needs
-fewer poses.
-
-Robust loss for pairs, frames and calibrations: weights of readings, and noise beyond the stated one.
-
-A reading has three components. Beyond a bend, in standard deviations, its influence is constant, which is
-Huber's loss: rows are multiplied by the root of the weight. The noise is estimated by Huber's proposal 2.
+`Loss` is the robust loss of pairs, registrations and calibrations. A reading has three components. Beyond a
+threshold, in standard deviations, its influence is constant (Huber): rows are multiplied by the root of the
+weight. The noise is estimated by Huber's proposal 2.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -53,7 +48,7 @@ class MeanReadings:
     frame: Ids  #: Index of the frame, (n,).
     target: Ids  #: Index of the target, (n,).
     y: Array  #: Position, the frame's axes, (n, 3) [m].
-    covariance: Array  #: Of its noise, the frame's axes, (n, 3, 3) [m^2].
+    covariance: Array  #: Covariance of each reading's noise along the frame's axes, (n, 3, 3) [m^2].
     rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
     position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
 
@@ -288,15 +283,15 @@ class Loss:
         return high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=SCATTER_TOLERANCE * high))
 
 
-PAIRS = Loss(1.628, 1.928)
+PAIR_LOSS = Loss(1.628, 1.928)
 """Loss for pairs while outliers are searched: means of normal 3-vectors keep 95 % efficiency, as single
 numbers do with a bend of 1.345."""
-FRAMES = Loss(3.0, 2.936)
+FRAME_LOSS = Loss(3.0, 2.936)
 """Loss of a registration: 3 % of sound readings have less than full weight. With a bend of 3.5, errors of
 frame and targets are 1 to 4 % larger if 5 % of the readings are off by 5 mm (median of 100 draws)."""
-READINGS = Loss(3.5, 2.986)
+READING_LOSS = Loss(3.5, 2.986)
 """Loss of a calibration: 0.7 % of sound readings have less than full weight."""
-SQUARE = Loss(1e300, 3.0)
+SQUARED_LOSS = Loss(1e300, 3.0)
 """Loss of least squares: full weight for all."""
 
 
@@ -379,7 +374,7 @@ class Registration:
     nominal: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
     layout: FrameLayout  #: Frames and targets in order.
     free: Mask  #: Frames that were not given, (frames,).
-    covariance: Array  #: Of rotation and translation of every frame not given, then of all targets [rad, m].
+    covariance: Array  #: Covariance of all frames not given (rotation, translation), then targets [rad, m].
     distance: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
     downweighted: int  #: Number of outliers, with less than full robust weight.
@@ -521,7 +516,7 @@ def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration |
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u = np.matvec(root, e)
         # Huber's weights; readings that were dropped as wild have weight zero.
-        pull = FRAMES.influence(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
+        pull = FRAME_LOSS.influence(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
         # Normal equations, with the nominal targets as further rows.
         A = (root @ J).reshape(-1, J.shape[2])
         weighted = np.repeat(pull, 3)[:, None] * A
@@ -539,7 +534,7 @@ def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration |
             spare = 3 * kept.sum() - float(np.sum(P * information))
             along = np.einsum("nxk,nx->nk", V, e)[kept]
             noise = (
-                FRAMES.scatter(along, values[kept], spare / along.size)
+                FRAME_LOSS.scatter(along, values[kept], spare / along.size)
                 if spare >= MIN_SPARE_EQUATIONS
                 else ASSUMED_NOISE
             )
@@ -558,7 +553,7 @@ def _nominal_rows(off: Array, size: int) -> tuple[Array, Array]:
     """
     length = np.linalg.norm(off, axis=1, keepdims=True) / NOMINAL_DEVIATION
     weight, frames = (
-        np.where(np.isfinite(off), FRAMES.influence(length), 0) / NOMINAL_DEVIATION**2,
+        np.where(np.isfinite(off), FRAME_LOSS.influence(length), 0) / NOMINAL_DEVIATION**2,
         (size - off.size, 0),
     )
     return np.pad(weight.ravel(), frames), np.pad(np.nan_to_num(off).ravel(), frames)

@@ -1,12 +1,11 @@
 """A reduced dataset: the triangular factors of its weighted rows, Eq. (13).
 
-Least squares and GCO need a dataset only through F_M, and F_M only through the triangular factor of the
-stacked weighted rows: (n + 1)^2 numbers, whatever the number of runs.
+Least squares and GCO need a dataset only through F_M, Eq. (19), and F_M needs only the triangular factor of
+the stacked weighted rows [A | y]: (n + 1)^2 numbers, whatever the number of runs. QR folds the rows into
+these factors batch by batch, so that memory does not grow with the number of rows.
 
-Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up.
-
-A part is the unit of cross-validation: runs whose pose is in one fold and whose load is in one fold, or a
-block of joint space. Memory does not grow with the number of rows.
+Rows are reduced part by part, and parts add up. A part is the unit of cross-validation: runs whose pose is in
+one fold and whose load is in one fold, or a block of joint space.
 """
 
 import math
@@ -34,7 +33,7 @@ from testbench.identify.absolute.align import (
     robust_whitening,
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
-from testbench.identify.registration import READINGS, Loss
+from testbench.identify.registration import READING_LOSS, Loss
 from testbench.identify.rows import check_runs, jacobian, nominal_chain, pair_rows, resolve_lines, series_rows
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
@@ -70,10 +69,12 @@ class Regression(Displayed):
     structure: Structure  #: The unknowns, n of them.
     terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
     columns: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
-    weight: Array  #: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
+    weight: (
+        Array  #: Norm of the weighted column of each diagonal entry of C_theta, (n_theta,) [N/m, N m/rad].
+    )
     #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; empty if they were not requested.
     poses: tuple[Array, ...] = ()
-    #: How much each link's parameters vary from pose to pose, standard deviations, (links, n); None for not.
+    #: Standard deviation of each link's parameters from pose to pose, (links, n); None if they do not vary.
     pose_variation: Array | None = None
 
     def about(self) -> dict[str, object]:
@@ -284,7 +285,7 @@ SORTED_RUNS = (
     16 * BLOCK_RUNS
 )  #: Pairs sorted by their parts at a time, so that memory does not grow with them.
 MAX_NUMBERS = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
-PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
+PANEL_COLUMNS = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 MIN_POSES, MAX_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
 
 
@@ -335,7 +336,7 @@ class TriangularFactors:
                 self.factors[at] = lines.T
                 return
             T = np.zeros((n, n), order="F")
-        panel = min(PANEL, n)
+        panel = min(PANEL_COLUMNS, n)
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
     def join(self, other: "TriangularFactors") -> None:
@@ -371,8 +372,8 @@ class PartitionedRegression:
     """Hold the reduced equations of a structure on a dataset, part by part."""
 
     structure: Structure  #: The unknowns, n of them.
-    factors: TriangularFactors  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
-    columns: Ids | slice  #: Those of the unknowns and of the readings.
+    factors: TriangularFactors  #: Factors of these unknowns or more, readings last [sqrt(2) sigma].
+    columns: Ids | slice  #: Columns of the unknowns and of the readings in `factors`.
 
     @property
     def all_parts(self) -> Ids:
@@ -551,7 +552,7 @@ class ReducedReadings:
     """Hold all equations of absolute readings, reduced."""
 
     kinds: tuple[int, ...]  #: Kinds of equations that there are, as places in `EQUATION_KINDS`.
-    parts: tuple[SeriesBlock, ...]  #: In blocks.
+    parts: tuple[SeriesBlock, ...]  #: The rows, block by block.
     factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
 
     @cached_property
@@ -593,7 +594,7 @@ class Linearisation:
     unknowns: Unknowns
     state: ArmState
     noise: Noise
-    loss: Loss = READINGS  #: Robust loss that weighs each reading.
+    loss: Loss = READING_LOSS  #: Robust loss that weighs each reading.
 
 
 def reduce_series(

@@ -1,12 +1,12 @@
-"""Jacobian of the readings, Eq. (3) and (12): their change with every unknown, and their residuals.
+"""Rows of the linear equations: the change of every reading with every unknown, Eq. (3) and (12).
 
 A reading is a position of a target or an orientation, three numbers in base axes. A pair is the difference of
-two readings in one pose: only its compliances remain unknown, Eq. (13).
+two readings in one pose: then only compliances remain unknown, Eq. (13). Rows are whitened to standard
+deviations. `single_readings` keeps them reading by reading, so that single ones can be left out.
 
-Readings along lines: a dial gauge, a ballbar or a draw-wire reads one number of a marker's motion.
-
-A marker moves by d and the tool turns by w under a load. A gauge reads the plane face of the tool that its
-tip touches. The face has the unit normal u and turns with the tool: to second order the gauge reads
+A dial gauge, a ballbar or a draw-wire reads one number of a marker's motion. The marker moves by d and the
+tool turns by w under a load. A gauge reads the plane face of the tool that its tip touches. The face has the
+unit normal u and turns with the tool: to second order the gauge reads
 
     t = (u + w x u) . d
 
@@ -18,7 +18,7 @@ Both are rows u . A of the observation matrix, Eq. (12), with a direction that m
 known to a standard deviation a about each axis across it, a reading has the further variance a^2 |u x d|^2,
 and readings of one set-up share it. The tilt itself is not estimated: it is marginalised.
 
-d and w are predicted by the arm's folder after the readings have scaled its joints and its links. Any
+d and w are predicted by the arm's folder, after the readings have scaled its joints and its links; any
 readings determine these few unknowns. A prior may be wrong by a factor of two. This prediction is wrong by
 about a tenth, which changes a standard deviation by a tenth and a direction by a part of a milliradian.
 """
@@ -445,9 +445,9 @@ class WeightedReadings:
     """Hold rows of Eq. (13), reading by reading, in standard deviations."""
 
     A: Array  #: Observation matrices, (readings, 3, n).
-    y: Array  #: Measured, (readings, 3) [1].
+    y: Array  #: Measured deflections, (readings, 3) [1].
     unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
-    numbers: Ids  #: How many numbers each has: 3, or 1 along a line, (readings,).
+    numbers: Ids  #: Numbers of each reading: 3, or 1 along a line, (readings,).
     run: Ids  #: Index of its run in the dataset, (readings,).
     marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 

@@ -1,33 +1,28 @@
-"""Solve least squares or GCO on a reduced dataset, with a prior or without.
+"""Solve least squares or GCO on a reduced dataset, with a prior or without; reject outliers.
 
-With a prior both minimise chi^2 + |x - s e|^2 / u^2 in units of the prior. There x is the compliance in
-units of its expectation, e that expectation and u the relative uncertainty; GCO keeps every block positive
-semi-definite. The data determine the common scale s: a CAD model that is wrong by one factor costs nothing.
-Every method (`Method`) ends here.
+Every method (`Method`) ends in `solve`. With a prior both minimise chi^2 + |x - s e|^2 / u^2 in units of the
+prior: x is the compliance over its expectation, e that expectation and u its relative uncertainty; GCO keeps
+every block positive semi-definite. The data determine the common scale s, so that a CAD model which is wrong
+by one factor costs nothing.
 
-Weighted least squares, Eq. (14)-(15), from the reduced rows, never by inverting the information matrix.
+`minimum_norm` is weighted least squares, Eq. (14)-(15), from the reduced rows, without the information
+matrix. `complete_conservatively` chooses unobservable directions so that its result is conservative.
 
-`minimum_norm` is the plain solution. `complete_conservatively` uses what the data leave unobservable to make
-it conservative.
-
-Robust identification: Huber's loss on the length of every reading's residual; wild readings are rejected.
-
-A reading is the deflection of one marker in one run, or the rotation of the tool in one run: three numbers
-y_i in units of sqrt(2) sigma. A model is fitted, readings are weighed by the pull of their residuals, and so
-on, until nothing moves: then it is least in
+`without_outliers` is the robust loss. A reading is the deflection of one marker in one run, or the rotation
+of the tool in one run: three numbers y_i in units of sqrt(2) sigma. Readings are weighted by their residuals
+and fitted again, until nothing changes. This minimises
 
     sum_i h(|A_i x - y_i|) + 1/2 |B x - c|^2
 
-with h Huber's loss (`robust_loss`) and the rows B, c of the prior, as every fit lowers a bound from above.
+with Huber's loss h and the rows B, c of the prior. Readings with a residual beyond REJECTION_THRESHOLD are
+outliers, and the plain method fits the rest. Huber's own fit was worse, because a wild reading keeps its
+influence: with a fifth of the readings off by 1 mm it raised the RMS error over the workspace by 20 to 25 %,
+rejection by 2 to 5 % (KR 500, MGCO68 and MGCO56 with a prior, median of 20 seeds). It was better only for
+errors as small as 0.3 mm, four standard deviations, of which rejection finds half.
 
-That finds the outliers: readings with a residual beyond REJECTION_THRESHOLD. The estimate is the plain one
-from the rest. Huber's own model was worse, as a wild reading goes on pulling: with a fifth of the readings
-off by 1 mm it cost 20 to 25 % of RMS over the workspace, the rejection 2 to 5 % (KR 500, MGCO68 and MGCO56
-with a prior, median of 20 seeds). It was better only for errors as small as 0.3 mm, four standard deviations,
-of which the rejection sees half.
-
-Three markers on a rigid tool have nine numbers for six: a run by itself notices an error of one marker within
-their plane, not always whose it is, and none across the plane. Other runs and the prior tell the rest.
+Three markers on a rigid tool have nine numbers for six unknowns. So a run alone detects an error of one
+marker within their plane, not always of which one, and none across the plane. Other runs and the prior show
+the rest.
 """
 
 import math
@@ -51,7 +46,7 @@ from testbench.identify.metric import (
     with_prior_rows,
 )
 from testbench.identify.observability import null_space
-from testbench.identify.registration import PAIRS
+from testbench.identify.registration import PAIR_LOSS
 from testbench.identify.regression import (
     RANK_TOLERANCE,
     Regression,
@@ -194,18 +189,18 @@ def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
     identity = np.where(s.a == s.b, 1.0, 0.0)
     first = np.eye(1, 1 + equal_fits.N.shape[1])
     return cone.solve(
-        _equal_fit_program(s, equal_fits, identity, (cone.Rows("nonnegative", -first, np.ones(1)),))
+        _equal_fit_program(s, equal_fits, identity, (cone.ConeRows("nonnegative", -first, np.ones(1)),))
     ).bound
 
 
 def _equal_fit_program(
-    s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.Rows, ...]
+    s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.ConeRows, ...]
 ) -> cone.ConeProgram:
     """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the `shift_direction`."""
     for block in s.blocks:
         entries, svec = psd_entries(s, block)
         A = -svec @ np.c_[shift_direction, equal_fits.N][entries]
-        rows += (cone.Rows("psd", A, svec @ equal_fits.x[entries]),)
+        rows += (cone.ConeRows("psd", A, svec @ equal_fits.x[entries]),)
     cost = np.r_[1.0, np.zeros(equal_fits.N.shape[1])]
     return cone.ConeProgram(cost, (cone.free_block(0, len(cost)),), rows)
 
@@ -445,7 +440,7 @@ def reject_iteratively(
     every = np.ones(len(readings.y), dtype=bool)
     length, status = np.zeros(len(every)), "solved"
     for _ in range(MAX_REWEIGHTINGS):
-        weighted = _accepted(s, readings, every, np.sqrt(PAIRS.influence(length)))
+        weighted = _accepted(s, readings, every, np.sqrt(PAIR_LOSS.influence(length)))
         if weighted_prior is None:
             pi = minimum_norm(weighted).pi
         else:

@@ -114,8 +114,8 @@ def folds(parts: PartitionedRegression) -> list[Fold]:
 class Grams:
     """Hold Gram matrices [A | y]^T [A | y] of whitened rows, for k parameters."""
 
-    total: Array  #: Of all equations, (k + 1, k + 1) [1].
-    held_out: Array  #: Of the equations held out in each fold, (folds, k + 1, k + 1) [1].
+    total: Array  #: Gram matrix of all equations, (k + 1, k + 1) [1].
+    held_out: Array  #: Gram matrix of the equations held out, (folds, k + 1, k + 1) [1].
     equations: Array  #: Number of equations held out in each fold, (folds,).
     all_equations: int  #: Number of all equations.
     n_terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
@@ -193,7 +193,7 @@ JOINT_TRACE_WEIGHT = 1e-6
 GRAM_ROUNDING = 1e-12
 """Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
 ROOT_ROUNDING = 1e-15
-"""The same of a root that is only shortened: what is kept in vain costs time alone."""
+"""Least singular value of a root matrix, over the largest, that is kept [1]. Smaller ones cost time only."""
 WEIGHT_RATIO, TRIED_WEIGHTS = 5.0, 6
 """Ratio of neighbouring weights that are tried, and their number."""
 SELECTION_PROBABILITY = 0.95

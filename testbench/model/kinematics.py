@@ -1,16 +1,15 @@
 """Kinematics of the rigid arm: joint placements and axes by Pinocchio, from the poses in the arm's MJCF.
 
-`build_vjm` is where the model side begins: it turns an `Arm` into the `Vjm` that all later steps evaluate.
+`build_vjm` is where the model side begins: it converts an `Arm` to the `Vjm` that all later steps evaluate.
 Bodies are placed by our own reading of MJCF, because Pinocchio's reader (4.1.0) moves a root body without a
 joint to the world's origin and does not normalise the axis of an axisangle. MuJoCo reads the same file by
 itself, so truth and model share no code. Pinocchio's reader of URDF checks the URDF files that we write.
 
-Errors of the joints themselves: transmission errors that are linear in unknown coefficients.
-
-The coordinate of joint j differs from its command by sum_k phi_jk(q_j, tau_j) n_jk. Errors of gears and
-encoders are a Fourier series in the joint's angle. Backlash takes the side that the sign of the torque gives.
-A stiffening spring adds a term in torque times its absolute value. Absolute calibration (`identify.absolute`)
-fits the coefficients n_jk; `correct` uses the same functions phi_jk for its intervals.
+`joint_error_basis` describes errors of the joints themselves. The coordinate of joint j differs from its
+command by sum_k phi_jk(q_j, tau_j) n_jk, which is linear in the unknown coefficients n_jk. Errors of gears
+and encoders are a Fourier series in the joint's angle; backlash is a step where the torque changes sign; a
+stiffening spring adds a term in torque times its absolute value. Absolute calibration (`identify.absolute`)
+fits the coefficients, and `correct` uses the same functions phi_jk for its intervals.
 """
 
 import xml.etree.ElementTree as ET

@@ -1,25 +1,18 @@
-"""Joint laws of an arm: what its actuated joints do beyond a linear spring.
+"""Joint laws: how an actuated joint turns in addition to its linear spring.
 
-Each law is one more virtual joint in series with the joint's own spring. How it turns with the torque before
-and under the load has a known shape (`testbench.model.laws`). Its size, at least zero, is an unknown
-like a compliance. So the model stays linear in all unknowns, and every block of C_theta stays positive
+A law is one more virtual joint in series with the spring of an actuated joint. With x = c tau, c the nominal
+compliance of the joint, x_0 is its turn before the load and x_1 its turn under the load. The law turns the
+joint by a known function of x_0 and x_1, times a size that is at least zero. The size is an unknown like a
+compliance. So the model stays linear in all unknowns, and every block of C_theta stays positive
 semi-definite. `identify` learns the sizes, `correct` uses them.
 
-With x = c tau, c the nominal compliance of the joint, x_0 is the turn before and x_1 the turn under the load.
-tau_0 is the torque of the arm's own weight, less what a compensator carries; tau_1 adds the torque of the
-load.
+tau_0 is the torque of the arm's own weight, less the torque that a compensator carries; tau_1 adds the torque
+of the load.
 
-A compensator adds a law on joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that a strut
-prevents as the arm deflects. K is its stiffness over that of the joint at its longest lever, s its lever over
-the longest.
-
-Shapes of joints that are more than linear springs, a class each: the turn, its slope, and its size.
-
-A law gives the turn of a joint beside its compliance, per unit of a size. The size is an unknown of the fit.
-With x = c tau, c the nominal compliance of a joint, x_0 is the turn before the load and x_1 under it.
-
-`joint_laws` holds the laws of every joint by name. Add one by `joint_laws["name"] = Law()`, or by an entry
-point of the group `testbench.joint_laws`.
+`joint_laws` holds the laws of every joint by name, a class each: stiffening, backlash, friction. Add one by
+`joint_laws["name"] = Law()`, or by an entry point of the group `testbench.joint_laws`. A compensator adds a
+law to joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that the strut prevents as the
+arm deflects. K is its stiffness over that of the joint at its longest lever, s its lever over the longest.
 
 Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints with
 hysteresis and backlash, IEEE Trans. Ind. Electron. 56 (2009). Stiffening: catalogues of strain wave gears.
@@ -54,7 +47,7 @@ LAW_PRIOR = 0.5, 0.8
 
 @dataclass(frozen=True)
 class JointTurns:
-    """Hold the nominal turns of all joints in all runs."""
+    """Hold the nominal turns x = c tau of all joints in all runs."""
 
     x_0: Array  #: Before the load, (n, runs) [rad, m].
     x_1: Array  #: Under the load, (n, runs) [rad, m].
@@ -63,15 +56,15 @@ class JointTurns:
 
 
 class JointLaw(Protocol):
-    """Define what the model asks of a law: its turn per unit of size, the slope, and what a size means."""
+    """Define a joint law: its turn per unit of size, the slope of the turn, and the meaning of a size."""
 
     @property
     def unit(self) -> float:
-        """Return what a size of one means in SI units; reports show size times unit."""
+        """Return the value of a size of one in SI units; reports show size times unit."""
 
     @property
     def unit_words(self) -> str:
-        """Return the unit of that number, such as "rad"."""
+        """Return the name of that SI unit, such as "rad"."""
 
     @property
     def size_prior(self) -> tuple[float, float]:
@@ -79,10 +72,10 @@ class JointLaw(Protocol):
 
     @property
     def formula(self) -> str:
-        """Return the turn as text, s its size, for the file of numbers beside an exported URDF."""
+        """Return the turn as text, with s for the size, for the JSON file beside an exported URDF."""
 
     def turn(self, at: JointTurns) -> Array:
-        """Compute the turn beside the linear one per unit of size.
+        """Compute the turn in addition to the linear spring, per unit of size.
 
         Args:
             at: Nominal turns before and under the load.
@@ -268,10 +261,10 @@ CACHED_VJMS = CACHED_STRUCTURES = 32  #: Number of models with laws, and of stru
 
 @dataclass(frozen=True)
 class JointLaws:
-    """Hold the laws of an arm's joints: each shape for every joint, and one of a compensator.
+    """Hold the laws of an arm's joints: each kind for every joint, and one of a compensator.
 
     The laws are ordered by kind: stiffening of all joints, backlash of all, and so on. Their number is the
-    number of shapes times n, and one more with a compensator.
+    number of kinds times n, and one more with a compensator.
     """
 
     compliance: Array  #: Nominal compliance c of every joint, (n,) [rad/(N m), m/N].
@@ -413,12 +406,12 @@ def law_kinds(structure: Structure) -> tuple[str, ...]:
 
 
 def size_prior(kind: str) -> tuple[float, float]:
-    """Return median, and deviation of the logarithm, of a law's size before any reading, by its kind [1]."""
+    """Return the median of a law's size before any reading, and the deviation of its logarithm [1]."""
     return COMPENSATOR_LAW_PRIOR if kind == STRUT else joint_laws[kind].size_prior
 
 
 def law_unit(kind: str) -> float:
-    """Return what a size of one of a kind of law means in SI units [1, rad; m for a slide]."""
+    """Return the value of a size of one in SI units, by the kind of the law [1, rad; m for a slide]."""
     return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
 
 
@@ -442,7 +435,7 @@ def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
 
 
 def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
-    """Adapt the friction law to runs in which the load was put on, or put on and taken off again.
+    """Set the width of the friction loop for runs whose load was put on, or put on and taken off again.
 
     Args:
         vjm: Kinematics, with or without laws.

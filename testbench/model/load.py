@@ -1,20 +1,16 @@
-"""Loads at the tool: hung weights and process forces, and what they do to the virtual joints.
+"""Loads on the virtual joints: hung weights, process forces, own weight; stiffness under load, Eq. (7).
 
-A `Load` is a wrench w and its point of action. `on_joints` turns loads into the generalised loads J^T w of
-Eq. (10), which the linear model and the equilibrium take.
+A `Load` is a wrench w and the point where it acts. `on_joints` converts loads to the generalised loads J^T w
+of Eq. (10), for the linear model and for the equilibrium.
 
-The arm's own weight on the virtual joints: masses and centres of mass, read from rigid.xml.
+Own weight loads every virtual joint before a body in the chain by J^T m g. Masses and centres of mass come
+from rigid.xml. J^T m g is linear in each body's mass and first moments, mass times centre, so that
+calibration can fit them too.
 
-A body loads every virtual joint before it in the chain. The load J^T m g is linear in each body's mass and
-first moments, mass times centre; so `identify` can take masses from the file or fit them. Joint laws and the
-equilibrium under own weight use these loads.
-
-Stiffness of the loaded arm, Eq. (7), on the model side, batched over runs.
-
-The springs are at rest at theta = 0, links weigh nothing, and the load is one wrench at the tool. Under it
-the arm rests where K_theta theta = J_theta(theta)^T w. The tangent there is K_theta - K_w, with K_w the
-derivative of the generalised load with respect to theta. Formulas use compliances and never invert C_theta: a
-rigid direction is a zero in C_theta.
+The stiffness under load is that of an arm of weightless links under one wrench at the tool. Its springs are
+relaxed at theta = 0, and it rests where K_theta theta = J_theta(theta)^T w. The tangent there is
+K_theta - K_w, with K_w the derivative of the generalised load with respect to theta. Formulas use compliances
+and never invert C_theta, because a rigid direction is a zero in C_theta.
 """
 
 import xml.etree.ElementTree as ET

@@ -30,8 +30,9 @@ TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4
 """The 8 entries of a straight beam: c11 c22 c33 c44 c55 c66 c26 c35."""
 JOINTS = "Joints"  #: Name of the structure of joint stiffness only.
 Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
-"""What a method asks of every block: nothing; to be positive semi-definite; the same, but only as far as free
-directions allow, the fit being that of least squares; to be small; the same as "psd", but afterwards."""
+"""Constraint of a method on every block. "none": none. "psd": positive semi-definite. "free": as positive
+semi-definite as unobservable directions allow; the fit is that of least squares. "ridge": small. "clipped":
+least squares, made positive semi-definite afterwards. "own": unknown, from an estimator of your own."""
 PAPER_GCO = "GCO (paper)"
 """Method name of GCO without a learnt trace weight."""
 

@@ -1,16 +1,11 @@
-"""The virtual joint method on the kinematics of the rigid arm, batched over runs, Eq. (1) to (13).
+"""The virtual joint method on the kinematics of the rigid arm, Eq. (1) to (13), batched over runs.
 
 `kinematics.py` gives joint placements and axes; from there every quantity is a product of arrays over all
-runs at once. Virtual joints are at zero unless theta is given: the linear model of Eq. (5), (6) and (10) to
-(13). Away from zero they serve the loaded stiffness of Eq. (7) in `loaded.py`.
+runs at once. Without theta the virtual joints are at zero: the linear model of Eq. (5), (6) and (10) to (13).
+Away from zero they serve the loaded stiffness of Eq. (7) in `load.py`.
 
-Rigid tool motion and rotation vectors: how joints move the tool, and how far orientations are apart.
-
-`correct` uses these for inverse kinematics and for the rotation part of its errors.
-
-Random poses inside the joint limits: the candidates that a measurement plan or a simulation draws from.
-
-Poses may be limited to a work area of the tool; a caller's check keeps them free of collision.
+Below are rotation vectors and the motion of the rigid tool, which `correct` uses for inverse kinematics, and
+random poses within the joint limits, from which simulations and measurement plans draw.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,14 +1,13 @@
-"""The true arm as MuJoCo models: one for inspection, and one with several copies for computation.
+"""The true arm as MuJoCo models: conversion of rigid MJCF to elastic MJCF, and copies for fast evaluation.
 
-A Newton step needs MuJoCo's kinematics and the gravity force, 2.8 us per pose; the call from Python costs as
-much. So the second model holds several copies of the arm, without geoms and springs: one call evaluates a
-pose in each.
+`elastic_mjcf` adds six sprung virtual joints after every link and one per joint. The coupled 6x6 stiffness
+K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over the link's three slides and
+three hinges. Their energy is 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta. The result is plain MJCF
+that MuJoCo's own viewer opens.
 
-Conversion of rigid MJCF to elastic MJCF: six sprung virtual joints after every link, one per joint.
-
-The coupled 6x6 stiffness K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over the
-link's three slides and three hinges. Their energy is 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta.
-The result is plain MJCF that MuJoCo's own viewer opens.
+A Newton step of the equilibrium needs MuJoCo's kinematics and the gravity force, 2.8 us per pose; the call
+from Python takes as long. So a second model holds several copies of the arm, without geoms and springs: one
+call evaluates a pose in each.
 """
 
 import copy
@@ -186,7 +185,7 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
 # --- The true arm as MuJoCo models: one for inspection, and one with several copies for computation ---------
 
 COMPILE_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
-"""What MuJoCo raises of a model that it does not compile."""
+"""Errors that MuJoCo raises if it does not compile a model."""
 MAX_PAIRS = 50_000
 """Most geoms that may collide: 316 on ten links."""
 HULL_CORNERS = 1000
@@ -217,14 +216,14 @@ class Plant:
 
     arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
-    copies: Copies  #: Of the model, or of the one that it is an altered copy of.
+    copies: Copies  #: Copies of the model, or of the model that it is an altered copy of.
     theta: Ids  #: Address of each virtual joint, (n_theta,).
     joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.
     markers: Ids  #: Body ids of the markers, (m,).
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
-    carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
+    joint_moves: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
     disturbances: Disturbances  #: Disturbances of the true arm.
     joint_offset: Array  #: True minus commanded joint angles, equal in all poses, (n,) [rad].
     load_point_error: Array  #: True minus recorded load point, tool's axes, (3,) [m].
@@ -358,7 +357,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
         markers=np.array([model.body(name).id for name in arm.markers]),
         load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
         C=C,
-        carries=_carries(model),
+        joint_moves=_carries(model),
         disturbances=NOMINAL,
         joint_offset=np.zeros(arm.n_joints),
         load_point_error=np.zeros(3),
@@ -402,9 +401,9 @@ def _copies_in_one_model(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
 
 def _carries(model: mujoco.MjModel) -> Array:
     """Mark which joints move a body: one, else zero, (bodies, nv)."""
-    carries = np.zeros((model.nbody, model.nv))
+    joint_moves = np.zeros((model.nbody, model.nv))
     for body in range(1, model.nbody):
         first = model.body_dofadr[body]
-        carries[body] = carries[model.body_parentid[body]]
-        carries[body, first : first + model.body_dofnum[body]] = 1
-    return carries
+        joint_moves[body] = joint_moves[model.body_parentid[body]]
+        joint_moves[body, first : first + model.body_dofnum[body]] = 1
+    return joint_moves

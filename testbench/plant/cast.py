@@ -1,16 +1,14 @@
 """Cast links as true arms: hollow, tapered, bowed, offset from their joints, closed or open on one side.
 
-A link is a chain of Timoshenko segments. Its compliance at the end sums those of its sections along the line,
+A link is a chain of Timoshenko segments at the nodes of Gaussian quadrature. Its compliance at the end sums
+those of its sections along the line,
 
-    C = sum Ad(s)^T c(s) Ad(s) ds,
+    C = sum Ad(s)^T c(s) Ad(s) ds.
 
-with c of thin-walled `Sections`. Segments are at the nodes of Gaussian quadrature.
-
-Thin-walled sections of one cell: compliance of a short piece of a hollow link in all six directions.
-
-Axial force and bending are those of plane sections, torsion is Bredt's. The shear flow is that of bending
-stress, closed so that the section does not twist (Megson, Aircraft Structures, 2012, chapters 16 to 18). Its
-energy gives Timoshenko's shear coefficients, Cowper's of 1966 at a Poisson's ratio of 0.
+c(s) is the compliance of a thin-walled section of one cell (`Sections`). Axial force and bending are those of
+plane sections, torsion is Bredt's. The shear flow is that of bending stress, closed so that the section does
+not twist (Megson, Aircraft Structures, 2012, chapters 16 to 18). Its energy gives Timoshenko's shear
+coefficients, Cowper's of 1966 at a Poisson's ratio of 0.
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +33,7 @@ class Sections:
     Corners are counterclockwise.
     """
 
-    corners: Array  #: In the section's axes y and z, (sections, walls, 2) [m].
+    corners: Array  #: Corners in the section's axes y and z, (sections, walls, 2) [m].
     thickness: Array  #: Thickness that carries normal stress, (sections, walls) [m].
     shear_thickness: Array  #: Thickness that carries shear [m]: less if ribs with gaps replace a wall.
 

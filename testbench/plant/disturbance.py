@@ -3,15 +3,12 @@
 All are plain numbers in SI, so that a scenario or a manifest can hold them. `testbench.plant.true_arms`
 builds them into a plant.
 
-Gear errors of a joint: its true angle as a function of the commanded one, whatever the load.
+Gear errors of a joint are periodic in its angle, by teeth, bearings and encoders, whatever the load:
 
-true q = commanded q + ratio q + sum over k = 1 ... K of sine_k sin(k q) + cosine_k cos(k q)
+    true q = commanded q + ratio q + sum over k = 1 ... K of sine_k sin(k q) + cosine_k cos(k q)
 
-Errors of teeth, bearings and encoders are periodic in the joint's angle. A slide has metres for radians.
-
-Joints that are not linear springs: they stiffen, have backlash, and stick.
-
-With x = tau / k_0 the turn of a linear joint under the torque tau, three effects add up:
+Joints that are not linear springs stiffen, have backlash, and stick. With x = tau / k_0 the turn of a linear
+joint under the torque tau, three effects add up:
 
 - stiffening: the spring turns by phi with k_0 phi (1 + beta (phi / phi_ref)^2) = tau;
 - backlash of half-width b, on the side that the torque's sign selects: the turn is phi + b tanh(x / b). It is
@@ -19,12 +16,9 @@ With x = tau / k_0 the turn of a linear joint under the torque tau, three effect
   motion;
 - hysteresis of half-width h: friction holds the joint until the turn y without friction is more than h away,
   then lets it follow: theta = min(max(theta_before, y - h), y + h). This is the play operator (Krasnosel'skii
-  and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load. Where friction slips
-  gradually, the rest of the way beyond h counts as in `testbench.plant.disturbance`.
+  and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load.
 
-A slide has forces for torques and metres for radians.
-
-Elasticity of true arms that constant matrices cannot describe: pose dependence, coupling, slip.
+Elasticity that constant matrices cannot describe:
 
 - A link's compliance depends on the pose: C(q) = D C D with D = diag(exp(w s(q) / 2)). s goes from -1 to 1
   with the angles of some joints; w is the size of the change along each axis.
@@ -32,6 +26,8 @@ Elasticity of true arms that constant matrices cannot describe: pose dependence,
 - Friction slips gradually (Iwan 1966, in Prandtl's form): a joint has many play operators in parallel, whose
   half widths are uniform from 0 to the slip H. A target that moves away by d takes the joint along by d^2 /
   (2 H) until d = H, then by d - H / 2: stiff at first, and a hysteresis loop in the end.
+
+A slide has forces for torques and metres for radians.
 """
 
 from dataclasses import dataclass, replace
@@ -55,7 +51,7 @@ class GearErrors:
     """
 
     sigma: float = 30e-6  #: Standard deviation of every coefficient of the flat spectrum [rad].
-    orders: int = 30  #: Its highest order, K; 0 for none.
+    orders: int = 30  #: Highest order of the spectrum, K; 0 for none.
     ratio: float = 0.0  #: Standard deviation of the relative error of the gear ratio [1].
 
     def __post_init__(self) -> None:

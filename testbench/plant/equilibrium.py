@@ -4,24 +4,21 @@ With the actuated joints held, theta is in equilibrium if
 
     K_theta theta = Q(theta),
 
-Q the generalised force of own weight and loads. Newton's matrix is K_theta - K_w, Eq. (7). K_w is small for
-an arm that can carry its load, so the constant K_theta suffices at first: theta <- C_theta Q(theta) gains two
-digits per step. If a step of a pose gains less than a factor of four, its tangent is computed by finite
+with Q the generalised force of own weight and loads. Newton's matrix is K_theta - K_w, Eq. (7). K_w is small
+for an arm that can carry its load, so the constant K_theta suffices at first: theta <- C_theta Q(theta) gains
+two digits per step. If a step of a pose gains less than a factor of four, its tangent is computed by finite
 differences.
 
 The result of a pose does not depend on the other poses of a batch. Each pose takes its own steps and stops by
 itself, and matrices multiply its vectors one by one, because BLAS rounds a product of two matrices by their
 sizes.
 
-A gravity compensator: a spring from link 1 to link 2 that supports joint 2.
-
-With length s, the strut pulls its ends together by F = rate (s_held - rest_length) + stiffness (s - s_held).
-s_held is its length in the held, undeflected pose.
-
-There are two slopes because a strut is driven in two ways. When joint 2 turns, it moves the piston, and only
-gas or coils push back. Under a payload it moves by tenths of a millimetre, and seal friction or a closed
-column of oil may make it far stiffer. Equal slopes, the default, are the plain spring. Joint 2 sees the
-equivalent stiffness K_eq = stiffness s'^2 + F s'', with derivatives by q_2. It nearly vanishes where the
+A gravity compensator is a spring from link 1 to link 2 that supports joint 2. With length s, the strut pulls
+its ends together by F = rate (s_held - rest_length) + stiffness (s - s_held), where s_held is its length in
+the held, undeflected pose. It has two slopes. As joint 2 turns, it moves the piston, and only gas or coils
+push back. Under a payload the piston moves by tenths of a millimetre, and seal friction or a closed column
+of oil may make it far stiffer. Equal slopes, the default, are the plain spring. The equivalent stiffness at
+joint 2 is K_eq = stiffness s'^2 + F s'', with derivatives with respect to q_2. It nearly vanishes where the
 strut points at the axis, and is largest where the strut is perpendicular to its lever.
 """
 
@@ -53,8 +50,8 @@ class BodyState:
     weight: Array  #: Generalised force of the arm's own weight, (poses, nv) [N, N m].
     #: Rotation, and motion at `centre`, per unit of every coordinate: MuJoCo's cdof, (poses, nv, 6) [1, m].
     motion: Array
-    centre: Array  #: Its point of reference in the world, (poses, 3) [m].
-    position: dict[int, Array]  #: Of the bodies in the world, (poses, 3) each [m].
+    centre: Array  #: Reference point of `motion` in the world, (poses, 3) [m].
+    position: dict[int, Array]  #: Position of every body in the world, (poses, 3) each [m].
     rotation: dict[int, Array]  #: World from body, (poses, 3, 3) each [1].
 
 
@@ -65,9 +62,9 @@ class ArmCopies:
     model: mujoco.MjModel
     data: mujoco.MjData
     qpos: Array  #: Configuration of every arm, (arms, nv) [m, rad].
-    motion: Array  #: As in `BodyState`, (arms, nv, 6).
-    centre: Array  #: As in `BodyState`, (arms, 3).
-    position: Array  #: Of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
+    motion: Array  #: Motion, as in `BodyState`, (arms, nv, 6).
+    centre: Array  #: Reference point, as in `BodyState`, (arms, 3).
+    position: Array  #: Position of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
     rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
 
 
@@ -156,7 +153,7 @@ def generalised_force(plant: Plant, state: BodyState, body: int, wrench: Array, 
     force, moment = wrench[:, :3], wrench[:, 3:]
     about_centre = moment + _cross(point - state.centre, force)
     Q = np.matvec(state.motion, np.concatenate([about_centre, force], axis=1))
-    return np.asarray(Q * plant.carries[body])
+    return np.asarray(Q * plant.joint_moves[body])
 
 
 def body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tuple[Array, Array]:
@@ -171,7 +168,7 @@ def body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tupl
     Returns:
         Translation [m] and rotation vector [rad], world axes, (poses, 3) each.
     """
-    twist = np.vecmat(theta * plant.carries[body], state.motion)
+    twist = np.vecmat(theta * plant.joint_moves[body], state.motion)
     turn, shift = twist[:, :3], twist[:, 3:]
     return shift + _cross(turn, state.position[body] - state.centre), turn
 

@@ -17,9 +17,9 @@ from testbench.plant.site import VISUAL_GROUPS, Site
 if TYPE_CHECKING:  # it takes long to import, and few commands draw
     from scipy.spatial import ConvexHull
 
-Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
+GeomKind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 
-GEOM_KINDS: dict[int, Kind] = {
+GEOM_KINDS: dict[int, GeomKind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
@@ -45,12 +45,12 @@ class Mesh:
 class Shape:
     """Describe one visual geom, fixed in a body."""
 
-    kind: Kind  #: MuJoCo's geom type.
+    kind: GeomKind  #: MuJoCo's geom type.
     body: int  #: Index of its body.
     #: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius, half
     #: length without caps).
     size: Array
-    position: Array  #: Of its centre in the body, (3,) [m].
+    position: Array  #: Position of its centre in the body, (3,) [m].
     rotation: Array  #: Body from shape, (3, 3) [1].
     rgba: Array  #: Colour, (4,) [1].
     mesh: Mesh | None = None  #: For kind "mesh", in the shape's axes.
@@ -123,7 +123,7 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
     )
 
 
-def half_sizes(kind: Kind, size: Array) -> Array:
+def half_sizes(kind: GeomKind, size: Array) -> Array:
     """Compute the half sizes of a geom along its axes from MuJoCo's size; see `Shape.size`.
 
     Args:
@@ -295,7 +295,7 @@ def _capped_ends(size: Array, cap: Array) -> Array:
     return np.concatenate([size[0] * cap + [0, 0, end * size[2]] for end in (-1, 1)])
 
 
-SURFACE_POINTS: dict[Kind, Callable[[Array], Array]] = {
+SURFACE_POINTS: dict[GeomKind, Callable[[Array], Array]] = {
     "box": lambda size: CUBE_CORNERS * size,
     "cylinder": lambda size: _capped_ends(size, CIRCLE),
     "capsule": lambda size: _capped_ends(size, SPHERE),

@@ -83,14 +83,14 @@ def compute_contacts(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 # --- The rigid cell: the arm with its payload and its tracker, their contacts, and the lines of sight -------
 
-Kind = Literal["itself", "room", "tracker", "payload"]
+ContactCategory = Literal["itself", "room", "tracker", "payload"]
 
-CONTACT_CATEGORIES: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
+CONTACT_CATEGORIES: tuple[ContactCategory, ...] = ("itself", "room", "tracker", "payload")
 """Kinds of contact: with the arm itself, with floor and walls, with the tracker; and of the payload with
 anything. Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its
 two."""
 
-SHACKLE = 0.1
+SHACKLE_LENGTH = 0.1
 """Length below the load point that counts as part of the tool [m], where the payload's clearance does not
 apply."""
 SLING_RADIUS = 0.01  #: Radius of the sling [m].
@@ -109,9 +109,9 @@ RAY_GROUPS = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 class Payload:
     """Describe a weight that hangs from the load point: an upright steel cylinder, as high as wide."""
 
-    mass: float  #: Of the weight [kg].
-    sling: float = 0.5  #: From the load point to the top of the weight [m].
-    density: float = 7850.0  #: Of the weight [kg/m^3]; 7850 is steel.
+    mass: float  #: Mass of the weight [kg].
+    sling: float = 0.5  #: Length from the load point to the top of the weight [m].
+    density: float = 7850.0  #: Density of the weight [kg/m^3]; 7850 is steel.
     clearance: float = 0.05  #: Least distance to anything [m], since weights swing.
 
     def __post_init__(self) -> None:
@@ -135,14 +135,14 @@ class Payload:
     @property
     def upper_end(self) -> float:
         """Return the start of the sling below the load point [m]: the tool around it is no obstacle."""
-        return SHACKLE + self.clearance
+        return SHACKLE_LENGTH + self.clearance
 
 
 @dataclass(frozen=True)
 class Contact:
     """Describe two bodies that touch, or come closer than the payload's clearance."""
 
-    kind: Kind  #: Kind of contact.
+    kind: ContactCategory  #: Category of the contact.
     #: Their names, in the order of `CONTACT_CATEGORIES`: the arm's before the world's, the payload's last.
     bodies: tuple[str, str]
 

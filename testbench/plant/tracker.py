@@ -249,7 +249,7 @@ def face_travel(axis: Array, normal: Array, start: Array, end: Array, turn: Arra
 
 
 def tilt_directions(direction: Array, tilt: float, group: Ids, rng: np.random.Generator) -> Array:
-    """Tilt directions by random angles; the directions of one group are tilted alike.
+    """Tilt directions by random angles; the directions of one group are tilted equally.
 
     Args:
         direction: Unit vectors, (runs, 3) [1].
@@ -280,11 +280,12 @@ class Gauge:
     travel: float = 25e-3  #: Range of the tip [m]; it is set up in the middle.
     resolution: float = 1e-6  #: Step of the display [m]; 0 for none.
     hysteresis: float = 0.0  #: Half-width of the loop by friction of the tip [m].
-    stand: float = 0.0  #: Standard deviation of the stand's motion between two readings [m].
-    alike: bool = False  #: Whether normal and axis are off alike in all poses, not anew in each.
+    stand_motion: float = 0.0  #: Standard deviation of the stand's motion between two readings [m].
+    #: Whether the tilts of normal and axis are equal in all poses, not new in each.
+    constant_tilt: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "tilt", "resolution", "hysteresis", "stand"):
+        for name in ("sigma", "tilt", "resolution", "hysteresis", "stand_motion"):
             check_least(getattr(self, name), name)
         if not 0 < self.travel < math.inf:
             raise BenchError(f"travel [m] of a gauge: expected more than 0, got {self.travel}")
@@ -309,14 +310,14 @@ class Gauge:
         Returns:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
-        group = np.zeros_like(pose) if self.alike else pose
+        group = np.zeros_like(pose) if self.constant_tilt else pose
         normal, axis = (tilt_directions(direction, self.tilt, group, rng) for _ in range(2))
         turn = rotations[1] @ rotations[0].swapaxes(1, 2)
         moved = face_travel(axis, normal, *places, turn)
         # Friction holds the tip back: from either side unloaded, against the motion loaded.
         held = np.array([rng.uniform(-1, 1, len(moved)), -np.sign(moved)])
         read = self.travel * PRELOAD + np.array([np.zeros_like(moved), moved]) + self.hysteresis * held
-        read[1] += self.stand * rng.standard_normal(len(moved))
+        read[1] += self.stand_motion * rng.standard_normal(len(moved))
         read += self.sigma * rng.standard_normal(read.shape)
         if self.resolution:
             read = self.resolution * np.round(read / self.resolution)
@@ -398,8 +399,8 @@ class PlaneProbe:
 
     sigma: float = 10e-6  #: Standard deviation of one reading [m].
     flatness: float = 3e-6  #: Standard deviation of the face from a plane, one per pose [m].
-    fixed_point_sigma: float = 2e-3  #: That of the stated point of the face along each axis [m].
-    tilt: float = math.radians(0.5)  #: That of the stated normal about each axis [rad].
+    fixed_point_sigma: float = 2e-3  #: Standard deviation of the stated point along each axis [m].
+    tilt: float = math.radians(0.5)  #: Standard deviation of the stated normal [rad].
     travel: float = 25e-3  #: Largest height that it reads, to either side [m].
     radius: float = 0.4  #: Radius of the face around the stated point [m].
 

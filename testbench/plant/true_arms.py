@@ -1,15 +1,12 @@
-"""True arms outside the model's templates: one model, and families of truths to judge it by.
+"""Kinds of true arms that differ from the model, and plants with disturbances built in.
 
 The model and the prior from CAD remain those of the arm's folder; only the simulated arm differs.
-
 `true_arms` holds the kinds by name. Add one by `true_arms["name"] = TrueArm(...)`, or by an entry point of
 the group `testbench.true_arms`.
 
-The disturbed true arm: a plant with disturbances built in.
-
-Own weight, geometry and foundation change the MuJoCo model. Offsets and payload errors change its inputs.
-Compensator and joint laws change the forces and springs of its equilibrium. The nominal plant stays
-unchanged. The foundation's six coordinates are part of C, not of theta.
+`disturb` builds disturbances into a plant. Own weight, geometry and foundation change the MuJoCo model.
+Offsets and payload errors change its inputs. Compensator and joint laws change the forces and springs of its
+equilibrium. The nominal plant stays unchanged. The foundation's six coordinates are part of C, not of theta.
 """
 
 import copy

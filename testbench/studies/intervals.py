@@ -110,7 +110,7 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     best = solve_gco(regression).f_m
     n, count = scaling.structure.n, len(regression.terms)
     allowed = (1 + SLACK) * max(best, EXACT_FIT * f_m(regression, np.zeros(n)))
-    total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
+    total = cone.ConeRows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
     parts = [(term.R @ scaling.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
     norms = norm_constraints(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(

@@ -46,7 +46,7 @@ from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.diagnosis.screens import check_row_order
 from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import ArmModel, Posterior
-from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READINGS
+from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READING_LOSS
 from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm, chain, marker_points, tool_points, translation_rows
 from testbench.plant.build import Plant
@@ -250,7 +250,7 @@ def calibrate_with_masses(
     ]
     said += of_held(calibration)
     wild = outliers(calibration.state, calibration.series, calibration.influences)
-    words = (describe(issue, vjm.arm).sentence for issue in calibration.findings)
+    words = (describe(issue, vjm.arm).sentence for issue in calibration.issues)
     mounted = mounting_by_own_weight(calibration, cad_prior(vjm.arm))
     return Calibrated(
         calibration,
@@ -319,7 +319,7 @@ def of_held(calibration: Calibration) -> list[str]:
 def of_outliers(found: Outliers) -> str:
     """Say how many positions are far off."""
     worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
-    far = f"{READINGS.threshold / OUTLIER_WEIGHT:g} standard deviations"
+    far = f"{READING_LOSS.threshold / OUTLIER_WEIGHT:g} standard deviations"
     few = f"{found.count} of {found.readings} positions"
     return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 

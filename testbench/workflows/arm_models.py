@@ -55,7 +55,7 @@ FITS = "models.json"  #: All fits of `testbench identify`, beside the recommende
 MAX_BYTES = 50_000_000  #: Largest model.json [byte].
 FORMAT = 3  #: Of what is written; no other one is read.
 ARRAYS = ("root", "unseen", "scale")
-"""Of posterior.npz, as `Posterior` has them."""
+"""Names in posterior.npz of root, unobservable rows and scale of a `Posterior`."""
 MAX_MODEL_NUMBER = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
 MAX_TEXT, MAX_NAME_LENGTH = 20_000, 255
 """Longest text of a model, and longest name of its arm [characters]."""
@@ -369,8 +369,9 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
     document = {"format": FORMAT, "name": name, **_document(model), "fit": fit}
     copy_arm(model.arm, folder)
     files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
-    arrays = {key: getattr(model.posterior, key) for key in ARRAYS}
-    np.savez_compressed(folder / POSTERIOR, **arrays)
+    posterior = model.posterior
+    arrays = dict(zip(ARRAYS, (posterior.root, posterior.unobservable, posterior.scale), strict=True))
+    np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]
 
 
 def _document(model: ArmModel) -> dict[str, object]:

@@ -589,6 +589,6 @@ def scale_forecast(made: AbsolutePlanned) -> ScaleForecast:
     problem = made.plan.examined.problem
     h, far = absolute.scale_row(made.union, made.wanted, made.q)
     known = h @ problem.lift @ np.linalg.solve(made.plan.information, problem.lift.T @ h)
-    after = math.sqrt(known + float(h @ problem.hidden @ h))
+    after = math.sqrt(known + float(h @ problem.remaining_covariance @ h))
     geometry = h[made.union.unknowns.columns("geometry")]
     return ScaleForecast(float(np.linalg.norm(geometry)), after, after * far)

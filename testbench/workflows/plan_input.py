@@ -21,7 +21,7 @@ from testbench.files.mapping import read_map
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, WorkArea, chain, in_work_area
-from testbench.plant.site import Kind, Payload, Site, build_site, contacts, hidden_markers
+from testbench.plant.site import ContactCategory, Payload, Site, build_site, contacts, hidden_markers
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.progress import tell
 from testbench.workflows.cell import Cell
@@ -284,7 +284,7 @@ DRAWS_A_POSE = 1000
 OFF_LIMITS = "outside the joint limits"
 OFF_AREA = "tool outside the work area"
 BLOCKED = "line of sight is blocked"
-TOUCHING: dict[Kind, str] = {
+TOUCHING: dict[ContactCategory, str] = {
     "itself": "arm collides with itself",
     "room": "arm hits the floor or a wall",
     "tracker": "arm hits the tracker",

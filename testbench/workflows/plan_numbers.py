@@ -169,7 +169,7 @@ def _pairs(made: Planned) -> Row:
     drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
     others = baselines(plan, rows, random_candidates=drawn, rng=rng)
     around, chance = made.workspace, others.random[made.settings.poses]
-    hidden = MM * math.sqrt(influence.hidden)
+    hidden = MM * math.sqrt(influence.unseen_mean_square)
     return Row(
         model=scaling.structure.name,
         whole_arm=scaling.structure.n == all153(cell.arm).n,
@@ -306,8 +306,8 @@ def _directions(plan: Plan, influence: PriorInfluence) -> Row:
         unknowns=spec.experiment.scaling.structure.n,
         shown=problem.r,
         seen=observability(problem, plan.chosen).seen,
-        outweighed=influence.outweighed if believed else problem.r,
-        hidden_mm=MM * math.sqrt(influence.hidden),
+        outweighed=influence.directions_from_readings if believed else problem.r,
+        hidden_mm=MM * math.sqrt(influence.unseen_mean_square),
         prior_share_percent=100 * influence.prior_share if believed else 0.0,
     )
 

@@ -26,7 +26,13 @@ from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.metric import cad_prior, scale_by_prior
-from testbench.identify.registered import STATION, Choice, RegisteredDataset, register_dataset, station_number
+from testbench.identify.registered import (
+    STATION,
+    FrameChoice,
+    RegisteredDataset,
+    register_dataset,
+    station_number,
+)
 from testbench.identify.registration import Frame, Registration, largest_deviation
 from testbench.identify.regression import BLOCK_RUNS
 from testbench.model.load import own_weight, read_weights
@@ -324,8 +330,8 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
     Returns:
         The cell with targets where they are, and the runs.
     """
-    words = get_args(Choice)
-    choice: Choice | dict[str, Frame]
+    words = get_args(FrameChoice)
+    choice: FrameChoice | dict[str, Frame]
     if frame in words:
         choice = next(word for word in words if word == frame)
     elif files := _frame_files(frame):

@@ -50,10 +50,10 @@ from testbench.identify.absolute.state import (
     unknowns_of,
     wave_columns,
 )
-from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, normal
+from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, solve_normal_equations
 from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
-from testbench.identify.registration import READINGS, SQUARE, Frame
+from testbench.identify.registration import READING_LOSS, SQUARED_LOSS, Frame
 from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import BACKLASH_SMOOTHING, BANDS, JointErrors
@@ -187,10 +187,11 @@ def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500
     unknowns = unknowns_of(kr500.vjm, (series,), JointErrors(), joints_only(kr500.arm))
     far, own = rng.normal(size=(6, 3, 1)), noise.factor[0] ** 2 * (C[:, 0] + OPEN**2 * np.eye(3))
     far /= np.sqrt((far * np.linalg.solve(own, far)).sum(axis=1, keepdims=True))
-    far *= READINGS.threshold / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])[:, None, None]
+    far *= READING_LOSS.threshold / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])[:, None, None]
     series = replace(series, position=series.position + far.swapaxes(1, 2))
     held, whole = (
-        whitened_rows(Linearisation(unknowns, state, noise, loss), series) for loss in (READINGS, SQUARE)
+        whitened_rows(Linearisation(unknowns, state, noise, loss), series)
+        for loss in (READING_LOSS, SQUARED_LOSS)
     )
     np.testing.assert_array_equal(held[1], [[0, 2, 2, 0, 2, 2]])
     np.testing.assert_allclose(held[0], whole[0] * np.sqrt(np.repeat([0.2, 0.9], 3)))
@@ -363,7 +364,7 @@ def test_held_out_readings_are_as_probable_as_by_their_dense_covariance(rng):
     A, y, L = rng.normal(size=(9, 4)), rng.normal(size=9), rng.normal(size=(4, 4))
     x_0, V = rng.normal(size=4), L @ L.T
     H = np.linalg.inv(V)
-    others = normal(np.block([[H, (H @ x_0)[:, None]], [(H @ x_0)[None], np.zeros((1, 1))]]))
+    others = solve_normal_equations(np.block([[H, (H @ x_0)[:, None]], [(H @ x_0)[None], np.zeros((1, 1))]]))
     rows = np.column_stack([A, y])
     C, r = np.eye(9) + A @ V @ A.T, y - A @ x_0
     dense = r @ np.linalg.solve(C, r) + np.linalg.slogdet(C)[1]

@@ -119,9 +119,9 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
     size = np.exp(h[blocks])
     D = size**2 * np.where(prior.link_couplings, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
-    G = fitted.read.A.reshape(-1, structure.n) @ prior.L
+    G = fitted.readings.A.reshape(-1, structure.n) @ prior.L
     S = G @ (D[:, None] * G.T) + np.exp(2 * h[-1]) * np.eye(len(G))
-    apart = fitted.read.y.ravel() - G @ (size * prior.expected)
+    apart = fitted.readings.y.ravel() - G @ (size * prior.expected)
     mean = prior.L @ (size * prior.expected + D * (G.T @ np.linalg.solve(S, apart)))
     unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)

@@ -86,7 +86,7 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
 
 
 @pytest.mark.parametrize(
-    "strength",
+    "uncertainty",
     [
         pytest.param(PriorUncertainty(0.1), marks=pytest.mark.study),
         PriorUncertainty(0.4, 0.2, link_coupling=0.1),

@@ -106,7 +106,7 @@ def test_a_tip_travels_as_far_as_a_ray_in_mujoco_reaches_the_turned_face(rng):
 @pytest.mark.parametrize("way", [-1, 1])
 def test_friction_holds_a_tip_back_against_its_motion(way, rng):
     """Loaded by the half width of the loop, unloaded from either side: by a half width at most."""
-    gauge = Gauge(hysteresis=3e-6, tilt=0.0, sigma=0.0, resolution=0.0, stand=0.0)
+    gauge = Gauge(hysteresis=3e-6, tilt=0.0, sigma=0.0, resolution=0.0, stand_motion=0.0)
     runs, up = 200, np.tile([0.0, 0.0, 1.0], (200, 1))
     places = np.zeros((2, runs, 3))
     places[1, :, 2] = way * 1e-4

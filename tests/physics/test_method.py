@@ -21,7 +21,7 @@ from testbench.identify.metric import (
     rescale_to_data,
     scale_by_prior,
 )
-from testbench.identify.registration import PAIRS
+from testbench.identify.registration import PAIR_LOSS
 from testbench.identify.regression import reduce
 from testbench.identify.rows import single_readings
 from testbench.identify.solve import (
@@ -199,7 +199,7 @@ def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, d
     assert len(found.fits.doubts) == len(doubted)
 
 
-STRENGTH, DELTA = PriorUncertainty(0.3), PAIRS.threshold
+STRENGTH, DELTA = PriorUncertainty(0.3), PAIR_LOSS.threshold
 
 
 def readings(cell, seed, truth="linear"):

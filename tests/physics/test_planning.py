@@ -134,7 +134,7 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
     seen, lift = plans.information(problem, chosen), problem.lift
-    inside = lift @ np.linalg.solve(seen, lift.T) + problem.hidden
+    inside = lift @ np.linalg.solve(seen, lift.T) + problem.remaining_covariance
     by_hand, ours = (np.einsum("pkn,nl,pkl->p", wanted, C, wanted) for C in (whole, inside))
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")

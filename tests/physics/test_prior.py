@@ -140,7 +140,7 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
         fits = [solve(fold.fitted, "none", WeightedPrior(own, PriorUncertainty(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
     chosen = shrinkage.choose_strength(folds, own, lambda case: solve_with_prior("none", case).pi)
-    assert chosen.uncertainty == min(errors, key=errors.get)
+    assert chosen.relative == min(errors, key=errors.get)
 
 
 def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
@@ -176,7 +176,7 @@ def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
 
 def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are_refused(kr500, campaign):
     for bad in (0, np.nan, np.inf, 1e-200):
-        with pytest.raises(BenchError, match="uncertainty: expected a number from 1e-06 to 1e"):
+        with pytest.raises(BenchError, match="relative: expected a number from 1e-06 to 1e"):
             PriorUncertainty(bad)
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
@@ -473,7 +473,9 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
         for own in (all153(kr500.arm), without_joint_couplings(s), tied(kr500.arm), joints_only(kr500.arm))
     )
     roots = {id(own): rng.normal(size=(3, own.structure.n)) for own in (links, laws, ties, joints)}
-    monkeypatch.setattr(posteriors, "linearise", lambda own: Posterior.normal(own.pi, roots[id(own)]))
+    monkeypatch.setattr(
+        posteriors, "posterior_of_estimate", lambda own: Posterior.normal(own.pi, roots[id(own)])
+    )
     likely = {"laws_probability": 0.8, "with_laws": laws, "joints_probability": 0.4, "joints_only": joints}
     average, parts = {
         "every model": (

@@ -125,7 +125,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
         found = sound(program)
         return replace(found, x=size * found.x)
 
-    monkeypatch.setattr(interior, "interior", wrongly)
+    monkeypatch.setattr(interior, "solve_program", wrongly)
     assert not solve_with_prior("psd", RegressionWithPrior(regression, weighted_prior)).by_our_solver
     again = solve(regression, "psd", weighted_prior)
     assert again.conservative
@@ -166,7 +166,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
 
 
 def test_what_cannot_be_is_not_called_solved():
-    apart = tuple(cone.Rows("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
+    apart = tuple(cone.ConeRows("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
     found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(0, 1),), apart))  # x <= -1 and x >= 1
     assert found.status == f"not solved: Clarabel says {found.solver_status}"
     assert "nfeasible" in found.solver_status
@@ -208,7 +208,7 @@ def best_within(regression, t):
         cone.ConeProgram(
             cost=np.r_[np.ones(count), np.zeros(s.n)],
             blocks=(cone.free_block(0, count), *conic.psd_blocks(s, count)),
-            rows=(*norms, cone.Rows("nonnegative", room, np.ones(len(room)))),
+            rows=(*norms, cone.ConeRows("nonnegative", room, np.ones(len(room)))),
         )
     )
     return program.parameters(found.x[count:], regression.structure.n)

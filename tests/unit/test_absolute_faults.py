@@ -48,7 +48,7 @@ def gathered(cell, *series):
 
 
 def moves(found, cell):
-    return [describe(move, cell.arm).sentence for move in found.findings]
+    return [describe(move, cell.arm).sentence for move in found.issues]
 
 
 def position_only(series):
@@ -84,7 +84,7 @@ def test_nothing_moves_in_sound_series(ur10, order):
         blank = np.arange(one.rows)[:, None, None] % 2
         ordered = replace(ordered, rotation=np.where(blank, np.nan, ordered.rotation))
     found = gathered(ur10, ordered)
-    assert not found.findings
+    assert not found.issues
     assert found.noise.position_model_error < 2e-4
 
 
@@ -92,7 +92,7 @@ def test_nothing_moves_in_sound_series(ur10, order):
 def test_what_a_pose_leaves_open_is_no_move_however_many_readings_it_has(kr500):
     """Three targets under three loads, 27 numbers a pose, share the errors of its gears; a move is seen."""
     (one,) = read(kr500, poses=24, targets=3, orientations=False, masses=(0.0, 200.0, 460.0))
-    assert not gathered(kr500, one).findings
+    assert not gathered(kr500, one).issues
     behind = np.arange(one.rows) >= 36
     moved = gathered(kr500, replace(one, position=one.position + behind[:, None, None] * 5e-3))
     (words,) = moves(moved, kr500)
@@ -360,7 +360,7 @@ def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
     series, truth = simulate_series(ur10, asked, 1)
     found = select_and_solve(gathered(ur10, *series), ONLY)
     worst = outliers(found.state, found.series, found.influences)
-    assert not found.findings
+    assert not found.issues
     assert worst.count == truth.outliers[0].sum() > 2
     assert truth.outliers[0][worst.row - 1].all()
     assert worst.distance == pytest.approx(2e-3, rel=0.2)

@@ -37,7 +37,7 @@ from testbench.design.planning import (
     round_trip,
     shortest_path,
 )
-from testbench.design.rows import BLOCK, DesignProblem, information
+from testbench.design.rows import CANDIDATES_PER_BLOCK, DesignProblem, information
 from testbench.errors import BenchError
 
 R, K = 5, 2
@@ -136,7 +136,7 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
 
 def test_candidates_in_several_blocks_are_judged_as_each_alone():
     rng = np.random.default_rng(1)
-    rows, root = rng.standard_normal((2 * BLOCK + 5, 2, 4)), rng.standard_normal((4, 4))
+    rows, root = rng.standard_normal((2 * CANDIDATES_PER_BLOCK + 5, 2, 4)), rng.standard_normal((4, 4))
     M, W = np.eye(4) + root.T @ root, np.diag([1.0, 2.0, 3.0, 4.0])
     cost = np.trace(np.linalg.solve(M, W))
     gains = [cost - np.trace(np.linalg.solve(M + F.T @ F, W)) for F in rows]
@@ -267,9 +267,9 @@ def test_what_rests_on_the_prior_is_its_share_of_the_error_and_the_directions_th
     rows = np.zeros((1, 3, 4))
     rows[0, 0, 0] = rows[0, 1, 2] = rows[0, 2, 3] = 1.0
     found = prior_influence(plan, rows)
-    assert found.outweighed == 1
+    assert found.directions_from_readings == 1
     noise, kept = 12 / 16**2 + 1 / 5**2, 4 / 16**2 + 4 / 5**2
-    assert found.hidden == pytest.approx(0.5)
+    assert found.unseen_mean_square == pytest.approx(0.5)
     assert found.prior_share == pytest.approx((kept + 0.5) / (noise + kept + 0.5))
 
 

@@ -60,7 +60,7 @@ def test_a_series_of_one_orientation_foretells_others_of_it(kr500, kind, targets
     (fit,), (fresh,) = (simulate_series(kr500, campaign, 4, constant(kr500, kind, k))[0] for k in (1, 2))
     assert undetermined_frames(kr500.vjm, (fit,)) == open_
     found = calibrate_with_masses(kr500.vjm, (fit,), SPRINGS)
-    assert not found.calibration.findings  # nothing moved
+    assert not found.calibration.issues  # nothing moved
     assert any(
         "of the frame cannot be separated: a prior holds the targets where the" in note
         for note in found.notes

@@ -54,11 +54,11 @@ def cell():
         (lambda _: tb.with_prior(tb.gco, None), "prior: expected one, such as cad_prior"),
         (
             lambda cell: tb.with_prior(tb.gco, tb.cad_prior(cell.arm), 0.3),
-            "strength: expected PriorUncertainty or None, got float",
+            "uncertainty: expected PriorUncertainty or None, got float",
         ),
         (lambda cell: tb.Structure.of(cell.arm, links="link_2"), "links: expected a list of names, got the"),
         (lambda _: tb.Prior("mine", "abc"), "prior mine .*: expected numbers, got str"),
-        (lambda _: tb.PriorUncertainty("30 %"), "uncertainty: expected a number from .*, got '30 %'"),
+        (lambda _: tb.PriorUncertainty("30 %"), "relative: expected a number from .*, got '30 %'"),
         (lambda cell: tb.weight(cell.vjm, "460 kg"), r"mass \[kg\]: expected numbers, got str"),
         (lambda cell: tb.weight(cell.vjm, -460), r"mass \[kg\]: expected 0 or more, got -460"),
         (lambda _: tb.Aim(hold="axes"), "aim.hold: expected pose or axis or position, got 'axes'"),

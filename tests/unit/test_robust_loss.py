@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from testbench.identify.registration import FRAMES, PAIRS, READINGS
+from testbench.identify.registration import FRAME_LOSS, PAIR_LOSS, READING_LOSS
 
-LOSSES = pytest.mark.parametrize("loss", [PAIRS, FRAMES, READINGS])
+LOSSES = pytest.mark.parametrize("loss", [PAIR_LOSS, FRAME_LOSS, READING_LOSS])
 
 
 @LOSSES

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull
 
 from testbench.errors import Array, InputError, read_bytes
 from testbench.files.robot.robot import ImportedMesh, Note
-from testbench.plant.shapes import SURFACE_POINTS, Faces, Kind, Surface, half_sizes, outermost, outward
+from testbench.plant.shapes import SURFACE_POINTS, Faces, GeomKind, Surface, half_sizes, outermost, outward
 
 MIN_INERTIA = 1e-9
 """Least moment of inertia of a body about any axis [kg m^2]."""
@@ -26,7 +26,7 @@ VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])
 """Colour if the file states none."""
 
 
-def primitive(kind: Kind, size: Array) -> ImportedMesh:
+def primitive(kind: GeomKind, size: Array) -> ImportedMesh:
     """Make the surface of a primitive in its own axes.
 
     Args:

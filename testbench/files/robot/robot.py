@@ -24,7 +24,7 @@ import numpy as np
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import ArmJoint, JointMap, build_map
 from testbench.errors import Array, BenchError, InputError, read_bytes, read_text, shell_word
-from testbench.plant.shapes import Faces, Kind, Surface
+from testbench.plant.shapes import Faces, GeomKind, Surface
 
 # --- XML of a robot's file, whatever its format: limited in size, well-formed, with finite numbers ----------
 
@@ -280,7 +280,7 @@ class ImportedMesh:
 class ImportedShape:
     """Describe a triangle surface fixed in a body; primitives of the file are converted to one."""
 
-    kind: Kind  #: As MuJoCo names it.
+    kind: GeomKind  #: As MuJoCo names it.
     size: Array  #: Of a primitive, as MuJoCo counts it, (3,) [m].
     pose: Array  #: In the body's frame, (4, 4) [m].
     mesh: ImportedMesh  #: Its surface in its own axes.

@@ -45,14 +45,14 @@ from testbench.files.robot.robot import (
     pose_of,
     substitute_limits,
 )
-from testbench.plant.shapes import Kind
+from testbench.plant.shapes import GeomKind
 
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
 PLACED = ("origin", "parent", "child", "axis")
 """Elements of a joint that Pinocchio needs."""
 INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-FORMS: dict[Kind, dict[str, int]] = {
+FORMS: dict[GeomKind, dict[str, int]] = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -305,7 +305,7 @@ def _shape(
     form, origin = next(iter(e.findall("geometry/*")), None), e.find("origin")
     if form is None:
         return None
-    kind: Kind = next((kind for kind in FORMS if kind == form.tag), "mesh")
+    kind: GeomKind = next((kind for kind in FORMS if kind == form.tag), "mesh")
     size = _size(file, form, kind)
     mesh = (
         _mesh(file, link, form, meshes) if kind == "mesh" else primitive(kind, size) if size.any() else None
@@ -317,7 +317,7 @@ def _shape(
     return ImportedShape(kind, size, pose, mesh, _colour(file, e, colours, mesh), visual=True, collides=False)
 
 
-def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
+def _size(file: Path, form: ET.Element, kind: GeomKind) -> Array:
     """Read the size of a primitive in MuJoCo's convention, (3,) [m], lengths halved; zero without extent."""
     size = np.zeros(3)
     if form.tag not in (*FORMS, "mesh"):

@@ -1,15 +1,12 @@
-"""Initial frame and mount of a series from the nominal arm and the series' positions and orientations.
+"""Residuals of absolute readings, their noise about a state, and the initial frame and mount of each series.
 
-`identify.registration` finds them without nominal targets, so a mount may be rotated by any angle. Frames and
-mounts that several series share are determined once. Targets are matched by name; a series without one of
-them counts it as lost.
+The noise about a model is that of the instrument plus the model error, which all readings of one pose share.
+k readings of one pose are replaced by their mean, of variance sigma^2 + k s^2, and by k - 1 differences, of
+variance sigma^2 (Helmert's transformation).
 
-Residuals of readings, their noise about a state, and outliers.
-
-Noise of readings about a model: noise of the instrument, and the model error.
-
-The model error is common to the readings of one pose. k of them are replaced by their mean, of variance
-sigma^2 + k s^2, and by k - 1 differences, of variance sigma^2 (Helmert's transformation).
+`align_all` finds frames and mounts by the nominal arm. `identify.registration` needs no nominal targets, so a
+mount may be rotated by any angle. Frames and mounts that several series share are determined once. Targets
+are matched by name; a series without one of them counts it as lost.
 """
 
 from collections.abc import Sequence
@@ -35,7 +32,7 @@ from testbench.identify.registration import (
     ASSUMED_NOISE,
     MIN_POSES,
     NOMINAL_DEVIATION,
-    READINGS,
+    READING_LOSS,
     Frame,
     FrameLayout,
     Loss,
@@ -160,7 +157,7 @@ def inverse_noise_roots(
 
 
 def robust_whitening(
-    series: Series, noise: Noise, rotation: Array, residual: Array, loss: Loss = READINGS
+    series: Series, noise: Noise, rotation: Array, residual: Array, loss: Loss = READING_LOSS
 ) -> tuple[Array, Array]:
     """Compute whitening matrices of single readings, and the robust weight of each from its own residual.
 
@@ -244,7 +241,7 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
     mean = 1.0 - (1.0 - LINE_SHARE) * lines / max(every, 1)
     for kind, size in ((position, mean), (rotation, 1.0)):
         length, variances = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        errors.append(READINGS.scatter(length, variances, share * size))
+        errors.append(READING_LOSS.scatter(length, variances, share * size))
     return Noise(errors[0], errors[1])
 
 
@@ -325,23 +322,23 @@ class Outliers:
     count: int  #: Number of outliers.
     readings: int  #: Number of positions that were read.
     series: str  #: Series of the worst outlier.
-    row: int  #: Its row's identifier.
-    distance: float  #: Its distance from the model [m].
+    row: int  #: Identifier of the reading's row.
+    distance: float  #: Distance of the reading from the model [m].
 
 
-def outliers(state: ArmState, series: Sequence[Series], pulls: Sequence[Array]) -> Outliers | None:
+def outliers(state: ArmState, series: Sequence[Series], influences: Sequence[Array]) -> Outliers | None:
     """Find positions whose robust weight is below one half.
 
     Args:
         state: The calibrated arm.
         series: The readings.
-        pulls: Robust weight of each reading, for every series (s, rows) [1].
+        influences: Robust weight of each reading, for every series (s, rows) [1].
 
     Returns:
         Their number and the worst of them; None if there are none.
     """
     farthest, count = [], 0
-    for readings, counts in zip(series, pulls, strict=True):
+    for readings, counts in zip(series, influences, strict=True):
         m = len(readings.markers)
         wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.seen
         far = np.where(wild, np.linalg.norm(residuals(state, readings)[:m], axis=1).T, 0.0).max(axis=1)

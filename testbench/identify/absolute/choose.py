@@ -1,15 +1,15 @@
-"""Selection of errors: those that predict held-out readings better, in blocks of joint space and series.
+"""Selection of the errors that predict held-out readings better; and masses of the links from joint torques.
 
-Kinds of errors are tried one after the other. A kind is kept if held-out blocks, or whole series, are
-predicted better by a share that justifies its unknowns, and neither is predicted worse.
+`select_errors` tries kinds of errors one after the other. A kind is kept if it improves the prediction of
+held-out blocks of joint space, or of whole series, by more than its unknowns cost, and makes neither worse.
 
-Masses of the links from measured joint torques.
+`fit_weights` fits masses to measured joint torques,
 
     sign torque_j = sum over bodies of (load of joint j per unit of p) p + load of the wrench + offset_j
 
-p holds mass and first moments of every body. Torques in static poses do not determine all of them: the masses
-of rigid.xml are their prior. Friction of unknown direction counts as noise, and outliers are bounded by
-Huber's loss. The arm is taken as undeflected, which costs a thousandth of a torque.
+with p the mass and first moments of every body. Torques in static poses do not determine all of them: the
+masses of rigid.xml are their prior. Friction of unknown direction counts as noise, and Huber's loss bounds
+outliers. The deflection of the arm is neglected, which changes a torque by a thousandth.
 """
 
 import math
@@ -69,7 +69,7 @@ class SelectionStep:
     """Hold the held-out errors without and with one kind of error, and whether this kind is kept."""
 
     name: str  #: Kind of error that was added to all those kept before.
-    kept: bool  #: Whether it is kept.
+    kept: bool  #: Whether the part is kept.
     before: float  #: RMS error of held-out positions along an axis without it [m].
     after: float  #: The RMS error with it [m].
     deviation: float  #: Standard error of the difference of the two mean squares, over the first [1].
@@ -100,7 +100,7 @@ class ErrorCandidate:
     name: str  #: Name in reports, and in `CalibrationOptions.without`.
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it adds.
     elastic: PriorScaling | None = None  #: Compliances that it selects, in place of the earlier ones.
-    always_kept: bool = False  #: Whether it is kept whatever the trial shows: every arm has it.
+    always_kept: bool = False  #: Whether the part is kept without a trial, because every arm has it.
     #: Whether it searches for a shared `pattern` in the kept errors; it is kept unless it harms.
     pattern: bool = False
 
@@ -207,14 +207,14 @@ def select_errors(
 
 
 def with_shared_pattern(
-    active: ActiveUnknowns, kinds: frozenset[str], learnt: ErrorScales, reduced: ReducedReadings
+    active: ActiveUnknowns, kinds: frozenset[str], scales: ErrorScales, reduced: ReducedReadings
 ) -> tuple[ActiveUnknowns, ReducedReadings] | None:
     """Add the error pattern that several joints share to the unknowns.
 
     Args:
         active: The unknowns so far.
         kinds: Kinds of errors among them.
-        learnt: Sizes of errors, and noise factors.
+        scales: Sizes of errors, and noise factors.
         reduced: The reduced equations.
 
     Returns:
@@ -226,10 +226,10 @@ def with_shared_pattern(
     if "harmonics" not in kinds or not len(waves):
         return None
     at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + waves
-    whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
+    whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
-        solve_active(active, gram_of_active(active, reduced.gram), learnt, WIDE_PRIOR),
+        solve_active(active, gram_of_active(active, reduced.gram), scales, WIDE_PRIOR),
         [],
     )
     V = solved.covariance
@@ -265,15 +265,15 @@ def _evaluate(
     active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
 ) -> _Trial:
     S = gram_of_active(active, reduced.gram)
-    learnt = learn_scales(active, S, reduced.counts, start, rules.constraint)
+    scales = learn_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
     most = (1 - MIN_EQUATIONS_SHARE) * reduced.counts.sum()
     # A face is no repetition of the others: only its own heights show motion along its normal.
     repeated = [parts for parts in every if len(every) > 1 and not any(part.face for part in parts)]
     fair = [parts for parts in repeated if sum(part.counts.sum() for part in parts) <= most]
-    blocks = _held_out_sums(active, reduced, learnt, rules, _blocks_to_hold_out(reduced))
+    blocks = _held_out_sums(active, reduced, scales, rules, _blocks_to_hold_out(reduced))
     faces = any(part.face for part in reduced.parts)
-    return _Trial(active, learnt, blocks, _held_out_sums(active, reduced, learnt, rules, fair), faces)
+    return _Trial(active, scales, blocks, _held_out_sums(active, reduced, scales, rules, fair), faces)
 
 
 def _by_series(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
@@ -290,7 +290,7 @@ def _blocks_to_hold_out(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
 def _held_out_sums(
     active: ActiveUnknowns,
     reduced: ReducedReadings,
-    learnt: ErrorScales,
+    scales: ErrorScales,
     rules: SelectionRules,
     held: Sequence[Sequence[SeriesBlock]],
 ) -> Array:
@@ -298,10 +298,10 @@ def _held_out_sums(
     S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
     faces = any(part.face for part in reduced.parts)
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
-    whole = solve_active(active, S, learnt, rules.uncertainty).variances(np.arange(first))
+    whole = solve_active(active, S, scales, rules.uncertainty).variances(np.arange(first))
     for parts in held:
         n = sum(part.counts[positions].sum() for part in parts)
-        every, deviance = _held_out(active, S, parts, (learnt, rules), whole, faces=faces)
+        every, deviance = _held_out(active, S, parts, (scales, rules), whole, faces=faces)
         sums = every[positions]
         totals.append((n, sums.sum(), rules.unit[positions] ** 2 @ sums, deviance))
     return np.array(totals).reshape(-1, 4)
@@ -345,7 +345,7 @@ def _held_out(
     S are the Gram matrices of all readings; a part is a block, or all blocks of a series. Frames and mounts
     that the others hardly determine are fitted to the held-out parts; variances are theirs by all readings.
     """
-    (learnt, rules), k = scales_and_rules, len(variances)
+    (scales, rules), k = scales_and_rules, len(variances)
     # Gram matrices of the other readings: the difference of two sums.
     T, every = gram_of_active(active, sum_gram(parts)), np.arange(len(active.columns))
     others = S - T
@@ -357,7 +357,7 @@ def _held_out(
     normal = solve_active(
         ActiveUnknowns(active.unknowns, active.columns[rest], active.elastic),
         others,
-        learnt,
+        scales,
         rules.uncertainty,
         rules.constraint,
     )
@@ -372,10 +372,10 @@ def _held_out(
     if faces:
         counts = np.sum([part.counts for part in parts], axis=0)
         deviance = predictive_deviance(
-            np.tensordot(learnt.factor**-2.0, T, 1)[np.ix_(at, at)], v[at], normal
-        ) + float(2 * counts @ np.log(learnt.factor))
+            np.tensordot(scales.factor**-2.0, T, 1)[np.ix_(at, at)], v[at], normal
+        ) + float(2 * counts @ np.log(scales.factor))
     if len(open_):
-        H = np.tensordot(learnt.factor**-2.0, T, 1)
+        H = np.tensordot(scales.factor**-2.0, T, 1)
         v[open_] -= np.linalg.lstsq(H[np.ix_(open_, open_)], H[open_] @ v, rcond=None)[0]
     return np.asarray(T @ v @ v), deviance
 
@@ -426,7 +426,7 @@ def _by_block(sums: Array) -> Array:
 # --- Masses of the links from measured joint torques --------------------------------------------------------
 
 MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
-CENTRE_DEVIATION = 0.1  #: Of a first moment, over the mass: how far a centre may be off [m].
+CENTRE_DEVIATION = 0.1  #: Prior standard deviation of a centre of mass [m].
 MAX_DEVIATIONS = 3.0
 """Bound on each parameter in prior standard deviations: no mass falls below a tenth."""
 MAX_UNEXPLAINED = 0.3

@@ -167,13 +167,13 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
 
 
 def active_prior(
-    active: ActiveUnknowns, learnt: ErrorScales, uncertainty: PriorUncertainty
+    active: ActiveUnknowns, scales: ErrorScales, uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
     """Compute the precision that the priors add.
 
     Args:
         active: The choice, c columns.
-        learnt: Learnt sizes of errors.
+        scales: Learnt sizes of errors.
         uncertainty: Relative uncertainty of the compliances.
 
     Returns:
@@ -182,7 +182,7 @@ def active_prior(
     c = len(active.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
     held = np.arange(active.n_rigid)
-    P[held, held] = learnt.deviation[active.columns[: active.n_rigid]] ** -2.0
+    P[held, held] = scales.deviation[active.columns[: active.n_rigid]] ** -2.0
     if active.elastic is not None:
         B, towards = precision_root(active.elastic, uncertainty)
         P[active.n_rigid :, active.n_rigid :], b[active.n_rigid :] = B.T @ B, B.T @ towards
@@ -192,7 +192,7 @@ def active_prior(
 def solve_active(
     active: ActiveUnknowns,
     S: Array,
-    learnt: ErrorScales,
+    scales: ErrorScales,
     uncertainty: PriorUncertainty,
     constraint: Constraint = "none",
 ) -> NormalSolution:
@@ -201,7 +201,7 @@ def solve_active(
     Args:
         active: The unknowns, c of them.
         S: Gram matrices of [A | y] for every kind of equations, from `gram_of_active`, (kinds, c + 1, c + 1).
-        learnt: Sizes of errors, and noise factors.
+        scales: Sizes of errors, and noise factors.
         uncertainty: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
@@ -211,7 +211,7 @@ def solve_active(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), active_prior(active, learnt, uncertainty)
+    H, (P, b) = np.tensordot(scales.factor**-2.0, S, 1), active_prior(active, scales, uncertainty)
     H[:-1, :-1] += P
     H[:-1, -1] += b
     optimum = solve_normal_equations(H)
@@ -362,7 +362,7 @@ class StepSolution:
 def solve_step(
     active: ActiveUnknowns,
     reduced: ReducedReadings,
-    learnt: ErrorScales,
+    scales: ErrorScales,
     constraint: Constraint = "psd",
     uncertainty: PriorUncertainty | None = None,
 ) -> StepSolution:
@@ -376,7 +376,7 @@ def solve_step(
     Args:
         active: The unknowns.
         reduced: The equations, in the basis of the unknowns.
-        learnt: Sizes of errors, and noise factors.
+        scales: Sizes of errors, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
         uncertainty: Relative uncertainty of the expected compliances; None to learn it from the readings.
 
@@ -387,7 +387,7 @@ def solve_step(
         BenchError: If the readings leave a frame or a target undetermined.
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
-    T = factor_of(active, reduced, learnt)
+    T = factor_of(active, reduced, scales)
     r, c = active.n_rigid, len(active.columns)
     if active.elastic is None:
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
@@ -395,7 +395,7 @@ def solve_step(
         step = _solve_compliances(T, active.elastic, int(reduced.counts.sum()), constraint, uncertainty)
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse = solve_triangular(step.root[:r, :r], np.eye(r))
-    deviation = learnt.deviation[active.columns[:r]]
+    deviation = scales.deviation[active.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     step = replace(step, degrees_of_freedom=float(np.maximum(known, 0).sum() + (~held).sum() + c - r))
@@ -481,13 +481,13 @@ def _add_covariance(root: Array, moves: Array) -> Array:
     return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
 
 
-def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorScales) -> Array:
+def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales) -> Array:
     """Compute the triangular factor of all equations and of all priors but the compliances'.
 
     Args:
         active: The choice, c columns.
         reduced: The reduced equations.
-        learnt: Learnt sizes of errors and noise.
+        scales: Learnt sizes of errors and noise.
 
     Returns:
         The factor, (c + 1, c + 1).
@@ -497,12 +497,12 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
     """
     columns = np.r_[active.columns, active.unknowns.size]
     # Rows of the priors.
-    deviation = learnt.deviation[active.columns[: active.n_rigid]]
+    deviation = scales.deviation[active.columns[: active.n_rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
     # Rows of the readings, by their noise.
-    factors = zip(reduced.factors.values(), learnt.factor, strict=True)
+    factors = zip(reduced.factors.values(), scales.factor, strict=True)
     lines = [R[:, columns] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
     free = np.abs(np.diag(T))[: active.n_rigid]

@@ -102,7 +102,7 @@ class Calibration(Displayed):
     """Hold a calibrated arm: its state with posterior and noise, and how it was found."""
 
     state: ArmState  #: The calibrated arm.
-    active: ActiveUnknowns  #: Its unknowns.
+    active: ActiveUnknowns  #: Unknowns of the fit.
     #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
     information: Array
     #: Upper triangular root of the posterior's precision, R^T R, compliances in the metric, (c, c).
@@ -115,7 +115,7 @@ class Calibration(Displayed):
     influences: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
     step: float  #: RMS move of the targets in the last linearisation [m].
     series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
-    findings: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
+    issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
     def about(self) -> dict[str, object]:
         """Summarise the calibration: arm, readings, unknowns, errors that were kept, model error."""
@@ -138,7 +138,7 @@ class LinearisedReadings:
     state: ArmState  #: Point of linearisation: with joint springs and periodic errors.
     noise: Noise  #: Noise of readings about that state.
     reduced: ReducedReadings  #: The equations, in blocks of joint space.
-    findings: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
+    issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
 
 def calibrate(
@@ -294,7 +294,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         influences=pulls,
         step=step,
         series=series,
-        findings=linearised_readings.findings,
+        issues=linearised_readings.issues,
     )
 
 
@@ -347,7 +347,7 @@ def _select_errors(
     elastic = [candidate.elastic for candidate in on if candidate.elastic is not None]
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
-    def learnt(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
+    def scales(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
         """Learn the sizes of errors and noise from the reduced equations.
 
         Args:
@@ -359,10 +359,10 @@ def _select_errors(
             selected, gram_of_active(selected, reduced.gram), reduced.counts, start, options.constraint
         )
 
-    sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
+    sizes = scales(active, reduced, default_scales(unknowns, len(reduced.kinds)))
     if PATTERN in options.selectable and (shared := with_shared_pattern(active, kinds, sizes, reduced)):
         active, reduced = shared
-        sizes = learnt(active, reduced, sizes)
+        sizes = scales(active, reduced, sizes)
     return SelectedModel(active, sizes, reduced, kinds, ())
 
 
@@ -386,6 +386,6 @@ def _gauss_newton_step(
     state, noise = state_and_noise
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
     S, counts = gram_of_active(active, reduced.gram), reduced.counts
-    learnt = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
-    solved = solve_step(active, reduced, learnt, constraint)
+    scales = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
+    solved = solve_step(active, reduced, scales, constraint)
     return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())

@@ -1,31 +1,30 @@
-"""State of a calibrated arm (geometry, springs, joint errors, frames, mounts), and its static equilibrium.
+"""State of a calibrated arm, its static equilibrium, and the unknowns of a calibration.
 
-    theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n
+The state holds geometry, springs, joint errors, frames and mounts, and the arm rests where
+
+    theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n.
 
 Everything is a virtual joint. Constants theta_0 of the inner links are errors of geometry; those of the first
 and of the last link are the frame (base in the tracker's frame) and the mount (targets in the tool's frame)
 of each series.
 
-Frames and mounts that readings cannot separate, and the prior that then determines them.
-
 A target m on the tool is read at R_s (R_r m + p_r) + t_s. If the tool keeps one orientation R_r, along a line
 or a surface, only the sum of R_s R_r m and t_s matters: three directions of frame and mount change no
-reading. If the line is straight, neither does a rotation of the frame about it. A prior determines what is
-undetermined. Another series of the same mount or frame, in which the tool rotates, makes the prior
-unnecessary.
+reading. If the line is straight, neither does a rotation of the frame about it. `undetermined_frames` finds
+such frames and mounts, and a prior determines them. Another series of the same mount or frame, in which the
+tool rotates, makes the prior unnecessary.
 
-Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored.
+Gears or encoders of one make share an error pattern, shifted or mirrored:
 
     error_j(q) = s_j f(s_j q + phi_j) + individual error of joint j,    s_j = 1 or -1
 
 f is periodic. If the waves of each joint are shifted back by phi_j, their mean is the pattern, and their
-differences (Helmert) are individual errors; both have a Gaussian prior. Angles that one joint was not read in
-may be covered by the others.
+differences (Helmert) are individual errors; both have a Gaussian prior. Joints that were read at an angle
+determine the pattern there for the others.
 
-Unknowns of a calibration, and their columns in the linear equations.
-
-In order: frames, mounts, errors of geometry, joint errors, compliances. Frames and mounts are steps from
-their current values; all others are absolute, so that a Gramian remains one in every step.
+`Unknowns` orders the columns of the linear equations: frames, mounts, errors of geometry, joint errors,
+compliances. Frames and mounts are steps from their current values; all others are absolute, so that a
+Gramian remains one in every step.
 """
 
 from collections.abc import Mapping, Sequence
@@ -465,7 +464,7 @@ class _PatternInformation:
     """Hold the information of one joint's readings about the pattern; its individual error is eliminated."""
 
     W: Array  #: Precision of the pattern's waves, (2 k, 2 k).
-    g: Array  #: Its product with the most probable waves, (2 k,).
+    g: Array  #: W times the most probable waves, (2 k,).
     individual_log_odds: float  #: Log odds of individual waves of full size against those of individual size.
 
 

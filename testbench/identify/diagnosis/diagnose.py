@@ -1,7 +1,7 @@
-"""Diagnosis of runs and series: plain mistakes first, then the place of the arm, then what moves it.
+"""Diagnosis of runs and series: certain mistakes first, then the place of the arm, then loads and moves.
 
-Plain mistakes need no fit: equal or repeated readings, absurd sizes. Pairs do not show that the tracker, or
-the targets on the tool, moved, unless that falls between the two of a run; the order in time does.
+Certain mistakes need no fit: equal or repeated readings, absurd sizes. A pair shows that the tracker, or the
+targets on the tool, moved only if they moved between its two readings. Otherwise the order in time shows it.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ from testbench.identify.diagnosis.gravity import (
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
 from testbench.identify.diagnosis.kinematics import (
-    ORIGIN,
+    IDENTITY_FRAME,
     SOUND_DISTANCE,
     FittedObservations,
     FreeParameters,
@@ -261,7 +261,7 @@ MIN_POSES = 3  #: Poses before and behind a step that is doubted.
 MAX_ORDER = 2  #: Periodic errors that may explain it: few poses tell no more.
 MAX_TARGETS = 30
 """Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
-MOUNT_NAME = "targets"  #: Of the mount.
+MOUNT_NAME = "targets"  #: Name of the mount in reports.
 
 
 def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
@@ -326,6 +326,6 @@ def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
-        frames={readings.frame: ORIGIN for readings in series},
+        frames={readings.frame: IDENTITY_FRAME for readings in series},
         mounts={MOUNT_NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
     )

@@ -1,14 +1,14 @@
 """Gravity from another side than the arm's folder has it: a base that hangs, stands on a wall or is tilted.
 
-A hung weight pulls along -z of the folder's world. If the base is mounted otherwise it pulls along a unit
-vector g of these axes. Deflections are linear in the force, so that expected compliances and the deflections
-d_k that they give under the same force along x, y and z tell g by least squares:
+A hung weight pulls along -z of the folder's world. If the base is mounted otherwise, it pulls along a unit
+vector g of these axes. Deflections are linear in the force. So g follows by least squares from the
+deflections d_k that the expected compliances have under the same force along x, y and z:
 
     d = x_1 d_1 + x_2 d_2 + x_3 d_3,    g = x / |x|
 
-Deflections alone do not tell an arm that hangs from one whose readings before and after are exchanged. A
-tracker that stands level does: its z against the registered base. Without one, own weight tells: it has bent
-the arm in the unloaded readings already, towards g.
+Deflections alone cannot distinguish a hanging arm from exchanged readings before and after. A tracker that
+stands level can: its z against the registered base. Without one, own weight can: it has already bent the arm
+towards g in the unloaded readings.
 
 Absolute readings show the direction of the arm's own weight (`mounting_by_own_weight`). With gravity from the
 wrong side, joint springs would have to be negative to fit. They are held at zero, and explain none of the
@@ -40,16 +40,16 @@ from testbench.model.vjm import Vjm, chain, rotation
 
 DOWN = np.array([0.0, 0.0, -1.0])
 VERTICAL_ANGLE = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
-#: How far a tracker that is levelled by its feet may be off, and a floor [rad].
+#: Greatest tilt of a tracker that is levelled by its feet, and of a floor [rad].
 LEVEL_ANGLE = np.deg2rad(3.0)
-MIN_TILT = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
+MIN_TILT = np.deg2rad(5.0)  #: Angle of g from -z, by deflections, from which a mounting is examined [rad].
 SNAP_ANGLE = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or a level tracker [rad].
 REVERSED_ANGLE = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
 FAR_ANGLE, MIN_EXPLAINED = np.deg2rad(45.0), 0.7
-"""Angle of g [rad], and share of the typical deflection that it explains, from which it is sure alone."""
-MIN_READINGS = 6  #: Readings from which the three numbers of a direction are told from scatter.
+"""Angle of g [rad], and share of the typical deflection that it explains, from which it is certain."""
+MIN_READINGS = 6  #: Least readings that determine the three numbers of a direction.
 ROUNDS = 5  #: Weightings of the least squares.
-ROUNDING = 1e-9  #: Of a rotation [1].
+ROUNDING = 1e-9  #: Rounding error of a rotation matrix [1].
 
 
 def with_gravity_along(data: Dataset, g: Array) -> Dataset:
@@ -124,7 +124,7 @@ class GravityDirection:
     """Hold the direction of gravity, as found from the loads and from a level tracker."""
 
     g: Array  #: Gravity in the folder's world, a unit vector, (3,) [1].
-    level: Array | None = None  #: The same by a level tracker, (3,) [1]; None if unknown.
+    level: Array | None = None  #: Gravity by the z axis of a level tracker, (3,) [1]; None if unknown.
     explained: float = 0.0  #: Share of the typical deflection that the prior explains with this gravity [1].
 
     @property

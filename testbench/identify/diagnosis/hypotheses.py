@@ -53,10 +53,10 @@ UNITS = {
     25.4: "25.4 times too small: inches read as millimetres?",
     1e3: "1000 times too small: metres read as millimetres?",
 }
-"""What positions may have to be multiplied with, and what that means."""
-CHOICE_PARAMETERS = 2  #: Free parameters that a choice among many counts as.
+"""Factor that corrects positions in a wrong unit: the mistake that it suggests."""
+CHOICE_PARAMETERS = 2  #: Number of free parameters that a choice among many alternatives counts as.
 MIN_FRAME_TURN, MIN_SHIFT, MIN_TARGET_SHIFT = np.deg2rad(0.3), 15e-3, 25e-3
-"""Least turn of a frame [rad], least shift of it or of a link, and least way of a target [m], of an issue."""
+"""Least rotation of a frame [rad], shift of a frame or link [m], shift of a target [m] that are an issue."""
 #: Zeros of a hinge that another convention of its angle has [rad].
 QUARTER_TURNS = (np.pi / 2, -np.pi / 2, np.pi)
 MIN_JOINT_ZERO, LAST_JOINT_FACTOR = (np.deg2rad(0.5), 5e-3), 4.0

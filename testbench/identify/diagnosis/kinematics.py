@@ -62,9 +62,9 @@ class Change(Generic[Case]):
     neither is plain and needs no fit.
     """
 
-    where: tuple[str, ...] = ()  #: As in `Issue`.
-    size: Array = field(default_factory=_nothing)  #: As in `Issue`; a fit adds its free parameters.
-    numbers: Mapping[str, float] = field(default_factory=dict)  #: As in `Issue`.
+    where: tuple[str, ...] = ()  #: Places of the mistake, as in `Issue`.
+    size: Array = field(default_factory=_nothing)  #: Size, as in `Issue`; a fit adds its free parameters.
+    numbers: Mapping[str, float] = field(default_factory=dict)  #: Numbers, as in `Issue`.
     undone: Case | None = None  #: The data without the mistake, to be fitted again.
     columns: Array | None = None  #: Z of the score test on `rows`, (rows, z) [standard deviations].
     rows: tuple[int, int] | None = None  #: First row, and the one after the last; None for all.
@@ -81,7 +81,7 @@ class Hypothesis(Generic[Case]):
     name: str  #: Identifier in programs and in models.json.
     changes: Callable[[Case], Iterable[Change[Case]]]  #: Yields the ways to undo the mistake in the data.
     words: Callable[[Issue, Arm], str]  #: Describes an issue: what is wrong, and by how much.
-    remedy: str = ""  #: What the user should check.
+    remedy: str = ""  #: Check that the user should make.
     nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
     #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
     many_parameters: bool = False
@@ -194,8 +194,8 @@ def undo_one_by_one(
 
 # --- Readings against the arm's kinematics: what explains them, and which mistake explains them better ------
 
-SOUND_DISTANCE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
-ORIGIN = Frame(np.eye(3), np.zeros(3))
+SOUND_DISTANCE = 1.5e-3  #: Distance of targets of a sound arm from its kinematics, over its reach [1].
+IDENTITY_FRAME = Frame(np.eye(3), np.zeros(3))
 PARAMETER_NATS = 4.0  #: Log-likelihood that a free number has to gain [nats].
 ROUNDS = 8  #: Most rounds of reweighting and fitting.
 LOSS_TOLERANCE = 1e-6  #: Change of the loss below which the rounds end [nats].
@@ -207,7 +207,7 @@ MIN_NATS_PER_READING, MIN_NATS = 0.3, 20.0
 MIN_GAIN_SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
 UNFIT_DISTANCE = 8.0  #: Median distance, over `scale`, above which readings do not fit the arm [1].
 ORIENTATION_ARM = 0.3  #: Distance of the three targets that hold an orientation from the first target [m].
-Which = Literal["unloaded", "loaded", "all"]
+ReadingKind = Literal["unloaded", "loaded", "all"]
 """Selects the readings that are compared."""
 
 
@@ -370,7 +370,9 @@ def cauchy(residual: Array, scale: float) -> Array:
 
 
 def best_hypothesis(
-    observations: Observations, hypotheses: Sequence[Hypothesis[Observations]], which: Which = "unloaded"
+    observations: Observations,
+    hypotheses: Sequence[Hypothesis[Observations]],
+    which: ReadingKind = "unloaded",
 ) -> tuple[Issue | None, Fit]:
     """Find the mistake that explains readings best: each is undone, fitted again and compared.
 
@@ -380,7 +382,7 @@ def best_hypothesis(
     Args:
         observations: The readings, with the parameters that are free in any case, such as an unknown frame.
         hypotheses: Rows of the table.
-        which: Which readings these are, for the sentence.
+        which: ReadingKind readings these are, for the sentence.
 
     Returns:
         The mistake, and the fit of all readings with it undone. The mistake is "kinematics" when the readings
@@ -495,7 +497,7 @@ def fit(observations: Observations) -> Fit:
     free = observations.free
     count = 6 * free.frame + 3 * len(observations.markers) * free.targets + len(free.theta)
     now = Fit(
-        ORIGIN,
+        IDENTITY_FRAME,
         observations.markers,
         np.zeros(observations.vjm.arm.n_theta),
         observations.position,

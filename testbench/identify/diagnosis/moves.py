@@ -1,13 +1,13 @@
 """Moves in the middle of a series: of the targets on the tool, or of the tracker against the base.
 
 A move is a step in the residuals that nothing else explains. From row k on a step b of up to six numbers is
-added to the model, in tool axes for the targets and in base axes for the tracker. Beside it stands all that
-the model may still lack: geometry, low periodic errors of the joints and compliances, each with its prior.
-What these explain as well is no step (`hypothesis`: P is of these). A row or pose that is off alone is
-another hypothesis, of the same columns.
+added to the model, in tool axes for the targets and in base axes for the tracker. A nuisance model has all
+that the arm may still lack: geometry, low periodic errors of the joints and compliances, each with its prior.
+A step that these explain as well is none: the projector 1 - P of the score test removes them. A single wrong
+row or pose is another hypothesis, with the same columns.
 
-`identify` doubts a move; `calibrate` takes the rows behind it as a series with a mount or a frame of its own,
-fits again and looks again.
+`identify` reports a move. `calibrate` makes the rows after it a series with a mount or a frame of its own,
+fits again and searches again.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -155,19 +155,19 @@ class _Sums:
     AA: Array  #: Over all rows, (c + 1, c + 1), e last.
     Z: Array  #: Over the rows of every cell between two edges, (cells, z, c + 1 + z): Z A, Z e, Z Z.
     edges: Ids  #: First rows of all cells but the first.
-    count: int  #: Equations that were read.
+    count: int  #: Number of equations.
 
 
 @dataclass(frozen=True)
 class _Unexplained:
-    """Project on what nothing else explains, 1 - P."""
+    """Project on the part of the residuals that no other unknown explains, 1 - P."""
 
-    L: Array  #: Root of the precision of what may be lacking, of unit diagonal, (c, c).
+    L: Array  #: Root of the precision of the possible errors, scaled to unit diagonal, (c, c).
     size: Array  #: Roots of its diagonal, (c,).
-    e: Array  #: What of the residuals it explains, (c,).
-    before: float  #: Sum of squares that it leaves.
-    count: float  #: Equations that nothing spends.
-    shared: float  #: How many of them say the same.
+    e: Array  #: Part of the residuals that the possible errors explain, (c,).
+    before: float  #: Sum of squares of the rest.
+    count: float  #: Number of equations less the fitted unknowns.
+    shared: float  #: Number of equations per independent one.
 
     def score_moves(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
         """Test whether the targets or the tracker moved, in a batch of rows.

@@ -43,7 +43,7 @@ SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Poses, evenly out of more, and first
 FITTED_ORDERS = 6  #: Orders that are fitted, the best of all.
 REWEIGHTINGS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
 ORDERS_AT_ONCE = 720  #: Orders whose equations are in memory at a time.
-RIDGE = 1e-9  #: Of the normal equations, over their mean diagonal: a direction may be open.
+RIDGE = 1e-9  #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
 MIN_ROWS = 3  #: Rows of half a file, and of what slipped.
 
 

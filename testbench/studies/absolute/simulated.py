@@ -34,7 +34,7 @@ from testbench.identify.absolute.posterior import (
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.posterior import Posterior
-from testbench.identify.registration import SQUARE
+from testbench.identify.registration import SQUARED_LOSS
 from testbench.identify.regression import Linearisation, reduce_series
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors
@@ -178,7 +178,7 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     active = activate(unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure))
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
-    reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARE), found.series)
+    reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARED_LOSS), found.series)
     sizes = {
         "geometry shift": disturbances.geometry.position,
         "geometry turn": float(
