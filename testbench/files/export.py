@@ -300,7 +300,7 @@ def read_back(state: ArmState, draft: Draft, urdf: Path, text: str) -> tuple[flo
     off = frame_distance(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
     if not max(off) <= MAX_URDF_ERROR:
         got = f"{1e6 * off[0]:.3g} um and {1e6 * off[1]:.3g} urad"
-        raise BenchError(f"{urdf.name}, read back, is up to {got} from the model; nothing is written")
+        raise BenchError(f"read back, {urdf.name} differs from the model by up to {got}; nothing is written")
     return off
 
 

@@ -414,7 +414,7 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
     if data.runs == 0:
         raise BenchError("dataset: expected at least one run, got none")
     if not data.seen.any():
-        raise BenchError(f"dataset: expected readings, every target was lost in all of {data.runs} runs")
+        raise BenchError(f"dataset: expected readings, but every target was lost in all {data.runs} runs")
     for name in ("before", "after", "wrench", "point"):
         values = getattr(data, name)
         largest = max(values.max(), -values.min())  # np.abs would copy the dataset

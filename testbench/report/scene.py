@@ -93,7 +93,7 @@ def ellipsoid_layer(rows: Sequence[Row], force: float) -> tuple[float, Layer]:
     axes = np.array([np.array(row.semi_axes_mm)[:, None] / 1e3 * np.array(row.directions) for row in rows])
     at = np.array([row.at_m for row in rows])
     scale = arrow_scale(axes[:, 0], LONGEST_AXIS * max(LEAST_PATH, float(np.linalg.norm(np.ptp(at, axis=0)))))
-    name = f"where {force:,.0f} N of any direction move the tool"
+    name = f"where {force:,.0f} N in any direction move the tool"
     return scale, Layer(name, STIFFNESS, "ellipsoids", at[None], semi_axes=scale * axes)
 
 

@@ -543,7 +543,7 @@ def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
     try:
         for guest in guests(out, manifest.files):
             if guest.parts[0] not in own:
-                problem = f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}"
+                problem = f"was not written by {command}, and a run folder holds only runs; {ELSEWHERE}"
                 raise InputError(out / guest, "", problem)
     except OSError as err:
         raise InputError(out, "", f"cannot be read: {err.strerror}") from err

@@ -57,5 +57,5 @@ def test_a_manifest_of_a_stranger_removes_nothing_and_is_no_traceback(attack, la
     if kept.name in names[0]:
         found.done("out")
     else:
-        found.refused("manifest.json", "is not of testbench check")
+        found.refused("manifest.json", "was not written by testbench check")
     assert kept.read_text() == "kept"

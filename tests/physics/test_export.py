@@ -200,7 +200,7 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
     C = state.C_theta.copy()
     C[3, 8] = C[8, 3] = 1e-9
     coupled = replace(state, C_theta=C)
-    for bad, made, said in ((state, wrong, "read back, is up to"), (coupled, draft, "between")):
+    for bad, made, said in ((state, wrong, "differs from the model by up to"), (coupled, draft, "between")):
         with pytest.raises(BenchError, match=said):
             export(bad, made, tmp_path / "out.urdf")
     assert [path.name for path in tmp_path.iterdir()] == ["own.urdf"]

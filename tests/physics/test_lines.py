@@ -200,7 +200,7 @@ def test_wrong_readings_along_lines_are_refused(kr500):
     data = measured(kr500, XYZ)
     for change, words in (
         ({"tilt": None}, "together"),
-        ({"precision": None}, "expected a precision"),
+        ({"precision": None}, "expected their precision"),
         ({"direction": 2 * data.direction}, "unit vectors"),
         ({"tilt": data.tilt - 1}, "tilt .rad.: expected 0 or more"),
         ({"precision": along_lines(np.roll(data.direction, 1, axis=2), 1e-6)}, "u u.T"),

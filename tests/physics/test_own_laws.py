@@ -164,7 +164,7 @@ class OneNumber(NoSlope):
         (joint_laws, "friction", OneNumber(), "the name is taken"),
         (joint_laws, "compensator", OneNumber(), "the name is taken"),
         (joint_laws, "Wind up", OneNumber(), "expected a name of a-z"),
-        (true_arms, "family", TrueArm(lambda arm, _: arm), "of another name"),
+        (true_arms, "family", TrueArm(lambda arm, _: arm), "a name other than"),
         (true_arms, "own", lambda arm, _: arm, "expected a TrueArm"),
     ],
 )

@@ -501,7 +501,7 @@ def test_ellipsoids_stand_still_with_the_sizes_and_directions_of_report_json(see
     own = replace(seen.scene.groups[0], layers=[layer])
     page = replace(seen, scene=replace(seen.scene, groups=[own]), map=None)
     chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
-    path = "/world/runs/where_900_n_of_any_direction_move_the_tool"
+    path = "/world/runs/where_900_n_in_any_direction_move_the_tool"
     data = {name: column[0] for name, column in columns(chunks, path).items()}
     plain = seen_plain(page)["scene"]["groups"][0]["layers"][0]
     parts = ("Ellipsoids3D:centers", "Ellipsoids3D:half_sizes", "Ellipsoids3D:quaternions")
@@ -512,7 +512,7 @@ def test_ellipsoids_stand_still_with_the_sizes_and_directions_of_report_json(see
         assert along == pytest.approx(1)
         semi = times / 1e3 * np.array(row.semi_axes_mm)[:, None] * np.array(row.directions)
         assert plain["semi_axes"][k] == pytest.approx(1e4 * semi.ravel(), abs=0.5)
-    assert "teal ellipsoids: where 900 N of any direction move the tool" in document(chunks, "/here/runs")
+    assert "teal ellipsoids: where 900 N in any direction move the tool" in document(chunks, "/here/runs")
 
 
 def test_masses_and_forces_that_differ_are_told_apart():

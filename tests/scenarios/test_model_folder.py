@@ -172,7 +172,7 @@ def test_arrays_of_another_shape_or_kind_are_refused(small, tmp_path, case):
 
 
 def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_path):
-    with pytest.raises(InputError, match=r"is a model of another arm, kr500_l480: its rigid\.xml is"):
+    with pytest.raises(InputError, match=r"is a model of another arm, kr500_l480: its rigid\.xml differs"):
         tb.load_model(small, "ur10")
     with pytest.raises(InputError, match="expected the folder of a model"):
         tb.load_model(tmp_path)

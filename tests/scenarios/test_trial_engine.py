@@ -90,7 +90,7 @@ def test_a_worker_killed_in_mid_study_costs_nothing(tmp_path, alone):
 def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp_path, alone, monkeypatch):
     monkeypatch.setattr("testbench.runs.engine.RETRIES", 1)
     with pytest.raises(
-        BenchError, match=r"2 times in a row; (\d+) of 30 trials are stored, --resume goes on"
+        BenchError, match=r"\(2 times in a row\); (\d+) of 30 trials are stored; --resume continues"
     ):
         study(tmp_path, TWO, work=partial(trial_work.deadly_trials, 17))
     assert stored(tmp_path) > 0
@@ -126,7 +126,7 @@ def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, a
     assert found, error
     assert int(found[1]) <= kept <= int(found[1]) + 2  # the chunk that was being stored
     assert [p.name for p in out.iterdir()] == [PARTS]
-    is_refused(run(out), "--resume goes on")
+    is_refused(run(out), "--resume continues")
     assert run(out, "--resume", "--workers", 2).returncode == 0
     assert [p.name for p in out.iterdir()] == ["trials.parquet"]
     assert (out / "trials.parquet").read_bytes() == alone
@@ -334,9 +334,12 @@ def test_problems_on_a_cluster_are_told(tmp_path, secure, monkeypatch):
         study(tmp_path, there, work=trial_work.bad_trials)
     versions = cluster.numeric_versions()
     for found, said in (
-        ({**versions, "numpy": "0.1"}, rf"expected numpy {versions['numpy']} as here, got 0\.1"),
-        ({**versions, "sources": "0" * 64}, f"expected sources {versions['sources']} as here, got 000"),
-        ({}, f"expected python {versions['python']} as here, got none"),
+        ({**versions, "numpy": "0.1"}, rf"expected numpy {versions['numpy']}, as on this machine, got 0\.1"),
+        (
+            {**versions, "sources": "0" * 64},
+            f"expected sources {versions['sources']}, as on this machine, got 000",
+        ),
+        ({}, f"expected python {versions['python']}, as on this machine, got none"),
         (ImportError("no testbench"), "does not report its versions: ImportError"),
     ):
         monkeypatch.setattr("distributed.Client.run", lambda *_, f=found, **__: {"tcp://there": f})

@@ -186,7 +186,7 @@ MISTAKES = {
     "five poses": (lambda s: select_rows(s, np.arange(5)), "5 poses .* for the 12 numbers .* at least 6"),
     "joint 1 alone": (
         joints(lambda q: np.where(np.arange(6) == 0, q, q[0])),
-        "only shoulder_pan_joint turn.* expected 2 joints",
+        "only shoulder_pan_joint turn.* need 2 joints",
     ),
     "all lost": (lambda s: replace(s, precision=np.zeros((s.rows, 1, 3, 3))), "tmac was never read"),
 }

@@ -42,7 +42,9 @@ def folder_refused(out, text, **kwargs):
 def test_a_folder_with_anything_else_is_refused_and_the_file_named(tmp_path):
     write_run(tmp_path / "run", "a.json")
     (tmp_path / "run" / "thesis.tex").touch()
-    assert "thesis.tex: is not of testbench identify" in folder_refused(tmp_path / "run", "holds only runs")
+    assert "thesis.tex: was not written by testbench identify" in folder_refused(
+        tmp_path / "run", "holds only runs"
+    )
     check_folder(tmp_path / "run", OURS, force=True)
     write_run(tmp_path / "run", "b.json")
     assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["b.json", "manifest.json", "thesis.tex"]
@@ -126,7 +128,7 @@ def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files_and_fold
     check_folder(run, OURS, force=False)
     assert sorted(p.name for p in run.rglob("*")) == ["2.stl", "a.json", "manifest.json", "meshes"]
     (run / "meshes" / "mine.stl").touch()
-    assert "meshes/mine.stl: is not of" in folder_refused(run, "mine.stl")
+    assert "meshes/mine.stl: was not written by" in folder_refused(run, "mine.stl")
     (run / "meshes" / "mine.stl").unlink()
     part.mkdir()
     (part / "b.json").touch()
