@@ -14,7 +14,6 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import numbers_per_target
 from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.registration import MIN_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
@@ -33,7 +32,8 @@ from testbench.workflows.absolute import (
     read_all,
     score,
 )
-from testbench.workflows.arm_models import read_model, write_model
+from testbench.workflows.arm_models import read_model
+from testbench.workflows.calibration_numbers import write_model
 from testbench.workflows.cell import build_cell
 from testbench.workflows.options import ArmName, Force, SigmaUm, mass, of_flag, plain, takes
 from testbench.workflows.plan import gain_of_more
@@ -109,7 +109,7 @@ def command(asked: CalibrateOptions) -> None:
         calibrated = calibrate_with_masses(cell.vjm, series, tried, notes)
         left, more, console = counted.remaining_errors(calibrated), None, plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
-            more = gain_of_more(cell, model_of(calibrated.calibration), series[0].sigma)
+            more = gain_of_more(cell, calibrated.calibration.model(), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
             nothing = "rejected   the calibrated arm predicts worse than the nominal arm; nothing was written"

@@ -251,7 +251,7 @@ def calibrate_with_masses(
     said += of_held(calibration)
     wild = outliers(calibration.state, calibration.series, calibration.influences)
     words = (describe(issue, vjm.arm).sentence for issue in calibration.findings)
-    mounted = by_own_weight(calibration, cad_prior(vjm.arm))
+    mounted = by_own_weight(calibration.state, calibration.series, cad_prior(vjm.arm))
     return Calibrated(
         calibration,
         calibration.series,

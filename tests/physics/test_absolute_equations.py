@@ -28,15 +28,10 @@ from testbench.identify.absolute.fit import (
     MIN_SERIES_ROWS,
     CalibrationOptions,
     calibrate,
+    posterior_of,
     subsample,
 )
-from testbench.identify.absolute.posterior import (
-    deviations_root,
-    locate_series,
-    posterior_of,
-    predict,
-    with_known_frame,
-)
+from testbench.identify.absolute.posterior import deviations_root, locate_series, predict, with_known_frame
 from testbench.identify.absolute.state import (
     Mount,
     Pattern,

@@ -17,8 +17,7 @@ from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
 from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import select_rows
-from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import posterior_of
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate, posterior_of
 from testbench.identify.metric import Prior, Strength, WeightedPrior, aggregate, cad_prior, scale_by_prior
 from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.solve import solve

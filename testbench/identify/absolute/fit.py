@@ -27,7 +27,6 @@ from testbench.identify.absolute.align import (
     whitening_units,
 )
 from testbench.identify.absolute.choose import (
-    GEOMETRY,
     ErrorCandidate,
     SelectedModel,
     SelectionRules,
@@ -37,21 +36,26 @@ from testbench.identify.absolute.choose import (
     with_weighted_prior,
 )
 from testbench.identify.absolute.evidence import (
+    GEOMETRY,
     ActiveUnknowns,
     ErrorScales,
     activate,
     apply_step,
     default_scales,
+    first_fit,
+    gauss_newton_step,
     gram_of_active,
     learn_scales,
     solve_step,
 )
+from testbench.identify.absolute.posterior import deviations_root
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
 from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.diagnosis.moves import divide_at_moves
 from testbench.identify.diagnosis.screens import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.metric import Prior, PriorScaling, Strength, scale_by_prior
+from testbench.identify.metric import Prior, Strength, scale_by_prior
+from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
 from testbench.model.kinematics import ERROR_KINDS, JointErrors
 from testbench.model.load import Weights, read_weights
@@ -126,6 +130,30 @@ class Calibration(Displayed):
             "kept": " ".join(step.name.replace(" ", "_") for step in self.chosen.steps if step.kept),
             "model_error_um": f"{1e6 * self.noise.open_position:.3g}",
         }
+
+    def model(self) -> ArmModel:
+        """Make the model of the arm, which does not depend on its frames and mounts."""
+        active, state, known = self.active, self.state, posterior_of(self)
+        first = active.unknowns.starts["geometry"]
+        f = int((active.columns < first).sum())
+        structure = joints_only(state.vjm.arm) if active.elastic is None else active.elastic.structure
+        arm = Posterior.normal(known.x[f:], known.root[f:, f:])
+        model = ArmModel(
+            state, structure, active.columns, arm, ModelOrigin("absolute calibration"), self.noise
+        )
+        elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.rigid)
+        return replace(model, columns=np.concatenate([active.columns[f : active.rigid] - first, elastic]))
+
+
+def posterior_of(calibration: "Calibration") -> Posterior:
+    """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
+
+    Mathematics: `abs-13`.
+    """
+    active = calibration.active
+    L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
+    x = active.unknowns.current(calibration.state)[active.columns]
+    return Posterior.normal(x, deviations_root(calibration.root, L))
 
 
 @dataclass(frozen=True)
@@ -247,7 +275,7 @@ def linearise_readings(
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     # One step with periodic errors, for the noise and the point of linearisation.
     active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), subsample(series)
-    state, share = _gauss_newton_step(active, few, (state, noise), options.constraint)
+    state, share = gauss_newton_step(active, few, (state, noise), options.constraint)
     noise = scatter(state, series, share)
     # Reduce all equations once, by blocks of joint space if errors are selected.
     blocks = blocks_of(series) if options.only is None else None
@@ -298,28 +326,6 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     )
 
 
-def first_fit(
-    state: ArmState, series: tuple[Series, ...], joints: PriorScaling, constraint: Constraint = "psd"
-) -> tuple[ArmState, Noise]:
-    """Fit geometry and joint springs, from a state that has frames and mounts.
-
-    Args:
-        state: The start.
-        series: The readings.
-        joints: Metric of the joint compliances.
-        constraint: "psd" for GCO, "none" for least squares.
-
-    Returns:
-        The fitted state, and the noise of the readings about it.
-    """
-    first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
-    active, noise = activate(first, GEOMETRY, joints), scatter(state, series, 1.0)
-    for _ in range(2):
-        state, share = _gauss_newton_step(active, series, (state, noise), constraint)
-        noise = scatter(state, series, share)
-    return state, noise
-
-
 def _select_errors(
     linearised_readings: LinearisedReadings, options: CalibrationOptions, rules: SelectionRules
 ) -> SelectedModel:
@@ -368,18 +374,3 @@ def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
         _, pose = np.unique(readings.pose, return_inverse=True)
         thinned.append(select_rows(readings, pose % stride == 0) if stride > 1 else readings)
     return tuple(thinned)
-
-
-def _gauss_newton_step(
-    active: ActiveUnknowns,
-    series: tuple[Series, ...],
-    state_and_noise: tuple[ArmState, Noise],
-    constraint: Constraint,
-) -> tuple[ArmState, float]:
-    """Take one Gauss-Newton step; return the state, and degrees of freedom over number of equations."""
-    state, noise = state_and_noise
-    reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
-    S, counts = gram_of_active(active, reduced.gram), reduced.counts
-    learnt = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
-    solved = solve_step(active, reduced, learnt, constraint)
-    return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())
