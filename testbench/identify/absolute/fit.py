@@ -6,15 +6,16 @@ unknowns are eliminated from the equations. A `Regression` of the compliances re
 identification, for least squares or GCO.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_items, check_type
 from testbench.identify.absolute.align import (
+    Misfit,
     Noise,
     align_all,
     check_fits,
@@ -50,9 +51,8 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.posterior import deviations_root
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
-from testbench.identify.diagnosis.kinematics import Issue
+from testbench.identify.diagnosis.kinematics import MAX_ROWS, Issue, find_slip, of_series
 from testbench.identify.diagnosis.moves import divide_at_moves
-from testbench.identify.diagnosis.screens import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Prior, Strength, scale_by_prior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
@@ -70,6 +70,7 @@ UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 
+MAX_SCATTER_RATIO = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 PATTERN = "common pattern"
 SELECTABLE_ERRORS = ("joint springs", "joint errors", PATTERN, "links", *ERROR_KINDS[1:])
 """Errors other than geometry, in the order in which they are tried."""
@@ -281,6 +282,55 @@ def linearise_readings(
     blocks = blocks_of(series) if options.only is None else None
     reduced = reduce_series(Linearisation(unknowns, state, noise), series, blocks)
     return LinearisedReadings(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
+
+
+def check_last_joint(
+    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
+) -> None:
+    """Refuse readings that fit much better with the last joint's sign reversed.
+
+    A target near the last joint's axis lets them fit a frame with either sign. With orientations, which show
+    the sign, nothing is checked here.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+        fitted: Function that fits geometry and springs to series, and returns state and noise.
+
+    Raises:
+        BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
+            read.
+    """
+    if any(readings.rotation is not None for readings in series):
+        return
+    thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
+    sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
+    try:
+        mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[1].open_position
+    except BenchError:
+        return
+    as_read = fitted(tuple(thin))[1].open_position
+    if mirrored < MAX_SCATTER_RATIO * as_read:
+        raise BenchError(
+            f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
+            f"other sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * mirrored:.2g} mm"
+        )
+
+
+def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
+    """Refuse a series whose rows slipped against their poses.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+
+    Raises:
+        Misfit: When the rows of one series belong to other poses from some row on.
+    """
+    for readings in series:
+        if readings.distance is None and (slip := find_slip(of_series(vjm, readings))):
+            first = readings.row[slip.first]
+            raise Misfit(f"{readings.name}: its rows from {first} on do not fit those before", readings)
 
 
 def select_and_solve(linearised_readings: LinearisedReadings, options: CalibrationOptions) -> Calibration:

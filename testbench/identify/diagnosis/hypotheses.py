@@ -35,10 +35,11 @@ from testbench.identify.diagnosis.kinematics import (
     Submission,
     any_above,
     cauchy,
+    find_slip,
     fit,
+    likely_orders,
     longer_than,
 )
-from testbench.identify.diagnosis.screens import find_slip, likely_orders
 from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
 
