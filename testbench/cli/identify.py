@@ -146,7 +146,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
 
 def _drawn(said: Report, page: PageContent) -> Mapping[str, "Figure"]:
-    from testbench.report.figures_identify import identify_figures  # here: it imports matplotlib
+    from testbench.report.figures_fit import identify_figures  # here: it imports matplotlib
 
     return identify_figures(said, page, Row(said.numbers))
 
