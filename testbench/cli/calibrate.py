@@ -17,10 +17,9 @@ from testbench.identify.absolute import fit
 from testbench.identify.registration import MIN_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
 from testbench.report.readings import CALIBRATED_ARM, NOMINAL_ARM, calibration_tables, draw_calibration
-from testbench.report.report import Report, bullets, say
+from testbench.report.report import Report, RunRequest, bullets, say, write_run
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import claim_folder
 from testbench.workflows import calibration_numbers as counted
