@@ -23,7 +23,6 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Series, select_rows
 from testbench.files.export import draft_new
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.posterior import elastic_state
 from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
@@ -62,10 +61,10 @@ def main(out: Annotated[Path, typer.Option(help="Folder of results.")] = Path("r
     with threadpool_limits(1):
         for name, options in OURS.items():
             found = calibrate(cell.vjm, (select_rows(c, fit),), tb.cad_prior(cell.arm), options)
-            judged = position_errors(model_of(found), [select_rows(c, _others(c, fit))], None)
+            judged = position_errors(found.model(), [select_rows(c, _others(c, fit))], None)
             rows[name] = {
                 "c_mm": judged.mean_mm,
-                "a_mm": position_errors(model_of(found), [a], FRAME).mean_mm,
+                "a_mm": position_errors(found.model(), [a], FRAME).mean_mm,
             }
     files.write_json(rows, out / "figaroh.json")
     print(f"mean error after {len(fit)} poses of C, mm: rest of C, then A")

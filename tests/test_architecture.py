@@ -156,6 +156,16 @@ def at_once(path):
     return found
 
 
+def within_reach(command):
+    """All modules that a command may need: every import of every module, also inside functions."""
+    seen, todo = set(), [f"testbench.cli.{command}"]
+    while todo:
+        name = todo.pop()
+        seen.add(name)
+        todo += (imports(modules()[name]) & modules().keys()) - seen
+    return seen
+
+
 OTHERS = {
     "identify": {"absolute", "campaign_flags", "plan", "plan_input", "program"},
     "predict": {"absolute", "campaign_flags", "plan"},
@@ -167,15 +177,23 @@ OTHERS = {
 @pytest.mark.parametrize("command", OTHERS)
 def test_a_command_reaches_no_workflow_of_another(command):
     """Not even through others, or inside functions: what two commands share has a module of its own."""
-    seen, todo = set(), [f"testbench.cli.{command}"]
-    while todo:
-        for name in (imports(modules()[todo.pop()]) & modules().keys()) - seen:
-            seen.add(name)
-            todo.append(name)
-    assert (
-        sorted(OTHERS[command] & {name.rpartition(".")[2] for name in seen if room(name) == "workflows"})
-        == []
-    )
+    seen = {name.rpartition(".")[2] for name in within_reach(command) if room(name) == "workflows"}
+    assert sorted(OTHERS[command] & seen) == []
+
+
+MOST_MODULES = {"identify": 90}
+"""Most modules that somebody has to know who changes a command, itself among them."""
+
+
+@pytest.mark.parametrize("command", MOST_MODULES)
+def test_a_command_is_understood_without_most_of_the_house(command):
+    """By all imports, also inside functions and for types: a module that needs few others is read alone."""
+    assert len(within_reach(command)) <= MOST_MODULES[command]
+
+
+def test_no_module_imports_the_public_face_which_reaches_every_room():
+    """But for the version that --version prints."""
+    assert {place(path) for path in modules().values() if "testbench" in imports(path)} == {"cli/program.py"}
 
 
 def imported(command):
@@ -294,7 +312,7 @@ def test_the_page_of_dependencies_lists_every_package_and_no_other():
 def test_only_modules_of_figures_import_matplotlib():
     found = users("matplotlib")
     assert found
-    others = {"report/recording/run.py", "report/leave.py"}  # the second only shortens its docstrings
+    others = {"report/recording/run.py", "report/report.py"}  # the second only shortens its docstrings
     assert all("figure" in Path(name).stem or name in others for name in found), found
 
 

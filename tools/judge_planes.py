@@ -26,7 +26,6 @@ from threadpoolctl import threadpool_limits
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.fit import SELECTABLE_ERRORS, CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import model_of
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.runs.rows import trial_rng
@@ -117,7 +116,7 @@ def judge(cell, seed, kind):
     """Calibrate one true arm by one instrument, and score it."""
     true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
     series = KINDS[kind][1](cell, true, seed)
-    found = model_of(calibrate(cell.vjm, series, wrong_prior(cell, seed), OPTIONS))
+    found = calibrate(cell.vjm, series, wrong_prior(cell, seed), OPTIONS).model()
     unseen = CAMPAIGN.model_copy(update={"poses": CHECKED, "noise": False})
     (check,), _ = simulate_series(true, unseen, seed)
     check = replace(check, name="check", frame="check", target="check")

@@ -14,14 +14,12 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import numbers_per_target
 from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.registration import MIN_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
 from testbench.report.readings import CALIBRATED_ARM, NOMINAL_ARM, calibration_tables, draw_calibration
-from testbench.report.report import Report, bullets, say
+from testbench.report.report import Report, RunRequest, bullets, say, write_run
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import claim_folder
 from testbench.workflows import calibration_numbers as counted
@@ -33,7 +31,8 @@ from testbench.workflows.absolute import (
     read_all,
     score,
 )
-from testbench.workflows.arm_models import read_model, write_model
+from testbench.workflows.arm_models import read_model
+from testbench.workflows.calibration_numbers import write_model
 from testbench.workflows.cell import build_cell
 from testbench.workflows.options import ArmName, Force, SigmaUm, mass, of_flag, plain, takes
 from testbench.workflows.plan import gain_of_more
@@ -109,7 +108,7 @@ def command(asked: CalibrateOptions) -> None:
         calibrated = calibrate_with_masses(cell.vjm, series, tried, notes)
         left, more, console = counted.remaining_errors(calibrated), None, plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
-            more = gain_of_more(cell, model_of(calibrated.calibration), series[0].sigma)
+            more = gain_of_more(cell, calibrated.calibration.model(), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
             nothing = "rejected   the calibrated arm predicts worse than the nominal arm; nothing was written"

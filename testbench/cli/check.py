@@ -16,9 +16,8 @@ from testbench.files.robot.write import write_elastic
 from testbench.model.vjm import tool_points, tool_pose
 from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, NOMINAL
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, ended
-from testbench.report.report import Report, bullets, say
+from testbench.report.report import Report, RunRequest, bullets, say, write_run
 from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale, loads, on_tool
 from testbench.report.schema import Table, TableColumn, columns, show
 from testbench.report.table import Row

@@ -21,9 +21,8 @@ from testbench.report.join import (
     refuse_unlike,
     seeds,
 )
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
-from testbench.report.report import Report, say
+from testbench.report.report import Report, RunRequest, say, write_run
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row

@@ -13,11 +13,10 @@ from testbench.correct.newton import JointMeaning as Meant
 from testbench.errors import BenchError
 from testbench.files.program import read_program
 from testbench.report.badge import Badge, decide
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as number_of
 from testbench.report.program_scene import AFTER, BEFORE, CORRECTED, EXPECTED, LOOKS, WITHIN, draw_correction
-from testbench.report.report import Report, say
+from testbench.report.report import Report, RunRequest, say, write_run
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines

@@ -18,8 +18,8 @@ from testbench.files.propose_map import Proposal, fit_of_series, map_text, propo
 from testbench.files.read_series import read_series
 from testbench.files.read_unknown import sheets_of
 from testbench.files.text import UnevenRows
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.readings import column_lines, draw_runs, file_lines, report, written
+from testbench.report.report import RunRequest, write_run
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import Kind, check_file, claim_folder, whole_file

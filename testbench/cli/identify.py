@@ -15,9 +15,8 @@ from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.model.laws import joint_laws
 from testbench.report import terminal
 from testbench.report.fitted_runs import badge, ratios_to_chosen, seen, warnings
-from testbench.report.leave import MAP, RunRequest, write_run
 from testbench.report.markdown import Markdown, place
-from testbench.report.report import Report, say
+from testbench.report.report import MAP, Report, RunRequest, say, write_run
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row, find
@@ -146,7 +145,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
 
 def _drawn(said: Report, page: PageContent) -> Mapping[str, "Figure"]:
-    from testbench.report.figures_identify import identify_figures  # here: it imports matplotlib
+    from testbench.report.figures_fit import identify_figures  # here: it imports matplotlib
 
     return identify_figures(said, page, Row(said.numbers))
 

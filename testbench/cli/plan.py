@@ -12,10 +12,9 @@ from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.report import terminal
 from testbench.report.badge import ratio
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, listed
 from testbench.report.planned_poses import looks_of_plans, seen
-from testbench.report.report import Report, bullets, say
+from testbench.report.report import Report, RunRequest, bullets, say, write_run
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row
 from testbench.runs.spread import Spread

@@ -10,10 +10,9 @@ import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.model.vjm import WorkArea
-from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.program_scene import draw_prediction
-from testbench.report.report import Report, say
+from testbench.report.report import Report, RunRequest, say, write_run
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines

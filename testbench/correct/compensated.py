@@ -33,7 +33,7 @@ from testbench.correct.newton import (
     target_of,
     with_rows,
 )
-from testbench.correct.uncertainty import LoadedPoses, half_widths
+from testbench.correct.predicted import LoadedPoses, half_widths
 from testbench.data.dataset import join_rows, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -541,3 +542,11 @@ def model_of_compliances(
     """
     first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)
+
+
+@runtime_checkable
+class ModelSource(Protocol):
+    """Describe what makes a model of its arm by itself, such as a calibration."""
+
+    def model(self) -> ArmModel:
+        """Make the model."""

@@ -27,7 +27,7 @@ from testbench.files.write import csv_text
 from testbench.identify.absolute.align import residuals
 from testbench.identify.absolute.evidence import apply_step, back_substitute, compliance_rows, factor_of
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings, select_and_solve
-from testbench.identify.absolute.posterior import locate_series, model_of
+from testbench.identify.absolute.posterior import locate_series
 from testbench.identify.estimate import Constraint, deflections, is_conservative, score
 from testbench.identify.metric import Prior, cad_prior
 from testbench.identify.posterior import CONFIDENCE, quantile
@@ -231,7 +231,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
 
     def off(pi: Array) -> Array:
         state = apply_step(linearised_readings.state, known.active, back_substitute(T, pi))
-        placed = locate_series(model_of(replace(known, state=state)), judge, register)
+        placed = locate_series(replace(known, state=state).model(), judge, register)
         return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
 
     data = compliance_rows(T, known.active.elastic, int(linearised_readings.reduced.counts.sum()))

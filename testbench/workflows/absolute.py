@@ -31,7 +31,7 @@ from testbench.identify.absolute.align import (
     underdetermined_reason,
 )
 from testbench.identify.absolute.choose import MassFit, fit_weights
-from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate
+from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate, check_row_order
 from testbench.identify.absolute.posterior import inside_ellipsoid, locate_series, predict, with_known_frame
 from testbench.identify.absolute.state import (
     LEVEL_DEVIATION,
@@ -43,7 +43,6 @@ from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Issue
-from testbench.identify.diagnosis.screens import check_row_order
 from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READING_LOSS
@@ -251,7 +250,7 @@ def calibrate_with_masses(
     said += of_held(calibration)
     wild = outliers(calibration.state, calibration.series, calibration.influences)
     words = (describe(issue, vjm.arm).sentence for issue in calibration.issues)
-    mounted = mounting_by_own_weight(calibration, cad_prior(vjm.arm))
+    mounted = mounting_by_own_weight(calibration.state, calibration.series, cad_prior(vjm.arm))
     return Calibrated(
         calibration,
         calibration.series,

@@ -30,7 +30,6 @@ from testbench.errors import (
     read_text,
 )
 from testbench.identify.absolute.align import EQUATION_KINDS, Noise
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import ArmState, Mount, Unknowns
 from testbench.identify.metric import WeightedPrior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
@@ -47,7 +46,6 @@ from testbench.workflows.advice import advice
 from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
-    from testbench.identify.absolute.fit import Calibration
     from testbench.workflows.fits import IdentifyResult
     from testbench.workflows.read_runs import MeasuredRuns
 
@@ -471,7 +469,9 @@ def write_stiffness(
     fits, estimate, used = identified.fits, identified.taken, runs.used
     model, notes = cell.model(estimate), weights_with_note(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
-    about = _about(f"{fits.recommended}: {estimate.method}", data, doubts, _about_tool(cell.vjm, used))
+    about = origin_of(
+        f"{fits.recommended}: {estimate.method}", data, doubts, loads_about_tool(cell.vjm, used)
+    )
     fit = {
         "conservative": estimate.conservative,
         "prior": None if estimate.weighted_prior is None else _prior(estimate.weighted_prior),
@@ -515,31 +515,30 @@ def _finite(x: float) -> float | None:
     return float(x) if math.isfinite(x) else None
 
 
-def write_model(
-    calibration: "Calibration", data: Mapping[str, str], doubts: Sequence[str], folder: Path
-) -> None:
-    """Write a calibrated arm into a folder that exists.
+def origin_of(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> ModelOrigin:
+    """Describe where a model comes from.
 
     Args:
-        calibration: The calibration.
+        method: Method that found it.
         data: SHA-256 of every file of readings, by name.
         doubts: Warnings that go with the model.
-        folder: The folder.
+        loads: Loads of the readings about the tool's origin, (rows, 6) [N, N m].
+
+    Returns:
+        The origin, with the largest force and moment.
     """
-    vjm = calibration.active.unknowns.vjm
-    kept = [step.name for step in calibration.chosen.steps if step.kept]
-    method = f"absolute calibration: {', '.join(['geometry', *kept])}"
-    loads = np.concatenate([_about_tool(vjm, series) for series in calibration.series])
-    model = replace(model_of(calibration), about=_about(method, data, doubts, loads))
-    write_files(model, folder, name=method, fit={})
-
-
-def _about(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> ModelOrigin:
-    """Where a model comes from, under which loads about the tool's origin, (rows, 6) [N, N m]."""
     force, moment = np.linalg.norm(loads.reshape(-1, 2, 3), axis=2).max(axis=0).tolist()
     return ModelOrigin(method, data, tuple(doubts), force, moment)
 
 
-def _about_tool(vjm: Vjm, data: Dataset | Series) -> Array:
-    """Loads of every run or row about the tool's origin, world axes, (rows, 6) [N, N m]."""
+def loads_about_tool(vjm: Vjm, data: Dataset | Series) -> Array:
+    """Compute the load of every run or row about the tool's origin.
+
+    Args:
+        vjm: Kinematics of the arm.
+        data: Measured runs, or a series of absolute readings.
+
+    Returns:
+        Force and moment, world axes, (rows, 6) [N, N m].
+    """
     return resultant(tool_pose(vjm, data.q)[1], [Load(data.wrench, data.point)])

@@ -7,9 +7,10 @@ compliances: the first is counted with the second, as in the paper's aggregation
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -21,14 +22,15 @@ from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
 from testbench.identify.absolute.evidence import DEFAULT_SCALES, WIDE_PRIOR, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
-from testbench.identify.absolute.fit import Calibration
-from testbench.identify.absolute.posterior import further_information, posterior_of
+from testbench.identify.absolute.fit import Calibration, posterior_of
+from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, series_equilibrium
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import JointErrors
 from testbench.runs.rows import Row
 from testbench.workflows.absolute import Calibrated, distance_statistics, hidden_geometry
+from testbench.workflows.arm_models import loads_about_tool, origin_of, write_files
 from testbench.workflows.fit_numbers import rounded
 from testbench.workflows.identifiability import FREE_DEVIATION as LOOSE_FRAME
 from testbench.workflows.identifiability import unobservable
@@ -619,3 +621,22 @@ def largest_remaining_error(calibrated: Calibrated, left: RemainingErrors) -> Ar
         for series, x in zip(calibrated.series, left[1], strict=True)
     ]
     return np.concatenate(sizes)
+
+
+def write_model(
+    calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
+) -> None:
+    """Write a calibrated arm into a folder that exists.
+
+    Args:
+        calibration: The calibration.
+        data: SHA-256 of every file of readings, by name.
+        doubts: Warnings that go with the model.
+        folder: The folder.
+    """
+    vjm = calibration.active.unknowns.vjm
+    kept = [step.name for step in calibration.chosen.steps if step.kept]
+    method = f"absolute calibration: {', '.join(['geometry', *kept])}"
+    loads = np.concatenate([loads_about_tool(vjm, series) for series in calibration.series])
+    model = replace(calibration.model(), about=origin_of(method, data, doubts, loads))
+    write_files(model, folder, name=method, fit={})

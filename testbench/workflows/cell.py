@@ -15,9 +15,8 @@ from testbench.model.structure import labels_of
 from testbench.model.vjm import Vjm, WorkArea, body_poses, random_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
-    from testbench.identify.absolute.fit import Calibration
     from testbench.identify.estimate import Estimate
-    from testbench.identify.posterior import ArmModel
+    from testbench.identify.posterior import ArmModel, ModelSource
     from testbench.plant.build import Plant
     from testbench.plant.site import Site
 
@@ -55,7 +54,7 @@ class Cell(Displayed):
 
         return build_site(self.arm, floor=self.floor)
 
-    def model(self, found: "Estimate | Calibration") -> "ArmModel":
+    def model(self, found: "Estimate | ModelSource") -> "ArmModel":
         """Make the model of this arm that `predict`, `compensate`, `stiffness` and `save_model` take.
 
         Args:
@@ -68,14 +67,12 @@ class Cell(Displayed):
         Raises:
             BenchError: When the estimate is one of another arm.
         """
-        from testbench.identify.absolute.fit import Calibration  # here: simulating needs no fits
-        from testbench.identify.absolute.posterior import model_of
-        from testbench.identify.estimate import Estimate
-        from testbench.identify.posterior import model_of_estimate
+        from testbench.identify.estimate import Estimate  # here: simulating needs no fits
+        from testbench.identify.posterior import ModelSource, model_of_estimate
         from testbench.model.load import weights_with_note
 
-        if isinstance(found, Calibration):
-            return model_of(found)
+        if isinstance(found, ModelSource):
+            return found.model()
         if not isinstance(found, Estimate):
             raise BenchError(f"model: expected an Estimate or a Calibration, got {type(found).__name__}")
         names, own = found.structure.labels, labels_of(self.arm)

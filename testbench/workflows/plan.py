@@ -40,7 +40,7 @@ from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_type
 from testbench.identify.absolute.align import stated_frame
-from testbench.identify.absolute.posterior import further_information, model_of
+from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.posterior import ArmModel
@@ -318,7 +318,7 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     """
     if not cell.arm.joints:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
-    known = given and model_of(given.calibration)
+    known = given and given.calibration.model()
     check_markers(cell, settings.mounted)
     blocks_of(settings.mounted)
     union = union_after(known, settings) if known else union_of(cell, settings)

@@ -8,9 +8,14 @@ import numpy as np
 from scipy.special import ndtr
 
 from testbench.arm.folder import ArmJoint
-from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
-from testbench.correct.predicted import load_extent, stiffness
+from testbench.correct.predicted import (
+    LoadedPoses,
+    fitted_half_widths,
+    largest_uncertainty,
+    load_extent,
+    stiffness,
+)
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
@@ -123,7 +128,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         jump=_jump(corrected_program),
         worst=max(points, key=lambda row: float(row.before_mm)),
         extrapolated=extrapolation_warnings(load_extent(model, compensated.start, corrected_program.loads)),
-        open=uncertainty.largest_uncertainty(
+        open=largest_uncertainty(
             model, compensated.q, corrected_program.loads, np.array(corrected_program.aim.point), absolute
         ),
         doubts=model.about.doubts,
@@ -267,10 +272,10 @@ def _fitted(corrected_program: CorrectedProgram) -> Row | None:
     if count < MIN_FITTED:
         return None
     some = np.unique(np.linspace(0, count - 1, min(MAX_FITTED, count)).round().astype(int))
-    stand = uncertainty.LoadedPoses(compensated.q, corrected_program.loads).select(some)
-    half = MM * uncertainty.fitted_half_widths(
-        corrected_program.model, stand, np.array(corrected_program.aim.point)
-    ).max(axis=1)
+    stand = LoadedPoses(compensated.q, corrected_program.loads).select(some)
+    half = MM * fitted_half_widths(corrected_program.model, stand, np.array(corrected_program.aim.point)).max(
+        axis=1
+    )
     return error_statistics(half) if np.isfinite(half).all() else None
 
 

@@ -22,27 +22,23 @@ from testbench.identify.absolute.align import (
     single_reading_noise,
 )
 from testbench.identify.absolute.choose import predictive_deviance
-from testbench.identify.absolute.evidence import ErrorScales, moved_frame, moved_mount, solve_step
+from testbench.identify.absolute.evidence import ErrorScales, moved_mount, solve_step
 from testbench.identify.absolute.fit import (
     INTERMEDIATE_ROWS,
     MIN_SERIES_ROWS,
     CalibrationOptions,
     calibrate,
+    posterior_of,
     subsample,
 )
-from testbench.identify.absolute.posterior import (
-    deviations_root,
-    locate_series,
-    posterior_of,
-    predict,
-    with_known_frame,
-)
+from testbench.identify.absolute.posterior import deviations_root, locate_series, predict, with_known_frame
 from testbench.identify.absolute.state import (
     Mount,
     Pattern,
     Unknowns,
     find_pattern,
     joint_equilibrium,
+    moved_frame,
     nominal_state,
     pattern_basis,
     series_equilibrium,

@@ -10,13 +10,15 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
 from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibrium, target_of
-from testbench.correct.predicted import compliance_half_widths, load_extent, stiffness
-from testbench.correct.uncertainty import (
+from testbench.correct.predicted import (
     LoadedPoses,
+    compliance_half_widths,
     fitted_half_widths,
     half_widths,
     largest_uncertainty,
+    load_extent,
     rows_between,
+    stiffness,
 )
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.align import Noise
@@ -391,7 +393,7 @@ def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
 )
 def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, monkeypatch, shares, name):
     told = {"a": shares[0], "b": shares[1], "c": 0.0}
-    monkeypatch.setattr("testbench.correct.uncertainty._variance_shares", lambda *_: told)
+    monkeypatch.setattr("testbench.correct.predicted._variance_shares", lambda *_: told)
     found = largest_uncertainty(known, Q[None], [FORCE], TIP, absolute=False)
     assert (found and found.name) == name
     assert found is None or (found.share, found.joint) == (told[name], False)

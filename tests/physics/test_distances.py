@@ -13,7 +13,6 @@ from testbench.files.write import write_series
 from testbench.identify.absolute.align import align_all, residuals, scatter
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import (
     Mount,
     moved_frame,
@@ -212,7 +211,7 @@ def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, re
     }[what]
     options = CalibrationOptions(only=frozenset({"joint springs"}))
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
-    model, other = model_of(found), replace(check, frame="new", target="new")
+    model, other = found.model(), replace(check, frame="new", target="new")
     assert position_errors(model, [other], 30).max_mm < (0.02 if what == "planes" else 1e-3)
     rigid = replace(model, state=nominal_state(stiff.vjm, model.state.weights, np.ones(6)))
     assert position_errors(rigid, [other], 30).rms_mm > 0.5

@@ -16,8 +16,7 @@ from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
 from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import select_rows
-from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import posterior_of
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate, posterior_of
 from testbench.identify.metric import (
     Prior,
     PriorUncertainty,

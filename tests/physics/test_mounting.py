@@ -43,13 +43,15 @@ def test_own_weight_tells_how_the_base_stands(upright, tmp_path, how):
     cell = turned(TURNS[how], tmp_path)
     series, _ = simulate_series(cell, AbsoluteCampaign(poses=40, targets=3), 1)
     prior = cad_prior(upright.arm)
-    found = mounting_by_own_weight(calibrate(upright.vjm, series, prior, ONLY), prior)
+    calibration = calibrate(upright.vjm, series, prior, ONLY)
+    found = mounting_by_own_weight(calibration.state, calibration.series, prior)
     true = cell.vjm.base[:3, :3].T @ DOWN
     assert how in describe(found, upright.arm).sentence
     assert np.degrees(angle(found.size[:3], true)) < 2  # a level tracker is off by half a degree, the fit too
     stands = Rotation.from_quat(found.size[3:], scalar_first=True).as_matrix()
     np.testing.assert_allclose(stands @ found.size[:3], DOWN, atol=1e-12)
-    assert mounting_by_own_weight(calibrate(cell.vjm, series, prior, ONLY), prior) is None
+    calibration = calibrate(cell.vjm, series, prior, ONLY)
+    assert mounting_by_own_weight(calibration.state, calibration.series, prior) is None
 
 
 def test_weights_along_g_are_those_of_an_arm_whose_base_is_turned(upright):

@@ -29,7 +29,7 @@ from testbench.design.planning import (
 )
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import further_information, model_of
+from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.posterior import information as told_by
 from testbench.identify.absolute.state import moved_frame, series_equilibrium
 from testbench.identify.metric import (
@@ -456,7 +456,7 @@ def before(kr500):
 
 def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     """The error by roots of covariances is that by sums of precisions in SI units."""
-    model = model_of(before[1])
+    model = before[1].model()
     own, q = replace(union_after(model, ALONE), min_information=0.0), places[:6]
     first, across = own.unknowns.starts["geometry"], replace(own, L=np.eye(own.unknowns.size))
     on = np.r_[:first, first + model.columns]
@@ -472,7 +472,7 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
 
 def test_further_poses_lower_the_error_that_is_left_after_realignment(before, places, rng):
     """Errors of a new frame are in neither error: with them, more poses would seem to make an arm worse."""
-    own = union_after(model_of(before[1]), ALONE)
+    own = union_after(before[1].model(), ALONE)
     rows = absolute.position_rows(own, places[-20:])
     left, first = absolute.realigned(own, rows), own.unknowns.starts["geometry"]
     A = rows.reshape(-1, rows.shape[2])
@@ -490,7 +490,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
 def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, places):
     """Asked for the other side of joint_1, to which one in five candidates turns it."""
     series, found = before
-    own, other = union_after(model_of(found), ALONE), places[:, 0] < 0
+    own, other = union_after(found.model(), ALONE), places[:, 0] < 0
     q = np.vstack([places[~other][:40], places[other][:10]])
     wanted = absolute.position_rows(own, places[other][-20:])
     examined = absolute.candidate_set(own, q, 8)

@@ -21,8 +21,14 @@ from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios
 from testbench.report.colours import LINK, NEGATIVE, NOMINAL, hexadecimal, look
 from testbench.report.figure import row_head
-from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
-from testbench.report.figures_identify import compared, fit_figure, model_figure
+from testbench.report.figures_fit import (
+    compared,
+    compliance_figure,
+    eigenvalue_figure,
+    fit_figure,
+    model_figure,
+    residual_figure,
+)
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, rows
 from testbench.report.scene import ModelLine, PageContent, RunChart

@@ -20,7 +20,7 @@ from pyarrow import parquet
 from read_back import document, series, sound
 
 from testbench.cli.program import program
-from testbench.report import leave
+from testbench.report import report as reports
 from testbench.report.markdown import as_plain
 from testbench.report.recording.stream import snake
 from testbench.runs import command
@@ -101,7 +101,7 @@ def numbers_alone():
         files.write_json(found.report.json(), found.folder / "report.json")
         return []
 
-    with mock.patch.object(run, "_write", write), mock.patch.object(leave, "_views", return_value=[]):
+    with mock.patch.object(run, "_write", write), mock.patch.object(reports, "_views", return_value=[]):
         yield
 
 

@@ -14,13 +14,13 @@ from testbench.identify.absolute.align import align, align_all, common_targets, 
 from testbench.identify.absolute.fit import (
     CalibrationOptions,
     calibrate,
+    check_row_order,
     linearise_readings,
     select_and_solve,
 )
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.screens import check_row_order
 from testbench.identify.metric import cad_prior
 from testbench.model.load import read_weights
 from testbench.workflows.absolute import (

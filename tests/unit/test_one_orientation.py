@@ -11,7 +11,6 @@ from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.fit import CalibrationOptions
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import level_frame, nominal_state, undetermined_frames
 from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
@@ -67,7 +66,7 @@ def test_a_series_of_one_orientation_foretells_others_of_it(kr500, kind, targets
     )
     assert any("a turn of its frame" in note for note in found.notes) == (len(open_) == 2)
     drawn = rms(align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (fit,)), fresh)
-    model = model_of(found.calibration)
+    model = found.calibration.model()
     again, new = (
         position_errors(model, [one], poses)
         for one, poses in ((fresh, None), (replace(fresh, frame="new", target="new"), 20))

@@ -22,7 +22,7 @@ from testbench.model.laws import with_laws
 from testbench.model.load import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain
-from testbench.report import leave
+from testbench.report import report as reports
 from testbench.report.report import read_report
 from testbench.studies import run as studies
 
@@ -80,7 +80,7 @@ def test_commands_say_today_what_their_pictures_say(tmp_path, monkeypatch):
     """Of every picture of a command, that of the same run alike; figure, page and recording are not read."""
     monkeypatch.chdir(ROOT)
     with (
-        mock.patch.object(leave, "_views", return_value=[]),
+        mock.patch.object(reports, "_views", return_value=[]),
         mock.patch.multiple(studies, headed_figures=mock.Mock(return_value={}), write_run=mock.DEFAULT),
         mock.patch.object(studies, "write_page"),
     ):

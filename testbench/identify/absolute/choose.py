@@ -22,6 +22,7 @@ from scipy.linalg import cho_factor, cho_solve
 from testbench.data.dataset import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.evidence import (
+    GEOMETRY,
     WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
@@ -43,7 +44,6 @@ from testbench.progress import stepwise
 
 # --- Selection of errors ------------------------------------------------------------------------------------
 
-GEOMETRY = frozenset({"geometry shift", "geometry turn"})
 MAX_BLOCKS = 16
 """Blocks of joint space over all series."""
 MIN_BLOCK_POSES = 6

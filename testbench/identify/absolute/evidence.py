@@ -15,9 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import hierarchy
-from testbench.identify.absolute.state import LEVEL_DEVIATION, ArmState, Mount, Unknowns, moved_frame
+from testbench.identify.absolute.align import Noise, scatter
+from testbench.identify.absolute.state import (
+    LEVEL_DEVIATION,
+    ArmState,
+    Mount,
+    Unknowns,
+    moved_frame,
+    unknowns_of,
+)
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.hierarchy import (
     STUDENT_SCALE,
@@ -37,8 +46,16 @@ from testbench.identify.metric import (
     with_prior_rows,
 )
 from testbench.identify.registration import NOMINAL_DEVIATION
-from testbench.identify.regression import ReducedReadings, Regression, regression_of, term_from_triangle
+from testbench.identify.regression import (
+    Linearisation,
+    ReducedReadings,
+    Regression,
+    reduce_series,
+    regression_of,
+    term_from_triangle,
+)
 from testbench.identify.solve import certified_solution, solve, solve_by_clarabel
+from testbench.model.kinematics import JointErrors
 from testbench.model.vjm import rotation_matrices
 
 # --- Sizes of all kinds of errors, learnt from the readings by type-II maximum likelihood -------------------
@@ -343,6 +360,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
 
 # --- Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated ---------------
 
+GEOMETRY = frozenset({"geometry shift", "geometry turn"})  #: Kinds of unknowns of the geometry.
 INDEPENDENT_SHARE = 1e-10
 """Share of a column that is independent of all others below which it counts as undetermined [1]."""
 
@@ -562,3 +580,50 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     points = mount.points + step[: 3 * m].reshape(m, 3)
     [turn] = rotation_matrices(step[None, 3 * m :]) if len(step) > 3 * m else np.eye(3)[None]
     return replace(mount, points=points, rotation=turn @ mount.rotation)
+
+
+def gauss_newton_step(
+    active: ActiveUnknowns,
+    series: tuple[Series, ...],
+    state_and_noise: tuple[ArmState, Noise],
+    constraint: Constraint,
+) -> tuple[ArmState, float]:
+    """Take one Gauss-Newton step on the unknowns of a choice.
+
+    Args:
+        active: The choice.
+        series: The readings.
+        state_and_noise: State before the step, and noise of the readings about it.
+        constraint: "psd" for GCO, "none" for least squares.
+
+    Returns:
+        The state after the step, and degrees of freedom over number of equations [1].
+    """
+    state, noise = state_and_noise
+    reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
+    S, counts = gram_of_active(active, reduced.gram), reduced.counts
+    scales = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
+    solved = solve_step(active, reduced, scales, constraint)
+    return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())
+
+
+def first_fit(
+    state: ArmState, series: tuple[Series, ...], joints: PriorScaling, constraint: Constraint = "psd"
+) -> tuple[ArmState, Noise]:
+    """Fit geometry and joint springs, from a state that has frames and mounts.
+
+    Args:
+        state: The start.
+        series: The readings.
+        joints: Metric of the joint compliances.
+        constraint: "psd" for GCO, "none" for least squares.
+
+    Returns:
+        The fitted state, and the noise of the readings about it.
+    """
+    first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
+    active, noise = activate(first, GEOMETRY, joints), scatter(state, series, 1.0)
+    for _ in range(2):
+        state, share = gauss_newton_step(active, series, (state, noise), constraint)
+        noise = scatter(state, series, share)
+    return state, noise

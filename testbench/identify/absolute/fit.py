@@ -6,15 +6,16 @@ unknowns are eliminated from the equations. A `Regression` of the compliances re
 identification, for least squares or GCO.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_items, check_type
 from testbench.identify.absolute.align import (
+    Misfit,
     Noise,
     align_all,
     check_fits,
@@ -27,7 +28,6 @@ from testbench.identify.absolute.align import (
     whitening_units,
 )
 from testbench.identify.absolute.choose import (
-    GEOMETRY,
     ErrorCandidate,
     SelectedModel,
     SelectionRules,
@@ -37,21 +37,25 @@ from testbench.identify.absolute.choose import (
     with_weighted_prior,
 )
 from testbench.identify.absolute.evidence import (
+    GEOMETRY,
     ActiveUnknowns,
     ErrorScales,
     activate,
     apply_step,
     default_scales,
+    first_fit,
+    gauss_newton_step,
     gram_of_active,
     learn_scales,
     solve_step,
 )
+from testbench.identify.absolute.posterior import deviations_root
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
-from testbench.identify.diagnosis.kinematics import Issue
+from testbench.identify.diagnosis.kinematics import MAX_ROWS, Issue, find_row_shift, of_series
 from testbench.identify.diagnosis.moves import divide_at_moves
-from testbench.identify.diagnosis.screens import check_last_joint_sign, check_row_order
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.metric import Prior, PriorScaling, PriorUncertainty, scale_by_prior
+from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
+from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
 from testbench.model.kinematics import ERROR_KINDS, JointErrors
 from testbench.model.load import Weights, read_weights
@@ -66,6 +70,7 @@ UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 
+MAX_SCATTER_RATIO = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 PATTERN = "common pattern"
 SELECTABLE_ERRORS = ("joint springs", "joint errors", PATTERN, "links", *ERROR_KINDS[1:])
 """Errors other than geometry, in the order in which they are tried."""
@@ -126,6 +131,30 @@ class Calibration(Displayed):
             "kept": " ".join(step.name.replace(" ", "_") for step in self.chosen.steps if step.kept),
             "model_error_um": f"{1e6 * self.noise.position_model_error:.3g}",
         }
+
+    def model(self) -> ArmModel:
+        """Make the model of the arm, which does not depend on its frames and mounts."""
+        active, state, known = self.active, self.state, posterior_of(self)
+        first = active.unknowns.starts["geometry"]
+        f = int((active.columns < first).sum())
+        structure = joints_only(state.vjm.arm) if active.elastic is None else active.elastic.structure
+        arm = Posterior.normal(known.x[f:], known.root[f:, f:])
+        model = ArmModel(
+            state, structure, active.columns, arm, ModelOrigin("absolute calibration"), self.noise
+        )
+        elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.n_rigid)
+        return replace(model, columns=np.concatenate([active.columns[f : active.n_rigid] - first, elastic]))
+
+
+def posterior_of(calibration: "Calibration") -> Posterior:
+    """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
+
+    Mathematics: `abs-13`.
+    """
+    active = calibration.active
+    L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
+    x = active.unknowns.current(calibration.state)[active.columns]
+    return Posterior.normal(x, deviations_root(calibration.root, L))
 
 
 @dataclass(frozen=True)
@@ -247,12 +276,63 @@ def linearise_readings(
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     # One step with periodic errors, for the noise and the point of linearisation.
     active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), subsample(series)
-    state, share = _gauss_newton_step(active, few, (state, noise), options.constraint)
+    state, share = gauss_newton_step(active, few, (state, noise), options.constraint)
     noise = scatter(state, series, share)
     # Reduce all equations once, by blocks of joint space if errors are selected.
     blocks = blocks_of(series) if options.only is None else None
     reduced = reduce_series(Linearisation(unknowns, state, noise), series, blocks)
     return LinearisedReadings(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
+
+
+def check_last_joint_sign(
+    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
+) -> None:
+    """Refuse readings that fit much better with the last joint's sign reversed.
+
+    A target near the last joint's axis lets them fit a frame with either sign. With orientations, which show
+    the sign, nothing is checked here.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+        fitted: Function that fits geometry and springs to series, and returns state and noise.
+
+    Raises:
+        BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
+            read.
+    """
+    if any(readings.rotation is not None for readings in series):
+        return
+    thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
+    sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
+    try:
+        mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[
+            1
+        ].position_model_error
+    except BenchError:
+        return
+    as_read = fitted(tuple(thin))[1].position_model_error
+    if mirrored < MAX_SCATTER_RATIO * as_read:
+        raise BenchError(
+            f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
+            f"other sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * mirrored:.2g} mm"
+        )
+
+
+def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
+    """Refuse a series whose rows slipped against their poses.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+
+    Raises:
+        Misfit: When the rows of one series belong to other poses from some row on.
+    """
+    for readings in series:
+        if readings.distance is None and (slip := find_row_shift(of_series(vjm, readings))):
+            first = readings.row[slip.first]
+            raise Misfit(f"{readings.name}: its rows from {first} on do not fit those before", readings)
 
 
 def select_and_solve(linearised_readings: LinearisedReadings, options: CalibrationOptions) -> Calibration:
@@ -296,28 +376,6 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         series=series,
         issues=linearised_readings.issues,
     )
-
-
-def first_fit(
-    state: ArmState, series: tuple[Series, ...], joints: PriorScaling, constraint: Constraint = "psd"
-) -> tuple[ArmState, Noise]:
-    """Fit geometry and joint springs, from a state that has frames and mounts.
-
-    Args:
-        state: The start.
-        series: The readings.
-        joints: Metric of the joint compliances.
-        constraint: "psd" for GCO, "none" for least squares.
-
-    Returns:
-        The fitted state, and the noise of the readings about it.
-    """
-    first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
-    active, noise = activate(first, GEOMETRY, joints), scatter(state, series, 1.0)
-    for _ in range(2):
-        state, share = _gauss_newton_step(active, series, (state, noise), constraint)
-        noise = scatter(state, series, share)
-    return state, noise
 
 
 def _select_errors(
@@ -374,18 +432,3 @@ def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
         _, pose = np.unique(readings.pose, return_inverse=True)
         thinned.append(select_rows(readings, pose % stride == 0) if stride > 1 else readings)
     return tuple(thinned)
-
-
-def _gauss_newton_step(
-    active: ActiveUnknowns,
-    series: tuple[Series, ...],
-    state_and_noise: tuple[ArmState, Noise],
-    constraint: Constraint,
-) -> tuple[ArmState, float]:
-    """Take one Gauss-Newton step; return the state, and degrees of freedom over number of equations."""
-    state, noise = state_and_noise
-    reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
-    S, counts = gram_of_active(active, reduced.gram), reduced.counts
-    scales = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
-    solved = solve_step(active, reduced, scales, constraint)
-    return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())

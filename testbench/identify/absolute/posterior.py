@@ -10,7 +10,6 @@ target.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
@@ -28,12 +27,8 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.evidence import default_scales, moved_mount
 from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, moved_frame, unknowns_of
-from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
+from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.rows import series_rows
-from testbench.model.structure import joints_only
-
-if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
-    from testbench.identify.absolute.fit import Calibration
 
 CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
 FRAME_STEP, MAX_STEPS = 1e-9, 20
@@ -62,31 +57,6 @@ def deviations_root(precision: Array, L: Array) -> Array:
     """
     back = block_diag(np.eye(len(precision) - len(L)), L)
     return np.asarray(solve_triangular(precision, back.T, trans="T"))
-
-
-def posterior_of(calibration: "Calibration") -> Posterior:
-    """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
-
-    Mathematics: `abs-13`.
-    """
-    active = calibration.active
-    L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
-    x = active.unknowns.current(calibration.state)[active.columns]
-    return Posterior.normal(x, deviations_root(calibration.root, L))
-
-
-def model_of(calibration: "Calibration") -> ArmModel:
-    """Convert a calibration to a model of the arm that does not depend on its frames and mounts."""
-    active, state, known = calibration.active, calibration.state, posterior_of(calibration)
-    first = active.unknowns.starts["geometry"]
-    f = int((active.columns < first).sum())
-    structure = joints_only(state.vjm.arm) if active.elastic is None else active.elastic.structure
-    arm = Posterior.normal(known.x[f:], known.root[f:, f:])
-    model = ArmModel(
-        state, structure, active.columns, arm, ModelOrigin("absolute calibration"), calibration.noise
-    )
-    elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.n_rigid)
-    return replace(model, columns=np.concatenate([active.columns[f : active.n_rigid] - first, elastic]))
 
 
 def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:

@@ -12,7 +12,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, Series, evenly, select, select_rows, series_of
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import with_targets
-from testbench.identify.absolute.fit import first_fit
+from testbench.identify.absolute.evidence import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (

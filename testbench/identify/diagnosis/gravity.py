@@ -26,7 +26,7 @@ from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
 from testbench.data.dataset import Dataset, Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
-from testbench.identify.absolute.fit import Calibration, first_fit
+from testbench.identify.absolute.evidence import first_fit
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit
 from testbench.identify.metric import Prior, PriorScaling, scale_by_prior
@@ -251,28 +251,26 @@ MIN_MOUNTING_NATS, MIN_MOUNTING_NATS_LEVELLED = 20.0, 7.0
 MAX_SCATTER_RATIO = 0.9
 
 
-def mounting_by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
+def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Prior) -> Issue | None:
     """Find a base mounting under which gravity explains absolute readings much better.
 
     With scatter s of the readings in n poses, a mounting gains 3 n log(s_folder / s_mounting) nats.
 
     Args:
-        calibration: The calibration with the mounting of the arm's folder.
+        state: The arm as calibrated with the mounting of its folder.
+        series: The readings of the calibration.
         prior: Prior of the compliances, from the folder.
 
     Returns:
         The mounting; None when the one of the folder explains the readings as well, or when they scatter too
         much to tell.
     """
-    state = calibration.state
     level = mean_gravity(state.frames.values())
     turned = level is not None and angle(level, DOWN) > LEVEL_ANGLE
     if not turned and not _springs_at_zero(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [
-        select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in calibration.series
-    ]
+    series = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
     poses = sum(len(np.unique(readings.pose)) for readings in series)
     folder_scatter = _scatter(state, series, prior, DOWN)
     if folder_scatter > MAX_SCATTER * state.vjm.reach:

@@ -35,10 +35,11 @@ from testbench.identify.diagnosis.kinematics import (
     Submission,
     any_above,
     cauchy,
+    find_row_shift,
     fit,
+    likely_joint_orders,
     longer_than,
 )
-from testbench.identify.diagnosis.screens import find_row_shift, likely_joint_orders
 from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
 

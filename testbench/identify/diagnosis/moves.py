@@ -20,8 +20,8 @@ from scipy.special import fdtrc
 from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
-from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import (
+    GEOMETRY,
     WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,

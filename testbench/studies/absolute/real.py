@@ -24,7 +24,6 @@ from testbench.identify.absolute.fit import (
     linearise_readings,
     select_and_solve,
 )
-from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, series_equilibrium
 from testbench.identify.diagnosis.moves import in_order_of_time
 from testbench.identify.metric import PriorUncertainty, cad_prior
@@ -379,7 +378,7 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
                 if one[0] != AGAIN or model in (GEOMETRY, *RUNGS):
                     yield _row(calibration, Row(name=model, poses=poses), one)
             if (name, model) == (TO_A, SHARED):
-                fifty[PLANNED] = _planned(model_of(calibration), series[0])
+                fifty[PLANNED] = _planned(calibration.model(), series[0])
 
 
 def _planned(known: ArmModel, series: Series) -> Ids:
@@ -416,7 +415,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
     about |= Row(judged="", error=None)
     if judged:
         about["split"], series, frame_poses = judged
-        about |= Row(judged=series.name, error=position_errors(model_of(found), [series], frame_poses))
+        about |= Row(judged=series.name, error=position_errors(found.model(), [series], frame_poses))
         if about.split == BLOCKS:
             left = np.round(UM * residuals(found.state, series)[0].T, 2)
     waves, effects = "harmonics" in found.chosen.kinds and about.split != DRAW, np.zeros(0)

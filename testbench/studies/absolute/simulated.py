@@ -14,23 +14,18 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.files.write import series_text
-from testbench.identify.absolute import choose
+from testbench.identify.absolute import evidence
 from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.evidence import ErrorScales, activate, gram_of_active, solve_active
 from testbench.identify.absolute.fit import (
     Calibration,
     LinearisedReadings,
     linearise_readings,
+    posterior_of,
     select_and_solve,
 )
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
-from testbench.identify.absolute.posterior import (
-    RegisteredSeries,
-    inside_ellipsoid,
-    model_of,
-    posterior_of,
-    predict,
-)
+from testbench.identify.absolute.posterior import RegisteredSeries, inside_ellipsoid, predict
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.posterior import Posterior
@@ -174,7 +169,7 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     assert disturbances.geometry is not None
     errors = JointErrors(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
-    kinds = choose.GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
+    kinds = evidence.GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
     active = activate(unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure))
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
@@ -516,7 +511,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
         ellipsoid, (rows, m).
     """
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
-    left, covariance = predict(model_of(calibration), registered(calibration, read), read)
+    left, covariance = predict(calibration.model(), registered(calibration, read), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
 
