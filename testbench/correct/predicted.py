@@ -1,4 +1,4 @@
-"""Prediction: where the tool goes under its loads, with 95 % intervals; and the stiffness of the loaded tool.
+"""Prediction: poses of the tool under its loads, with 95 % intervals; and the stiffness of the loaded tool.
 
 `predict` evaluates an identified model, by the equilibrium behind Eq. (7) or by the linear model of Eq. (6).
 `load_extent` compares loads with those under which the model was identified. `stiffness` computes the
@@ -32,7 +32,7 @@ from testbench.model.load import (
 )
 from testbench.model.vjm import chain, rotation_matrices, rotation_vectors_between, tool_pose
 
-# --- Prediction: where the tool goes under its loads, with 95 % intervals -----------------------------------
+# --- Prediction: poses of the tool under its loads, with 95 % intervals -------------------------------------
 
 
 @dataclass(frozen=True, repr=False)
@@ -173,7 +173,7 @@ def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
 
 
 def _over(value: float, reference: float | None) -> float | None:
-    """Divide by what is known; infinite where that is zero, None where nothing is known or to be divided."""
+    """Divide by a known number; infinite where it is zero, None where either number is unknown."""
     if reference is None or not value:
         return None
     return value / reference if reference else math.inf
@@ -302,8 +302,8 @@ class Stiffness(Displayed):
 def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Array | None = None) -> Stiffness:
     """Compute the tangent compliance at the loaded equilibrium, Eq. (7), and its ellipsoid of translations.
 
-    K_w holds the loads alone. The term of the arm's own weight, which turns with the arm too, is left out: on
-    a KR 500 it changes a compliance by less than a hundredth.
+    K_w contains only the loads. The term of the arm's own weight, which turns with the arm too, is left out:
+    on a KR 500 it changes a compliance by less than a hundredth.
 
     Mathematics: `loaded-6`.
 

@@ -1,8 +1,8 @@
 """Intervals of predicted positions and deflections, and the part of a model that widens them most.
 
 A position is linear in the remaining errors of the unknowns. Its rows are those of the deflected arm, Eq.
-(12) for compliances; the model's posterior turns them into intervals. What two poses share cancels in their
-difference.
+(12) for compliances; the model's posterior turns them into intervals. Errors common to two poses cancel in
+their difference.
 """
 
 import math
@@ -88,11 +88,11 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data have not shown what
+        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data have not determined what
         decides.
 
     Raises:
-        BenchError: When a model of compliances alone is asked for positions.
+        BenchError: When positions are requested of a model of compliances only.
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     if start is None and not model.absolute:
@@ -100,7 +100,7 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
     scatter, widths = _scatter(model), []
     for batch in batches(len(end.q)):
         before = None if start is None else start.select(batch)
-        # Widths by the posterior, then what a linear model leaves out, or the scatter of positions.
+        # Widths by the posterior, then terms that a linear model leaves out, or the scatter of positions.
         rows = rows_between(model, end.select(batch), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
@@ -147,7 +147,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
     F = marker_motion(x)
-    # rows without what the best rigid motion takes up
+    # rows without the part that the best rigid motion explains
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
     half = model.posterior.half_widths(A).reshape(x.shape)

@@ -44,7 +44,7 @@ class TrueArm:
 
     #: Returns another arm of the same kinematics, given the arm as its folder describes it.
     draw: Callable[[Arm, np.random.Generator], Arm]
-    springs: Springs | None = None  #: Draws what constant compliances cannot describe, given the drawn arm.
+    springs: Springs | None = None  #: Draws the effects beyond constant compliances, given the drawn arm.
 
 
 #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
@@ -250,7 +250,7 @@ def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "Spri
 
 
 def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
-    """Vary every axis of a link by itself, with a sum of the angles of all joints."""
+    """Vary every axis of a link separately, with a sum of the angles of all joints."""
     from testbench.plant.disturbance import PoseDependence, SpringEffects
 
     links, n = len(arm.links), arm.n_joints
@@ -325,7 +325,7 @@ TRUE_ARM_LABELS = {
     "tied_all": "all joints coupled",
     "slipping": "friction slips bit by bit",
 }
-"""Names of our true arms in reports; one that is added bears its own."""
+"""Names of our true arms in reports; an added one has its own name."""
 TRUTH_DESCRIPTIONS = {
     "tubes": "the folder's: every link a straight tube, which the template contains",
     **{
@@ -341,7 +341,7 @@ TRUTH_DESCRIPTIONS = {
 
 
 def _check(name: str, kind: TrueArm) -> None:
-    """Refuse what is no TrueArm, and the name of the family."""
+    """Refuse anything but a TrueArm, and the name of the family."""
     if name == FAMILY or not isinstance(kind, TrueArm):
         problem = f"expected a TrueArm of another name than {FAMILY!r}, got {type(kind).__name__}"
         raise BenchError(f"true arm {name!r}: {problem}")

@@ -58,7 +58,7 @@ class Issue:
 class Change(Generic[Case]):
     """Hold one way to undo a mistake.
 
-    A change with `undone` is fitted again; one with `columns` is weighed by the score test. One that has
+    A change with `undone` is fitted again; one with `columns` is tested by the score test. One that has
     neither is plain and needs no fit.
     """
 
@@ -80,7 +80,7 @@ class Hypothesis(Generic[Case]):
 
     name: str  #: Identifier in programs and in models.json.
     changes: Callable[[Case], Iterable[Change[Case]]]  #: Yields the ways to undo the mistake in the data.
-    words: Callable[[Issue, Arm], str]  #: Describes an issue: what is wrong, and by how much.
+    words: Callable[[Issue, Arm], str]  #: Describes an issue: the mistake and its size.
     remedy: str = ""  #: Check that the user should make.
     nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
     #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
@@ -111,7 +111,7 @@ def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Is
     """List the mistakes that need no fit.
 
     Args:
-        case: What the hypotheses look at, such as the submitted runs.
+        case: Data that the hypotheses test, such as the submitted runs.
         hypotheses: Rows of the table.
 
     Returns:
@@ -192,7 +192,7 @@ def undo_one_by_one(
     return issues, data, model
 
 
-# --- Readings against the arm's kinematics: what explains them, and which mistake explains them better ------
+# --- Readings and the arm's kinematics: the fit, and mistakes that explain the readings better --------------
 
 SOUND_DISTANCE = 1.5e-3  #: Distance of targets of a sound arm from its kinematics, over its reach [1].
 IDENTITY_FRAME = Frame(np.eye(3), np.zeros(3))
@@ -225,7 +225,7 @@ class FreeParameters:
 
 @dataclass(frozen=True)
 class Observations:
-    """Hold readings of targets in poses, and what is unknown about them."""
+    """Hold readings of targets in poses, and their unknowns."""
 
     vjm: Vjm  #: The arm's virtual joint model.
     q: Array  #: Actuated joints, (poses, n) [rad, m].
@@ -402,7 +402,7 @@ def best_hypothesis(
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
 
-    # Undo every mistake; the likeliest is large, gains enough, and leaves readings that fit.
+    # Undo every mistake; the most probable one is large, gains enough, and leaves readings that fit.
     trials = list(_undone(observations, hypotheses, start.cost))
     needed = max(needed, MIN_GAIN_SHARE * max((trial.gain for trial in trials), default=0.0))
     good = [

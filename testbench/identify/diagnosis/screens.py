@@ -44,14 +44,14 @@ FITTED_ORDERS = 6  #: Orders that are fitted, the best of all.
 REWEIGHTINGS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
 ORDERS_AT_ONCE = 720  #: Orders whose equations are in memory at a time.
 RIDGE = 1e-9  #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
-MIN_ROWS = 3  #: Rows of half a file, and of what slipped.
+MIN_ROWS = 3  #: Fewest rows of half a file, and of a slipped part.
 
 
 def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
-    """Find the likeliest orders of the joints in the file, by a linear form (see the module).
+    """Find the most probable orders of the joints in the file, by a linear form (see the module).
 
     Yields:
-        At most FITTED_ORDERS orders, (n,) each, the likeliest first: joint k has the angles of column
+        At most FITTED_ORDERS orders, (n,) each, the most probable first: joint k has the angles of column
         order[k].
     """
     n = len(observations.vjm.arm.joints)

@@ -132,7 +132,7 @@ def with_prior(
         vjm: Kinematics of the arm.
         regressions: Reduced datasets.
         prior: The prior.
-        uncertainty: PriorUncertainty of the prior.
+        uncertainty: Uncertainty of the prior.
 
     Returns:
         Both fits of every dataset.
