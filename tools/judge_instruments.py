@@ -93,7 +93,7 @@ def judge(cell, scenario, places, kind, seed, alike):
     gauges = []
     for k, marker in enumerate(cell.arm.markers):
         own = direction[:, k]
-        gauges.append(Mounted(replace(GAUGE, alike=alike), marker, own))
+        gauges.append(Mounted(replace(GAUGE, constant_tilt=alike), marker, own))
     row = {"kind": kind, "seed": seed}
     for name, mounted, q in (("tracker", [Mounted(TRACKER)], by_tracker), ("gauges", gauges, by_gauges)):
         loaded = poses_with_weight(cell, q, np.arange(PLACES) + 1, scenario.mass)

@@ -32,7 +32,7 @@ def is_integer(text: str) -> bool:
 
 
 def read_decimals(words: Iterable[str]) -> list[float]:
-    """Convert texts to numbers, in order; a number beyond what a double holds becomes infinite.
+    """Convert texts to numbers, in order; a number too large for a double becomes infinite.
 
     Raises:
         ValueError: At the first text that is no number.

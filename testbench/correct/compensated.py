@@ -57,7 +57,7 @@ MAX_STEPS = 60  #: Most steps.
 
 @dataclass(frozen=True)
 class InverseKinematics:
-    """Hold joints, and how far the tool stays away from its poses."""
+    """Hold joints, and the remaining distance of the tool from its poses."""
 
     q: Array  #: Joints within the limits, (poses, n) [rad, m].
     distance: Array  #: Distance of the tool from its target, (poses,) [m].
@@ -100,7 +100,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> InverseKinematics:
         )
         e_trial, J_trial = _error(vjm, lever, trial, select_rows(target, active))
         gain = 1 - _square(e_trial) / cost[active]
-        # accept what comes nearer: less damping after a gain, more after none (Levenberg-Marquardt)
+        # accept steps that come nearer: less damping after a gain, more after none (Levenberg-Marquardt)
         better = gain > 0
         taken = active[better]
         q[taken], e[taken], J[taken] = trial[better], e_trial[better], J_trial[better]
@@ -178,7 +178,7 @@ def joints_along(
         point: The point in the tool's frame, (3,) or (points, 3) [m]; None for its origin.
 
     Returns:
-        Joints, (points, n) [rad, m], and how far the tool stays away where it cannot reach.
+        Joints, (points, n) [rad, m], and the remaining distance where the tool cannot reach.
 
     Raises:
         BenchError: When an array has another shape or is not finite, or there is no point.
@@ -416,13 +416,13 @@ class Refusal:
 
 @dataclass(frozen=True, repr=False)
 class Compensated(Displayed):
-    """Hold the joints that put the loaded tool where the program asks it to be, and the errors."""
+    """Hold the joints that bring the loaded tool to the poses of the program, and the errors."""
 
     q: Array  #: Joints to command, those of the program at refused points, (points, n) [rad, m].
     start: Array  #: Joints of the program, (points, n) [rad, m].
-    target: Target  #: Poses that the program asks for.
-    before: Array  #: Predicted minus asked position without correction, world, (points, 3) [m].
-    after: Array  #: Predicted minus asked position with it, world, (points, 3) [m].
+    target: Target  #: Poses of the program.
+    before: Array  #: Predicted minus programmed position without correction, world, (points, 3) [m].
+    after: Array  #: Predicted minus programmed position with it, world, (points, 3) [m].
     rotation_error: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
     half_width: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
     stopped: Mask  #: Joints that a limit stopped, (points, n).
@@ -451,14 +451,14 @@ def compensate(
     aim: Aim | None = None,
     site: Site | None = None,
 ) -> Compensated:
-    """Find joints that put the loaded tool where a program asks it to be.
+    """Find joints that bring the loaded tool to the poses of a program.
 
     Args:
         model: Identified model of the arm, such as `load_model` reads.
         q: Joints of the program, (points, n) [rad, m].
         loads: Loads at the points, each the same at all or with one row per point.
-        aim: Tool point, the part of its pose to correct, and what joints of the program mean; None for the
-            whole pose of the tool's origin.
+        aim: Tool point, the part of its pose to correct, and the meaning of the program's joints; None for
+            the whole pose of the tool's origin.
         site: Surroundings of the arm, for collisions; None leaves collisions unchecked.
 
     Returns:

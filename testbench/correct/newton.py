@@ -10,7 +10,7 @@ so the directions that are met or damped depend on the start of a point alone, a
 neighbours. Steps have bounded length, and are halved if they do not converge. Points that still have not
 converged get a new operator in every step.
 
-A step corrects position first, then as much of the rotation as is asked for. With d the motion of the joints,
+A step corrects position first, then as much of the rotation as is requested. With d the motion of the joints,
 J_p and J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a basis of the
 motions that leave the position unchanged:
 
@@ -74,7 +74,7 @@ def with_rows(rows: Rows, places: Ids, others: Rows) -> Rows:
         others: Dataclass of the same type with k rows.
 
     Returns:
-        The copy; the input stays as it is.
+        The copy; the input is unchanged.
     """
     copied = join_rows([rows])
     assign_rows(copied, places, others)
@@ -212,7 +212,7 @@ DEFAULT_SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's 
 
 @dataclass(frozen=True)
 class Target:
-    """Hold the poses in which the tool point is asked to be."""
+    """Hold the target poses of the tool point."""
 
     position: Array  #: Position of the tool point, world, (points, 3) [m].
     rotation: Array  #: Orientation, world from tool, (points, 3, 3) [1].

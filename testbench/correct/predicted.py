@@ -1,12 +1,12 @@
-"""Prediction: where the tool goes under its loads, with 95 % intervals; and the stiffness of the loaded tool.
+"""Prediction: poses of the tool under its loads, with 95 % intervals; and the stiffness of the loaded tool.
 
 `predict` evaluates an identified model, by the equilibrium behind Eq. (7) or by the linear model of Eq. (6).
 
 Intervals of predicted positions and deflections, and the part of a model that widens them most.
 
 A position is linear in the remaining errors of the unknowns. Its rows are those of the deflected arm, Eq.
-(12) for compliances; the model's posterior turns them into intervals. What two poses share cancels in their
-difference.
+(12) for compliances; the model's posterior turns them into intervals. Errors common to two poses cancel in
+their difference.
 `load_extent` compares loads with those under which the model was identified. `stiffness` computes the
 compliance of Eq. (7) in every direction, with its ellipsoid. `process_wrench` converts forces that follow the
 path of a tool, along the feed, across it and along the spindle, to loads of `predict` and `compensate`.
@@ -115,11 +115,11 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data have not shown what
+        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data have not determined what
         decides.
 
     Raises:
-        BenchError: When a model of compliances alone is asked for positions.
+        BenchError: When positions are requested of a model of compliances only.
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     if start is None and not model.absolute:
@@ -129,7 +129,7 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
     scatter, widths = _scatter(model), []
     for batch in batches(len(end.q)):
         before = None if start is None else start.select(batch)
-        # Widths by the posterior, then what a linear model leaves out, or the scatter of positions.
+        # Widths by the posterior, then terms that a linear model leaves out, or the scatter of positions.
         rows = rows_between(model, end.select(batch), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
@@ -176,7 +176,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
     F = marker_motion(x)
-    # rows without what the best rigid motion takes up
+    # rows without the part that the best rigid motion explains
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
     half = model.posterior.half_widths(A).reshape(x.shape)
@@ -338,7 +338,7 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
         yield name, np.flatnonzero(np.isin(model.columns, inside))
 
 
-# --- Prediction: where the tool goes under its loads, with 95 % intervals -----------------------------------
+# --- Prediction: poses of the tool under its loads, with 95 % intervals -------------------------------------
 
 
 @dataclass(frozen=True, repr=False)
@@ -479,7 +479,7 @@ def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
 
 
 def _over(value: float, reference: float | None) -> float | None:
-    """Divide by what is known; infinite where that is zero, None where nothing is known or to be divided."""
+    """Divide by a known number; infinite where it is zero, None where either number is unknown."""
     if reference is None or not value:
         return None
     return value / reference if reference else math.inf
@@ -608,8 +608,8 @@ class Stiffness(Displayed):
 def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Array | None = None) -> Stiffness:
     """Compute the tangent compliance at the loaded equilibrium, Eq. (7), and its ellipsoid of translations.
 
-    K_w holds the loads alone. The term of the arm's own weight, which turns with the arm too, is left out: on
-    a KR 500 it changes a compliance by less than a hundredth.
+    K_w contains only the loads. The term of the arm's own weight, which turns with the arm too, is left out:
+    on a KR 500 it changes a compliance by less than a hundredth.
 
     Mathematics: `loaded-6`.
 

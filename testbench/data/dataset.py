@@ -133,7 +133,7 @@ class Dataset(Displayed):
         """Tell which targets an instrument should have read but did not, (runs, m).
 
         Beside readings along lines a target may have no instrument: it has no direction, and no tracker
-        reads it. A tracker reads its targets in all runs but those of other instruments alone.
+        reads it. A tracker reads its targets in all runs but those of other instruments only.
         """
         if self.direction is None:
             return ~self.seen
@@ -145,7 +145,7 @@ class Dataset(Displayed):
     def covariance(self) -> Array:
         """Compute the covariance of every deflection, world axes, (runs, m, 3, 3) [m^2]; unused if lost.
 
-        Along a line it has rank one: what was not read has no variance here.
+        Along a line it has rank one: directions that were not read have no variance here.
         """
         if self.precision is None:
             return np.broadcast_to(2 * self.sigma**2 * np.eye(3), (*self.before.shape, 3))
@@ -271,7 +271,7 @@ def along_lines(direction: Array, sigma: float | Array) -> Array:
 
 
 def _check_lines(data: Dataset) -> None:
-    """Refuse directions without tilt, reach and precision, and what no instrument has."""
+    """Refuse directions without tilt, reach and precision, and values that no instrument has."""
     together = (data.direction, data.tilt, data.reach)
     if any(values is None for values in together) and any(values is not None for values in together):
         raise BenchError("readings along lines: expected direction, tilt and reach together, or none")
@@ -487,7 +487,7 @@ class Series(Displayed):
             check_array(self.rotation[self.oriented], (None, 3, 3), "rotation")
 
     def _check_distances(self, distance: Array) -> None:
-        """Refuse distances that no instrument reads, and what cannot stand beside them, by BenchError."""
+        """Refuse distances that no instrument reads, and fields that exclude each other, by BenchError."""
         if self.rotation is not None or self.position.any():
             raise BenchError("a series of distances has neither positions nor orientations")
         for name in ("fixed_sigma", "tilt"):

@@ -32,7 +32,7 @@ MIN_INFORMATION = 1e-3
 MIN_INFORMATION_LATER = 0.5
 """Value of `MIN_INFORMATION` for a plan that follows earlier readings [1].
 
-It leaves about a quarter of a thousand unknowns: those about which further readings tell enough.
+It leaves about a quarter of a thousand unknowns: those about which further readings add enough information.
 """
 
 
@@ -42,7 +42,7 @@ class AbsoluteSetup:
 
     unknowns: Unknowns  #: Layout of the unknowns.
     state: ArmState  #: Arm with its unknowns at their expected values.
-    L: Array  #: Unknowns per unit x of what the prior expects, (size, r).
+    L: Array  #: Unknowns per unit x of the prior, (size, r).
     #: Positions of one pose: a row per load in the order of reading, with targets and noise.
     pose: Series
     unmodelled: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
@@ -56,7 +56,7 @@ class AbsoluteSetup:
 def expected_root(
     unknowns: Unknowns, scaling: PriorScaling, uncertainty: float, geometry: float, error: float
 ) -> Array:
-    """Build a root of the prior's covariance: all unknowns per unit of what is expected of them.
+    """Build a root of the prior's covariance: all unknowns per unit of their prior.
 
     Args:
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
@@ -171,7 +171,7 @@ def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float
 
 
 def realigned(setup: AbsoluteSetup, rows: Array) -> Array:
-    """Remove from positions what a frame and a mount, fitted to them, would take up.
+    """Remove from positions the part that a fitted frame and mount would explain.
 
     Args:
         setup: The unknowns; frame and mount are its first columns.
@@ -238,7 +238,8 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
 def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
     """Make poses the candidates of a plan, in the directions that such a plan can see.
 
-    A direction counts as seen where `poses` average candidates tell more than `setup.min_information` of it.
+    A direction counts as observed if the information of `poses` average candidates is more than
+    `setup.min_information` of it.
 
     Args:
         setup: The unknowns and how a pose is read.
@@ -256,7 +257,7 @@ def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None =
     for batch, own in _batches(q, kind):
         A = measured_rows(setup, batch, kind=own).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
-    # directions in which `poses` average candidates tell more than the threshold
+    # directions in which the information of `poses` average candidates exceeds the threshold
     values, V = np.linalg.eigh(mean)
     seen = poses * values > setup.min_information
     if not seen.any():

@@ -303,7 +303,7 @@ def gram_matrices(rows: Array) -> Array:
 
 @dataclass(frozen=True)
 class Gains:
-    """Hold what each candidate takes off tr(W M^-1): tr(K^-1 N).
+    """Hold the reduction of tr(W M^-1) by each candidate: tr(K^-1 N).
 
     K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that grows by a few rows; see `grow`.
     """
@@ -345,7 +345,7 @@ class Gains:
 
 
 def gains_of(M: Array, rows: Array, W: Array) -> Gains:
-    """Compute what each candidate takes off tr(W M^-1), from M.
+    """Compute the reduction of tr(W M^-1) by each candidate, from M.
 
     Args:
         M: Information matrix, (r, r).

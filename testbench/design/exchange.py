@@ -276,7 +276,7 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
     """Improve a plan by exchanging one pose for one candidate until no exchange helps (Fedorov 1972).
 
     Phi of any M is at most <Z, M> with Z of a tangent taken at any point. A tangent, even one of some
-    exchanges ago, therefore tells which candidates can help.
+    exchanges ago, therefore shows which candidates can help.
 
     Mathematics: `pose-10`.
 
@@ -398,7 +398,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
         before, after = prior, remaining_information(read)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
-            # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
+            # neighbours of some poses at once, (places, NEIGHBOURS, n), and their information
             trials = search.draw_around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
@@ -419,8 +419,8 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
     """Find the trials that increase Phi in the place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
 
     `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r), without which the
-    plan of information M has that of the others, (r, r). Only trials are computed that a tangent leaves
-    hope: Phi(M') is no more than <Z, M'>.
+    plan of information M has that of the others, (r, r). Only trials are computed that can
+    help by a tangent: Phi(M') is no more than <Z, M'>.
     """
     floor, Z = (1 + MIN_REFINEMENT) * criterion.information(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(replaced[None], Z)
@@ -433,7 +433,7 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
 
 
 def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSearch) -> Array:
-    """Improve poses by a measure that judges each pose alone.
+    """Improve poses by a measure that depends on each pose separately.
 
     Args:
         q: Poses to start from, (poses, n) [rad, m].

@@ -67,7 +67,7 @@ class Forecast(Displayed):
 def inflate_intervals(forecast: Forecast) -> Forecast:
     """Widen a forecast's intervals by `INFLATION`, to hold where the arm is nonlinear and the prior wrong.
 
-    Errors and deviations stay.
+    Errors and deviations are unchanged.
 
     Mathematics: `pose-11`.
     """
@@ -181,7 +181,7 @@ def _draws(k: int) -> Array:
 
 @dataclass(frozen=True)
 class LinearFit:
-    """Hold the affine fit of a model to what a plan reads of an arm that has more unknowns, x_m = K y + k."""
+    """Hold the affine fit of a model to readings of an arm that has more unknowns, x_m = K y + k."""
 
     full_setup: MeasurementSetup  #: The measurement with every unknown of the arm.
     uncertainty: float  #: Relative uncertainty u of the arm's compliances around their expectation [1].

@@ -92,7 +92,8 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
 
     Args:
         cost: Length of every leg, symmetric, zero on the diagonal, (places, places).
-        surcharge: Function of two places that gives what their leg costs beyond its length, 0 or more.
+        surcharge: Function of two places that returns the extra cost of their leg beyond its length, 0 or
+            more.
 
     Returns:
         Indices of the places in order, (places,). Optimal up to `MAX_EXACT_PLACES` - 1 places.
@@ -113,7 +114,8 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
 
     Args:
         cost: Length of every leg, symmetric, (places, places).
-        surcharge: Function of two places that gives what their leg costs beyond its length, 0 or more.
+        surcharge: Function of two places that returns the extra cost of their leg beyond its length, 0 or
+            more.
 
     Returns:
         Indices of the places in order, from place 0 to the last one before it, (places,). Optimal up to
@@ -133,7 +135,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
             # the best trip under the subtours and surcharges known so far
             used = np.flatnonzero(chosen)[_best_legs(every[chosen], price[chosen], parts, n, whole)]
             before = price[used].sum()
-            # its legs that were not asked yet get their surcharge
+            # compute the surcharges of its legs that have none yet
             for k in used[~asked[used]]:
                 price[k] += surcharge(*map(int, every[k]))
             asked[used] = True
@@ -176,7 +178,7 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool
 
 MAX_ASCENTS, POSES_PER_ASCENT = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
-MAX_PLACES = 1000  #: Poses among which places with gauges are exchanged: those that tell most.
+MAX_PLACES = 1000  #: Poses among which places with gauges are exchanged: those with the most information.
 BOUND_PLANES = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
 COLLISION_DETOUR = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
@@ -184,7 +186,7 @@ COLLISION_DETOUR = 10.0
 
 @dataclass(frozen=True)
 class CandidateSet:
-    """Hold the candidates of a plan, one pose and one load each, and what their readings tell."""
+    """Hold the candidates of a plan, one pose and one load each, and the information of their readings."""
 
     q: Array  #: Actuated joints, (candidates, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (candidates,).
@@ -227,9 +229,9 @@ class ChosenPoses(Displayed):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Plan(ChosenPoses):
-    """Hold the poses to measure under loads that are hung and taken off, and the specification they serve."""
+    """Hold the poses to measure under loads that are hung and taken off, and their specification."""
 
-    specification: Specification  #: Specification that the plan serves.
+    specification: Specification  #: Specification of the plan.
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
     def read(self, spec: Specification) -> Array:
@@ -306,12 +308,12 @@ def place_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.r
     """Choose poses together with the gauges that are read in each of them.
 
     A place is a pose with its gauges. Places are exchanged one by one by the plan's criterion, among the
-    poses that tell most. Then the joint angles are refined, and the gauges chosen anew. The certificate holds
-    for all gauges in all poses examined.
+    poses with the most information. Then the joint angles are refined, and the gauges chosen anew. The
+    certificate holds for all gauges in all poses examined.
 
     Args:
         plan: A plan for a tracker; its poses are among those that are tried.
-        gauges: The gauges that are at hand.
+        gauges: The available gauges.
         feasibility: Tells which poses near the candidates are feasible, and which paths between them are
             clear.
         rng: Source of steps.
@@ -347,7 +349,7 @@ def place_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.r
 
 
 def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePlan, Ids]:
-    """Exchange poses with gauges among the candidates that tell most by the plane at a plan.
+    """Exchange poses with gauges among the candidates of most information by the tangent plane at a plan.
 
     Returns:
         The gauges, and the candidate of every pose, (poses,).
@@ -398,7 +400,7 @@ def _gauge_bound(
 ) -> tuple[DesignProblem, Relaxed]:
     """Bound all plans of gauges in the poses examined, of which those of the plan are the last.
 
-    Every pose has the gauges that tell most by a plane that is nearly the best one.
+    Every pose has the gauges with the most information by a tangent plane near the optimum.
     """
     problem, criterion, poses = plan.examined.problem, plan.criterion, plan.specification.poses
     Z = criterion.tangent(chosen.information).Z
@@ -527,7 +529,7 @@ def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
 
 
 def _collision_detour(feasibility: Feasibility, poses: Array, a: int, b: int) -> float:
-    """Return what the motion from pose a to pose b costs beyond its length: more if it collides."""
+    """Return the extra cost of the motion from pose a to pose b beyond its length: more if it collides."""
     return 0.0 if feasibility.clear(poses[a], poses[b]) else COLLISION_DETOUR
 
 

@@ -1,4 +1,4 @@
-"""Specification of a plan, and whitened rows: what a reading in a pose tells before it is taken.
+"""Specification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
 
 Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior's metric,
 pi = L x. `build_problem` restricts them to the directions that the candidates can show.
@@ -26,9 +26,8 @@ RIDGE = 1e-13
 It is small enough: the weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's
 information.
 """
-CANDIDATES_PER_BLOCK = (
-    128  #: Candidates whose products are computed at once: 128 of six rows of 89 numbers are 0.5 MB.
-)
+CANDIDATES_PER_BLOCK = 128
+"""Candidates whose products are computed at once: 128 of six rows of 89 numbers are 0.5 MB."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class MeasurementSetup:
     """Describe how every pose is measured: model, unknowns in the prior's metric, targets and noise."""
 
     vjm: Vjm  #: Kinematics of the arm.
-    scaling: PriorScaling  #: Unknowns in units x of what the prior expects, pi = L x.
+    scaling: PriorScaling  #: Units of the prior: pi = L x.
     targets: Array  #: Points that the tracker reads, in the tool's frame, (m, 3) [m].
     sigma: float  #: Standard deviation of one reading along one axis [m].
 
@@ -264,8 +263,8 @@ def information(problem: DesignProblem, chosen: Sequence[int] | Ids) -> Array:
 def remaining_information(rows: Array) -> Array:
     """Compute the information of the poses from each one on, without the prior: suffix sums of F^T F.
 
-    The information without one pose is the sum of what those before and those behind tell. A difference would
-    lose the digits of what that pose alone tells.
+    The information without one pose is the sum over the poses before and behind it. A difference would lose
+    the digits that only that pose contributes.
 
     Args:
         rows: Whitened rows F of a plan, (poses, k, r).

@@ -292,7 +292,7 @@ def _fit_before_laws(r: Regression, estimate: Estimate) -> Estimate:
     return known.all_parts if changing > with_laws.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
 
 
-# --- Links or joints only, by poses left out ------------------------------------------------------
+# --- Links or joints only, by poses left out ----------------------------------------------------------------
 
 
 @dataclass(frozen=True)

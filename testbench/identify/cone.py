@@ -19,7 +19,7 @@ from scipy import sparse
 
 from testbench.errors import Array, Ids
 
-TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
+TOLERANCE = 1e-10  #: Required feasibility and gap of Clarabel, in units where the data are of order one.
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 ConeKind = Literal["zero", "nonnegative", "second order", "psd"]
@@ -73,7 +73,7 @@ class Solution:
 
     @property
     def status(self) -> str:
-        """Return "solved" if the cost lies within `GAP` of what the duals prove, else what went wrong."""
+        """Return "solved" if the cost is within `GAP` of the bound, else the failure."""
         if abs(self.cost - self.bound) <= GAP * max(1.0, abs(self.cost)):
             return "solved"
         return self.failure
@@ -85,11 +85,11 @@ class Solution:
 
 
 def solve(problem: ConeProgram, *, tolerance: float = TOLERANCE) -> Solution:
-    """Solve a conic program by Clarabel; if the solver stalls, the status says so.
+    """Solve a conic program by Clarabel; if the solver stalls, the status reports it.
 
     Args:
         problem: The program, in units where its data are of order one.
-        tolerance: Feasibility and duality gap asked of Clarabel [1].
+        tolerance: Required feasibility and duality gap [1].
 
     Returns:
         The last iterate, its duals and status.

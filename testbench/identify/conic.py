@@ -40,7 +40,7 @@ TIE_BREAK = 1e-8
 
 The paper has no such term. It selects the least trace among models of equal fit. If the fit keeps improving
 as an unobservable compliance grows, no such model exists; then this weight decides where the growth stops,
-and the advice says so.
+and the advice reports it.
 """
 LEVER_LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
@@ -216,14 +216,14 @@ def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Arra
     )
     smallest = np.empty(len(s.blocks))
     for group in s.groups:
-        # The eigenvalue is lowered by what rounding may have added: the bound stays rigorous.
+        # The eigenvalue is lowered by its rounding error, so that the bound stays rigorous.
         lost = EIGENVALUE_ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
         smallest[group.at] = np.linalg.eigvalsh(S[group.index])[:, 0] - lost
     return smallest
 
 
 def default_trace_bounds(regression: Regression, pi: Array) -> Array:
-    """Compute the traces within which a certificate holds: what the data can bound axis by axis.
+    """Compute the traces up to which a certificate holds, as far as the data bound them, axis by axis.
 
     An axis d is allowed c_d = 2 F_M(0) / |R e_d|, with R e_d the weighted readings that a unit of C_dd causes
     in all terms; a block is allowed the sum over its axes. By the triangle inequality a model with C_dd = c
@@ -359,7 +359,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         proof, better = _certified(lifted, program, other, gradient_dual(lifted, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
-    # Back to the unknowns that were asked for.
+    # Convert back to the requested unknowns.
     left, cost = f_m(lifted, pi), float(penalty.gradient @ pi)
     method = PAPER_GCO if papers else "GCO (conic program)"
     estimate = make_estimate(regression, penalty.lift @ pi, method=method, constraint="psd")
@@ -379,7 +379,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
 def _certified(
     regression: Regression, program: ConicProgram, pi: Array, dual: Dual
 ) -> tuple[Certificate, bool]:
-    """Certify parameters by a dual, and tell whether they are so near the optimum that they are solved."""
+    """Certify parameters by a dual, and return whether they are near enough to the optimum."""
     certificate, left = (
         lower_bound_certificate(regression, pi, dual, penalty=program.penalty),
         f_m(regression, pi),

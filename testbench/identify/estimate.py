@@ -53,8 +53,8 @@ class Dual:
 class Penalty:
     """Hold the trace term of GCO, in addition to F_M: the least w <W, C'> of all C' >= 0 that make up C.
 
-    A joint that a structure counts in the link before it is an unknown t of its own in C': the link's block
-    is C = C' + t a a^T, with a the joint's axis. Without such joints C' is C.
+    If a structure includes a joint in the block of the link before it, C' has an unknown t for the joint:
+    the block is C = C' + t a a^T, with a the joint's axis. Without such joints C' is C.
     """
 
     weight: float  #: w [N m/rad].
@@ -85,7 +85,7 @@ class Penalty:
 class Certificate(Displayed):
     """Hold bounds of how far an estimate is from the best conservative one within `trace_bounds`."""
 
-    #: Upper bound of F_M + w <W, C> above its least value [1]; it says how well the program is solved.
+    #: Upper bound of F_M + w <W, C> above its least value [1]; it measures how well the program is solved.
     duality_gap: float
     #: Upper bound of F_M above its least value [1]; for a solved program, the cost of its trace term.
     f_m_excess_bound: float
@@ -147,7 +147,7 @@ class Estimate(Displayed):
     #: Aggregated compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
     C_theta: Array
     f_m: float  #: Cost F_M, Eq. (19) [1]; compare it with `f_m_floor`.
-    #: "solved" if it is proven optimal, else what went wrong; "not certified" where no proof was asked for.
+    #: "solved" if it is proven optimal, else the failure; "not certified" where no proof was requested.
     status: str = "not certified"
     #: Distance from the optimum; None where none was computed, as for least squares.
     certificate: Certificate | None = None
@@ -189,7 +189,7 @@ class Estimate(Displayed):
 
     @property
     def compliance_regression(self) -> Regression:
-        """Return the equations of links and joints alone, without joint laws or coupled joints."""
+        """Return the equations of links and joints only, without joint laws or coupled joints."""
         if self.average is None or (
             self.average.with_laws is None and self.average.with_joint_couplings is None
         ):
@@ -235,7 +235,7 @@ def make_estimate(
         advice: Sentences for the user.
 
     Returns:
-        The estimate with C_theta and F_M; add what else is known by `dataclasses.replace`.
+        The estimate with C_theta and F_M; add further fields by `dataclasses.replace`.
 
     Raises:
         BenchError: When the regression is none, the constraint is unknown, or pi has another shape or is not
@@ -379,7 +379,7 @@ def score(predicted: Array, reference: Array) -> DeflectionErrors:
 
 # --- Lilliefors' test: whether residuals come from a normal distribution of any mean and deviation ----------
 
-MIN_RESIDUALS = 5  #: Residuals from which on the test says anything.
+MIN_RESIDUALS = 5  #: Fewest residuals for the test.
 NULL_SAMPLES, NULL_SEED = 2000, 1967
 """Normal samples that are simulated, so that p has a standard error of 0.5 points at 5 %, and their seed."""
 MAX_NULL_SIZE = 100

@@ -307,17 +307,19 @@ JOINTS_ONLY_SIZE = math.hypot(STUDENT_SCALE, SHAPE_PRIOR[0])
 """Standard deviation of a joint's log compliance from a common scale if links are rigid [1]: scale and
 entry."""
 JOINTS_ONLY_FIT = 3.0
-"""With which they are then fitted: a folder whose joints are off costs nothing where the readings tell.
-JOINTS_ONLY_SIZE loses more than 5 % to least squares in 15 % of arms whose links are 100 times stiffer than
-the folder's, this in 5 % (`kr500_l480`, seeds 1 to 40, 11 poses)."""
+"""Standard deviation of the same with which joints only are then fitted [1]: readings that determine the
+joints should not be pulled to a folder whose joints are wrong. JOINTS_ONLY_SIZE loses more than 5 % to least
+squares in 15 % of arms whose links are 100 times stiffer than the folder's, this in 5 % (`kr500_l480`, seeds
+1 to 40, 11 poses)."""
 MISFIT_DEVIATION = 0.7  #: Standard deviation of log kappa above zero [1].
 LINK_WIDTH_DEVIATION = 0.5
 """Standard deviation of log w [1]. With it errors of arms with coupled links fall by 2 % in the median and by
 20 % in the best twentieth, and coverage in the worst tenth of arms of all kinds rises by 1 to 3 points;
 0.8 loses more than 5 % on a quarter of undisturbed arms (`kr500_l480`, seeds 1 to 40, 11 poses)."""
 JOINT_COUPLING_PRIOR = 0.2, 0.7
-"""Median of the couplings of joints over the root of what both turn, and standard deviation of its logarithm
-[1]; they are looked for in a model of its own, which counts as its evidence says (`identify.average`)."""
+"""Median of the couplings of joints over the geometric mean of both compliances, and standard deviation of
+its logarithm [1]. Only the model with coupled joints has them; its weight is its evidence
+(`identify.average`)."""
 ALL_JOINTS = "joints"
 """Name of the common scale of all joints, as opposed to the links."""
 MAX_LOG_SCALE, MAX_MISFIT = 6.0, 30.0
@@ -503,7 +505,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
     has_both_kinds = 0 < (scaling.kinds == 1).sum() < len(scaling.kinds)
     if not (has_both_kinds or widths):
         return weighted_prior
-    posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays where it is best
+    posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays at its optimum
     H, J = evidence_hessian(model.problem, h, posterior)
     values, Q = np.linalg.eigh(H[:m, :m])
     values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear

@@ -119,7 +119,7 @@ class Method:
             vjm: The arm's virtual joint model.
             reduced: The weighted equations; in parts where poses are to be held out, as a trace weight is
                 learnt.
-            widths: Whether intervals are wanted. Without them the prior's couplings inside links stay as they
+            widths: Whether intervals are needed. Without them the prior's couplings inside links stay as they
                 are.
 
         Raises:

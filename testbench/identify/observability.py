@@ -75,7 +75,7 @@ NEGLIGIBLE_OUTSIDE = 0.01
 class Direction:
     """Describe parameters that compensate each other: they can change together without changing a reading."""
 
-    #: Their indices, the one that changes most first, relative to what is expected.
+    #: Their indices, the largest change first, relative to their expectation.
     parameters: tuple[int, ...]
     #: Those that change as well, but less than `PARTICIPATION_SHARE` of it, in the same order.
     minor_parameters: tuple[int, ...]
@@ -100,7 +100,7 @@ class UndeterminedQuantity:
     confounded_with: tuple[str, ...] = ()
     share: float = 1.0  #: Share of its prior variance that remains [1].
     correlation: float = 0.0  #: Multiple correlation with these quantities, given the readings [1].
-    #: Which joint to turn; their number where several have to, -1 where hardly anything helps; None if
+    #: Joint to turn; the number of joints if no single one suffices, -1 if no joint helps; None if
     #: it was not requested.
     joint_to_turn: int | None = None
 
@@ -196,7 +196,7 @@ def circuits(N: Array, unit: Array) -> Array:
 
 
 def participants(row: Array) -> Direction:
-    """Describe a direction, (n,), by the unknowns that take part in it, the one that changes most first."""
+    """Describe a direction, (n,), by its unknowns, the one that changes most first."""
     size = np.abs(row) / np.abs(row).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
     return Direction(

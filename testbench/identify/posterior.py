@@ -223,7 +223,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
         rows = observation(where, estimate.structure, block.wrench, block.point, points)
         bounds = posterior.intervals(rows.reshape(-1, estimate.structure.n), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (bounds.centre, bounds.upper))
-        # Noise and prior in one width, what the linear model omits in the other: independent, in quadrature.
+        # Widths by noise and prior, and by terms that the linear model omits: independent, in quadrature.
         half = np.hypot(
             upper - centre, CURVATURE_COUNT * second_order_deflection(vjm, estimate.C_theta, block)
         )
@@ -280,7 +280,7 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
         root, heavy = _noise_and_prior_roots(rows, back, weighted_prior, L)
     else:
         root, heavy = (1.0 if weighted_prior is None else weighted_prior.misfit) * back @ L.T, 0
-    if regression.pose_variation is not None:  # in new poses links are others again: a scatter of its own
+    if regression.pose_variation is not None:  # links vary in new poses again: additional scatter
         root = np.vstack([regression.pose_variation, root])
     return Posterior(
         x=estimate.pi,

@@ -2,9 +2,9 @@
 
 Sizes on a KR 500 in 10 poses, with deflections of 6 mm and 40 um of noise: the uncertainty of the frame's
 rotation changes a deflection by 1 um through noise, and by 5 um (at most 12) through joints off by 1 mm and 1
-mrad; this is added to its covariance. The uncertainty of the targets does as much, through the tool's
-rotation of 4 mrad; this is not added. Neither contains what the arm's sag and its errors have in common with
-a rotation: 0.1 deg by its own weight, 0.2 deg by both.
+mrad; this is added to its covariance. The uncertainty of the targets changes it as much, through the tool's
+rotation of 4 mrad; this is not added. Neither contains the part of the arm's sag and errors that resembles a
+rotation of the frame: 0.1 deg by the arm's own weight, 0.2 deg by both.
 """
 
 import math
@@ -58,7 +58,7 @@ class RegisteredDataset:
 def register_dataset(
     vjm: Vjm, data: Dataset, frame: FrameChoice | Mapping[str, Frame] = "auto"
 ) -> RegisteredDataset:
-    """Find out what frame runs were read in, and bring them into the base's.
+    """Identify the frame in which runs were read, and convert them to the base's frame.
 
     Args:
         vjm: The arm.
@@ -112,7 +112,7 @@ def register_dataset(
 
 
 def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
-    """Put readings along lines at the markers of the rigid arm; their difference stays."""
+    """Shift readings along lines to the markers of the rigid arm; their differences are unchanged."""
     start = tool_points(vjm, data.q, marker_points(vjm, data.markers))
     lines = data.lines[..., None]
     before = np.where(lines, start, data.before)

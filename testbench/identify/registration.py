@@ -31,7 +31,7 @@ from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_pose
 
 MIN_POINTS = 3
 """Fewest points that determine a frame, if they are not on a line."""
-#: Readings that are used, drawn at random where there are more: noise is not what limits a frame.
+#: Readings that are used, drawn at random where there are more: noise does not limit the accuracy of a frame.
 MAX_READINGS = 3000
 MIN_SINGULAR_VALUE = 1e-6
 """Least singular value of the linear form over its largest, below which it is not used [1]."""
@@ -492,7 +492,7 @@ def moving_joints(vjm: Vjm, series: Sequence[Series]) -> list[str]:
 
 
 def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> str:
-    """Explain why the registration failed, and what would help."""
+    """Explain why the registration failed, and suggest a remedy."""
     if DIVERGED in tried:
         return f"{DIVERGED}; is a unit, the order of joints or the sign of an angle wrong?"
     for readings in series:

@@ -281,9 +281,8 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
 # --- Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up ---
 
 BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
-SORTED_RUNS = (
-    16 * BLOCK_RUNS
-)  #: Pairs sorted by their parts at a time, so that memory does not grow with them.
+SORTED_RUNS = 16 * BLOCK_RUNS
+"""Pairs that are sorted by their parts at a time: limits memory."""
 MAX_NUMBERS = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL_COLUMNS = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 MIN_POSES, MAX_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.

@@ -264,7 +264,7 @@ def whiten(A: Array, data: Dataset, runs: Ids, part: Ids | None = None) -> Ids:
 
 
 def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
-    """Make rows of one set-up independent, in place: a gauge that stays put keeps its tilt.
+    """Make rows of one set-up independent, in place: a gauge that is not moved keeps its tilt.
 
     Readings of one marker in one pose share the tilt; the covariance of two of them is the product of their
     slides. Its Cholesky factor L replaces their rows, in standard deviations, by L^-1 times them.
@@ -309,7 +309,7 @@ def resolve_lines(vjm: Vjm, data: Dataset) -> Dataset:
     d, turn = predicted_motion(vjm, data)
     u, lines = data.direction, data.lines[..., None]
     moved = np.where(lines, directions_under_load(u, data.reach, d, turn), 0.0)
-    # The reading, its variance and what its set-up shares of it.
+    # The reading, its variance and the part that its set-up shares.
     slide = data.tilt[..., None] * np.cross(moved, d)
     assert data.precision is not None
     weight = np.trace(data.precision, axis1=2, axis2=3)
@@ -351,7 +351,7 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
 
         sum of |P (D s - y)|^2 / (MODEL_ERROR RMS(y))^2 + |s - 1|^2 / SCALE_DEVIATION^2
 
-    over all readings y, P the projection on what was read.
+    over all readings y, with P the projection on the measured directions.
 
     Args:
         vjm: The arm's virtual joint model.

@@ -259,7 +259,7 @@ class PriorSolution:
 
     pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
     seconds: float  #: Time inside the solver [s].
-    status: str  #: "solved", or what went wrong.
+    status: str  #: "solved", or the failure.
     #: Whether Newton's method or our interior-point method found it; else LAPACK or Clarabel.
     by_our_solver: bool
 

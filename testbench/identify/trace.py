@@ -215,7 +215,8 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
         weight: w [N m/rad].
 
     Returns:
-        The trace term: joints count hardly, displacements as the turns that cause them, `scaled_units`.
+        The trace term: joints have a small weight, displacements count as the rotations that cause them
+        (`scaled_units`).
     """
     first, columns = 6 * structure.links, []
     aggregated = [first + j for j in range(structure.links - 1) if structure.block_of[first + j] < 0]
@@ -257,7 +258,7 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
     choose = _by_held_out_poses if len(readings.held_out) else _by_generalised_cross_validation
     k, left = choose(readings, scaled, rigid, weights)
     weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
-    chi2 = max(left, GRAM_ROUNDING * readings.total[-1, -1])  # of an exact fit rounding alone
+    chi2 = max(left, GRAM_ROUNDING * readings.total[-1, -1])  # an exact fit leaves only rounding errors
     misfit = math.sqrt(chi2 * readings.all_equations / 3)
     return replace(penalty, weight=float(weights[k] * readings.n_terms / misfit))
 

@@ -154,7 +154,7 @@ def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array
 
 
 def _joints_and_links(root: ET.Element, joints: Sequence[str]) -> str:
-    """Keep the links and joints of a URDF alone: shapes, masses and limits may be wrong here."""
+    """Keep only the links and joints of a URDF: shapes, masses and limits may be wrong here."""
     bare = ET.Element("robot", name="bare")
     for link in root.findall("link"):
         ET.SubElement(bare, "link", name=link.get("name", ""))

@@ -72,7 +72,7 @@ class JointLaw(Protocol):
 
     @property
     def formula(self) -> str:
-        """Return the turn as text, with s for the size, for the JSON file beside an exported URDF."""
+        """Return the turn as text, with s for the size, for the JSON file of an exported URDF."""
 
     def turn(self, at: JointTurns) -> Array:
         """Compute the turn in addition to the linear spring, per unit of size.
@@ -217,7 +217,7 @@ def _spring(x: Array) -> Array:
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
-STRUT = "compensator"  #: Kind of law of joint 2 alone, where the arm has a compensator.
+STRUT = "compensator"  #: Kind of the law of joint 2 if the arm has a compensator.
 TRIAL_TURNS = JointTurns(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
 """Turns at which a law that is added is tried: one joint, two runs."""
 
@@ -247,7 +247,7 @@ joint_laws: Registry[JointLaw] = Registry(
 """Laws of every joint by name: those of any arm, and those that users add."""
 
 
-# --- Joint laws of an arm: what its actuated joints do beyond a linear spring -------------------------------
+# --- Joint laws of an arm -----------------------------------------------------------------------------------
 
 UNIT_COMPENSATOR = 0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
 COMPENSATOR_UNIT = UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR)
@@ -393,7 +393,7 @@ def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
     """
     try:
         weights = read_weights(arm)
-    except InputError:  # only MuJoCo can weigh its shapes: as if it weighed nothing
+    except InputError:  # only MuJoCo computes masses from shapes: counted as massless
         weights = None
     compliance = np.array([joint.compliance for joint in arm.joints])
     return JointLaws(compliance, weights, arm.compensator, dict(shapes))
@@ -440,7 +440,7 @@ def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice
     Args:
         vjm: Kinematics, with or without laws.
         taken_off: Runs whose load was taken off again, (all runs,); None for none.
-        runs: Indices of the runs that are wanted, (runs,), or a slice; all by default.
+        runs: Indices of the requested runs, (runs,), or a slice; all by default.
 
     Returns:
         The model with a loop of two half widths in those runs and of one in the others; unchanged without

@@ -35,7 +35,7 @@ from testbench.model.vjm import (
     translation_rows,
 )
 
-# --- Loads at the tool: hung weights and process forces, and what they do to the virtual joints -------------
+# --- Loads at the tool, and their generalised loads on the virtual joints -----------------------------------
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,7 +164,7 @@ class Weights:
 
 
 def no_weights(arm: Arm) -> Weights:
-    """Make the weights of an arm whose links weigh nothing: zeros for all n + 2 bodies."""
+    """Make the weights of an arm with massless links: zeros for all n + 2 bodies."""
     return Weights(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
 
 
@@ -200,7 +200,7 @@ def read_weights(arm: Arm) -> Weights:
 
 
 def weights_with_note(arm: Arm) -> tuple[Weights, list[str]]:
-    """Read what the links weigh; where the arm's file does not state it, nothing, and a note for the user."""
+    """Read the weights of the links; if the arm's file does not state them, zeros and a note for the user."""
     try:
         return read_weights(arm), []
     except InputError as err:

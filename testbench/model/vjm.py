@@ -24,7 +24,7 @@ from testbench.model.structure import Structure
 
 
 class Laws(Protocol):
-    """Define what the model asks of joint laws: virtual joints in series with each joint's own spring."""
+    """Define the interface of joint laws: virtual joints in series with the spring of each joint."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -535,7 +535,7 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
         u: Load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
 
     Yields:
-        One row of every run, (n_par, runs): the transpose of what LAPACK wants.
+        One row of every run, (n_par, runs): transposed for LAPACK.
 
     Raises:
         BenchError: When the structure is of another arm.
@@ -550,7 +550,7 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
         yield row[a] * u_b + row[b] * u_a
 
 
-# --- Rigid tool motion and rotation vectors: how joints move the tool, and how far orientations are apart ---
+# --- Rigid tool motion and rotation vectors -----------------------------------------------------------------
 
 
 def rotation_vectors_between(start: Array, end: Array) -> Array:

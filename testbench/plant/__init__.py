@@ -1,8 +1,8 @@
 """The truth side: MuJoCo. Shares the arm's description with the model side, and no code.
 
 Arguments are the same everywhere: q are actuated joints, (runs, n) [rad, m]; wrench is force and moment in
-world axes, (runs, 6) [N, N m]; point is where it acts, in the tool's frame, (runs, 3) [m]. What has another
-shape or is not finite is a `BenchError`.
+world axes, (runs, 6) [N, N m]; point is where it acts, in the tool's frame, (runs, 3) [m]. Another
+shape, or a number that is not finite, is a `BenchError`.
 """
 
 import logging

@@ -199,15 +199,15 @@ TYPICAL = Disturbances(
 )
 """A heavy arm such as models/kr500_l480.
 
-compensator: says itself what is published and what assumed. geometry: 0.5 mm and 0.05 deg, inside the 0.1 to
-2 mm and 0.01 to 0.1 deg usually found when heavy arms are calibrated [assumed]. sensor_offset: 0.02 deg,
-joints mastered with an electronic probe [assumed]. mass_error: 0.2 %, a crane scale [assumed]. centre_error:
-2 mm, sling in a hook [assumed]. stiffening: joints 30 % stiffer at a milliradian, about the load's turn of
-joints 2 and 3 [assumed]; Harmonic Drive's CHA catalogue has 50 to 110 % between a gear's first and third
-stiffness [published], for lighter arms. backlash and hysteresis: 2 b = 0.34 and 2 h = 0.21 arc minutes
-[assumed], inside the 1 arc minute of lost motion that the same catalogue admits [published]. foundation: all
-assumed. gear: off; its errors stand in both readings of a pair and change a deflection by 3e-4 of it
-[computed], half of what sensor_offset does.
+compensator: its own comment marks published and assumed numbers. geometry: 0.5 mm and 0.05 deg, inside the
+0.1 to 2 mm and 0.01 to 0.1 deg usually found when heavy arms are calibrated [assumed]. sensor_offset: 0.02
+deg, joints mastered with an electronic probe [assumed]. mass_error: 0.2 %, a crane scale [assumed].
+centre_error: 2 mm, sling in a hook [assumed]. stiffening: joints 30 % stiffer at a milliradian, about the
+load's turn of joints 2 and 3 [assumed]; Harmonic Drive's CHA catalogue has 50 to 110 % between a gear's first
+and third stiffness [published], for lighter arms. backlash and hysteresis: 2 b = 0.34 and 2 h = 0.21 arc
+minutes [assumed], inside the 1 arc minute of lost motion that the same catalogue admits [published].
+foundation: all assumed. gear: off; its errors are in both readings of a pair and change a deflection by a
+share of 3e-4 [computed], half the effect of sensor_offset.
 """
 
 
@@ -218,10 +218,10 @@ STIFFENING_TURN = 1e-3
 
 
 class TrueLaw(Protocol):
-    """Define an elastic effect of the joints that a user adds to a true arm, beside the linear spring."""
+    """Define an elastic effect that a user adds to the linear springs of the joints of a true arm."""
 
     def turn(self, x: Array) -> Array:
-        """Compute the turn beside the linear one.
+        """Compute the turn in addition to that of the linear spring.
 
         Args:
             x: Turn of the linear springs under the whole torque, own weight included, (..., n) [rad, m].
@@ -361,7 +361,7 @@ class SpringEffects:
     #: Compliance that couples joints, symmetric with a zero diagonal, (n, n) [rad/(N m)].
     joint_coupling: Array | None = None
     slip: Array | None = None  #: Largest half width H of the friction of every joint, (n,) [rad, m].
-    law: TrueLaw | None = None  #: Turn of the joints beside their linear springs.
+    law: TrueLaw | None = None  #: Turn of the joints in addition to their linear springs.
 
 
 def friction_motion(d: Array, slip: Array) -> Array:

@@ -92,7 +92,7 @@ def evaluate(row: ArmCopies, qpos: Array, bodies: Collection[int] = ()) -> BodyS
     Args:
         row: The arms.
         qpos: Configurations, (poses, nv) [m, rad].
-        bodies: Ids of the bodies whose places are wanted; without any, `motion` and `centre` are left out.
+        bodies: Ids of the requested bodies; without any, `motion` and `centre` are left out.
 
     Returns:
         Places of the bodies, and the generalised force of the arm's own weight.
@@ -221,7 +221,7 @@ def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
         state: The held poses.
 
     Returns:
-        The compensator with what the solver needs of these poses.
+        The compensator, with the constants of these poses.
     """
     ends = hinged_bodies(plant)
     hinges = _hinges(compensator, ends, state)
@@ -242,7 +242,7 @@ def strut_force(strut: Strut, plant: Plant, state: BodyState, poses: Ids) -> Arr
         strut: The compensator.
         plant: The plant.
         state: The present poses.
-        poses: Places of the poses that are wanted, (poses,).
+        poses: Places of the requested poses, (poses,).
 
     Returns:
         Force on every degree of freedom, (some, nv) [N, N m].
@@ -359,11 +359,11 @@ def solve_equilibrium(
     Mathematics: `loaded-9`.
 
     Args:
-        plant: The arm, with what disturbs it.
+        plant: The arm, with its disturbances.
         q: Commanded joint angles, (runs, n) [rad, m].
         wrench: Recorded force and moment, world axes, (runs, 6) [N, N m].
         point: Where it is recorded to act, in the tool's frame, (runs, 3) [m].
-        before: What the arm rested at before this load, for the friction in its joints; None for joints that
+        before: Poses at rest before this load, for the friction in its joints; None for joints that
             have just moved to the pose and hold back nothing.
 
     Returns:

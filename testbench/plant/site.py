@@ -269,7 +269,7 @@ def _body(model: mujoco.MjModel, name: str) -> int:
 
 
 def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
-    """Find what each geom belongs to, an index in `CONTACT_CATEGORIES`: all bodies of the arm are one."""
+    """Find the category of each geom, an index in `CONTACT_CATEGORIES`: all bodies of the arm are one."""
     root = model.body_rootid[model.geom_bodyid]
     part = np.full(model.ngeom, CONTACT_CATEGORIES.index("room"))
     part[root == model.body_rootid[_body(model, arm.links[0].name)]] = CONTACT_CATEGORIES.index("itself")
@@ -302,7 +302,7 @@ def _opaque(model: mujoco.MjModel, part: Ids) -> mujoco.MjModel:
     bare = ~np.isin(body, body[drawn])
     opaque = (drawn | bare | (body == 0)) & (part != CONTACT_CATEGORIES.index("tracker"))
     model.geom_group[:] = np.where(opaque, 0, 5)
-    model.geom_rgba[:, 3] = 1  # MuJoCo's rays pass through what is fully transparent
+    model.geom_rgba[:, 3] = 1  # MuJoCo's rays pass through fully transparent geoms
     model.mat_rgba[:, 3] = 1
     return model
 

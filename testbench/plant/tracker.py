@@ -4,12 +4,11 @@ A flat instrument has equal noise along every axis, as in the paper. A laser tra
 is accurate to microns, its two angles to microns per metre, so that every reading has a covariance of its
 own. Targets are visible by distance, elevation and incidence; obstacles are tested in `testbench.plant.site`.
 
-Instruments that read one number of a marker's motion: gauges on a face of the tool, and distance meters.
-
-What they read follows from the arm at rest, unloaded and loaded. A gauge stands on the floor. Its tip touches
-a plane face of the tool at a marker. Under the load the face moves, turns and slides below the tip; the tip
-follows along its axis until it touches the face again. Neither the face nor the axis is exactly where it is
-said to be. A distance meter (ballbar, draw-wire, interferometer) reads from a fixed point to a marker.
+Gauges on a face of the tool and distance meters read one number of a marker's motion. Their readings follow
+from the arm at rest, unloaded and loaded. A gauge stands on the floor. Its tip touches a plane face of the
+tool at a marker. Under the load the face moves, turns and slides below the tip; the tip follows along its
+axis until it touches the face again. Face and axis differ from their stated places. A distance meter
+(ballbar, draw-wire, interferometer) reads from a fixed point to a marker.
 """
 
 import math
@@ -57,7 +56,7 @@ class Tracker:
 RADIAL, TRANSVERSE = (10e-6, 0.3e-6), (15e-6, 6e-6)
 """Maximum permissible errors a + b d at a distance d, a [m] and b [m/m], along the beam and across it.
 
-Published by makers of laser trackers; taken from the project's list of numbers, no data sheet was at hand.
+Published by makers of laser trackers; from the project's list of numbers, without a data sheet.
 """
 TYPICAL_SHARE = 0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
 
@@ -167,10 +166,10 @@ FACES_AWAY = "target faces away from the tracker"
 
 MIN_RANGE, MAX_RANGE = 1.0, 20.0  #: Distances between which a target is seen [m].
 MIN_ELEVATION, MAX_ELEVATION = math.radians(-50), math.radians(75)
-"""Elevations above the horizon of the station between which it is [rad].
+"""Elevations above the station's horizon between which a target is seen [rad].
 
-These are narrower than what common trackers are sold with: near the ends of its range an instrument is at its
-worst, and a stand is never quite upright.
+These ranges are narrower than those of common trackers: an instrument is least accurate near the ends of its
+range, and a stand is never quite upright.
 """
 
 
@@ -345,7 +344,7 @@ class DistanceMeter:
         """Read the distance unloaded and loaded.
 
         Args:
-            stated: Where the fixed point is said to be, (3,) [m].
+            stated: Stated position of the fixed point, (3,) [m].
             places: The marker unloaded and loaded, (runs, 3) [m] each.
             rng: Source of the fixed point's error, the same in all runs, and of noise.
 
@@ -359,7 +358,7 @@ class DistanceMeter:
         """Read the distance in any poses; the middle of its range is that of the distances.
 
         Args:
-            stated: Where the fixed point is said to be, (3,) [m].
+            stated: Stated position of the fixed point, (3,) [m].
             places: The marker in every pose, (runs, 3) [m].
             rng: Source of the fixed point's error, the same in all runs, and of noise.
 
@@ -440,7 +439,7 @@ def place_block(
     """Place the faces of one rigid block where they truly are: shifted, and turned about their mean point.
 
     Args:
-        stated: Point of every face [m] and its unit normal [1], as they are said to be, (3,) each.
+        stated: Stated point of every face [m] and its stated unit normal [1], (3,) each.
         shift: Standard deviation of the block's place along each axis [m].
         tilt: Standard deviation of the block's rotation about each axis [rad].
         rng: Source of shift and rotation.

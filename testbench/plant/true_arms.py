@@ -43,7 +43,7 @@ class TrueArm:
 
     #: Returns another arm of the same kinematics, given the arm as its folder describes it.
     draw: Callable[[Arm, np.random.Generator], Arm]
-    springs: Springs | None = None  #: Draws what constant compliances cannot describe, given the drawn arm.
+    springs: Springs | None = None  #: Draws the effects beyond constant compliances, given the drawn arm.
 
 
 #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
@@ -249,7 +249,7 @@ def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "Spri
 
 
 def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
-    """Vary every axis of a link by itself, with a sum of the angles of all joints."""
+    """Vary every axis of a link separately, with a sum of the angles of all joints."""
     from testbench.plant.disturbance import PoseDependence, SpringEffects
 
     links, n = len(arm.links), arm.n_joints
@@ -322,7 +322,7 @@ TRUTH_DESCRIPTIONS = {
 
 
 def _check(name: str, kind: TrueArm) -> None:
-    """Refuse what is no TrueArm, and the name of the family."""
+    """Refuse anything but a TrueArm, and the name of the family."""
     if name == FAMILY or not isinstance(kind, TrueArm):
         problem = f"expected a TrueArm with a name other than {FAMILY!r}, got {type(kind).__name__}"
         raise BenchError(f"true arm {name!r}: {problem}")

@@ -60,7 +60,7 @@ def gco_stein(regression: Regression, scaling: PriorScaling, uncertainty: PriorU
     Args:
         regression: The reduced dataset.
         scaling: Units of the prior.
-        uncertainty: PriorUncertainty of the prior.
+        uncertainty: Uncertainty of the prior.
 
     Returns:
         The estimate.

@@ -518,18 +518,18 @@ def _compliances(calibration: Calibration) -> list[Row]:
 
 def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
     """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
-    pulls = [x[: len(one.markers)].T for x, one in zip(calibration.influences, series, strict=True)]
-    counted = np.concatenate([further[one.seen] for further, one in zip(pulls, series, strict=True)])
+    influences = [x[: len(one.markers)].T for x, one in zip(calibration.influences, series, strict=True)]
+    counted = np.concatenate([influence[one.seen] for influence, one in zip(influences, series, strict=True)])
     outliers = [
         Row(
             series=one.name,
             row=int(one.row[row]),
             marker=one.markers[k],
             error_mm=float(MM * np.linalg.norm(left[row, k])),
-            further=float(further[row, k]),
+            pull=float(influence[row, k]),
         )
-        for one, further, left in zip(series, pulls, after, strict=True)
-        for row, k in np.argwhere((further < SPOILED) & one.seen)
+        for one, influence, left in zip(series, influences, after, strict=True)
+        for row, k in np.argwhere((influence < SPOILED) & one.seen)
     ]
     worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:LISTED_OUTLIERS]
     return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)

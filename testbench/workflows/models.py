@@ -315,12 +315,12 @@ def default_models(
 ) -> list[Model]:
     """List what is fitted where no model is named: some without a prior and, if there is one, with it.
 
-    How firmly a prior is believed is learnt where no `uncertainty` is given.
+    The uncertainty of a prior is learnt if none is given.
 
     Args:
         cell: The arm with its model and its truth.
         prior: The prior; None to fit without one.
-        uncertainty: How firmly the prior is believed; None to learn it.
+        uncertainty: Uncertainty of the prior; None to learn it.
 
     Returns:
         The models.
@@ -347,7 +347,7 @@ def asked_models(
         cell: The arm.
         names: Of the models; none for the default.
         prior: None to fit without one.
-        uncertainty: How firmly the prior is believed; None to learn it.
+        uncertainty: Uncertainty of the prior; None to learn it.
         loss: Makes another estimator of each, such as `robust`.
 
     Returns:
@@ -384,7 +384,7 @@ def with_priors(
         arm: Description of the arm.
         models: The models.
         prior: The prior.
-        uncertainty: How firmly the prior is believed; None to learn it.
+        uncertainty: Uncertainty of the prior; None to learn it.
 
     Returns:
         The models.

@@ -205,7 +205,7 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     unknowns = SimpleNamespace(
         groups=groups, size=count, undetermined=frozenset(), fixed={}, starts={"geometry": free}
     )
-    own = SimpleNamespace(rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
+    own = SimpleNamespace(n_rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
     unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]
     x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4, 1.5], (free, small, large, large))
     A = [rng.normal(size=(n, count)) / unit for n in equations]
@@ -322,7 +322,7 @@ def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(
     vjm, structure, arm = slides.vjm, all153(slides.arm), slides.arm
     unknowns = Unknowns(vjm, (), {}, JointErrors(), structure)
     rigid = unknowns.starts["elastic"]
-    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(unknowns.size), rigid=rigid, elastic=0)
+    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(unknowns.size), n_rigid=rigid, elastic=0)
     C = structure.matrix(rng.normal(size=structure.n))
     x, shown = np.r_[np.zeros(rigid), structure.entries(C)], {}
     for group in functionals(own):
@@ -431,7 +431,7 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     B, A, y = pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
     deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
-        rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
+        n_rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     plain = ReducedReadings((0,), (SeriesBlock(0, (R.T @ R)[None], np.array([40])),), {0: R})

@@ -197,7 +197,7 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     others[:, 0] *= 1e-4
     T = block.T @ block
     S = T + others.T @ others
-    own = SimpleNamespace(columns=np.arange(2), rigid=2, elastic=None)
+    own = SimpleNamespace(columns=np.arange(2), n_rigid=2, elastic=None)
     part = SimpleNamespace(gram=T[None], counts=np.array([30]))
     learnt = ErrorScales(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)

@@ -253,6 +253,6 @@ def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(k
     losses = []
     for steps in (0, 1, 2):
         h = np.zeros(len(own.start))
-        h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW_PRIOR[1] * np.array([1, 0, 0])
-        losses.append(normal.density(normal.rows @ h - normal.middle)[0].sum())
+        h[own.n_scales + 2 : own.n_scales + 5] = size + steps * LAW_PRIOR[1] * np.array([1, 0, 0])
+        losses.append(normal.density(normal.rows @ h - normal.centre)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])

@@ -248,7 +248,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
 
 def shares(seen, h):
     """What u and c of every block are times, (blocks,)."""
-    found = np.ones(seen.blocks)
+    found = np.ones(seen.n_scales)
     found[seen.link_scales] = np.exp(h[-3 - len(seen.link_scales) : -3])
     return found
 
@@ -369,7 +369,7 @@ def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_loga
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     seen = hierarchy.evidence_model(reduce(kr500.vjm, own.structure, campaign.identification), own)
     h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
-    C, K = A @ A.T, seen.blocks
+    C, K = A @ A.T, seen.n_scales
     of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
     for scale, (i, j) in zip(hierarchy._scales(seen, h, C), of, strict=True):
         assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
@@ -596,9 +596,9 @@ def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(
     h = np.r_[np.zeros(len(seen.start) - 3), seen.start[-3:-1], 0.0]
     for k in range(2, seen.kind.max() + 1):  # sizes of laws beside the prior's
         own = math.log(hierarchy._law_sizes(seen.scaling)[k - 2][0])
-        h[seen.blocks + k], h[: seen.blocks][seen.kind == k] = own, own
+        h[seen.n_scales + k], h[: seen.n_scales][seen.kind == k] = own, own
     at = evidence_posterior(mute, h)
-    some = np.setdiff1d(np.arange(len(h) - 1), [seen.blocks])
+    some = np.setdiff1d(np.arange(len(h) - 1), [seen.n_scales])
     values = np.linalg.eigvalsh(evidence_hessian(mute, h, at)[0][np.ix_(some, some)])
     assert at.loss == pytest.approx(0, abs=1e-9)
     assert hierarchy._log_evidence(seen, at.loss, values) == pytest.approx(0, abs=1e-9)

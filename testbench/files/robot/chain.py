@@ -180,26 +180,26 @@ def _check_sizes(file: Path, robot: Robot) -> None:
                 raise InputError(file, body.name, problem)
 
 
-class FittedObservations(NamedTuple):
+class Placed(NamedTuple):
     """Hold the part to which a body belongs, and its pose there."""
 
     part: int  #: Index of its part.
     pose: Array  #: In the part's frame, (4, 4) [m].
 
 
-def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict[int, FittedObservations]:
+def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict[int, Placed]:
     """Find the part of every body of the arm, and its pose there; branches stand at zero."""
-    placed: dict[int, FittedObservations] = {}
+    placed: dict[int, Placed] = {}
     backwards = np.eye(4)
     for k in reversed(path[: path.index(carriers[1])]):
-        placed[k] = FittedObservations(0, backwards)
+        placed[k] = Placed(0, backwards)
         backwards = backwards @ np.linalg.inv(bodies[k].pose)
     for k in [*path, *range(len(bodies))]:
         before = placed.get(bodies[k].parent)
         if k in carriers[1:]:
-            placed[k] = FittedObservations(carriers.index(k), np.eye(4))
+            placed[k] = Placed(carriers.index(k), np.eye(4))
         elif k not in placed and before is not None:
-            placed[k] = FittedObservations(before.part, before.pose @ bodies[k].pose)
+            placed[k] = Placed(before.part, before.pose @ bodies[k].pose)
     return placed
 
 
@@ -212,7 +212,7 @@ def _in_world(bodies: Sequence[Body], k: int) -> Array:
 
 
 def _rods(
-    bodies: Sequence[Body], path: list[int], carriers: list[int], placed: dict[int, FittedObservations]
+    bodies: Sequence[Body], path: list[int], carriers: list[int], placed: dict[int, Placed]
 ) -> set[int]:
     """Find bodies behind joints off the arm, except on its last part: rods, drawn at their zero pose."""
     found: set[int] = set()
@@ -225,7 +225,7 @@ def _rods(
 
 def _part(
     bodies: Sequence[Body],
-    placed: dict[int, FittedObservations],
+    placed: dict[int, Placed],
     part: int,
     carrier: int,
     rods: Collection[int],
@@ -265,7 +265,7 @@ def _shape(shape: ImportedShape, pose: Array, *, rod: bool) -> ImportedShape:
 
 def _became(
     bodies: Sequence[Body],
-    placed: dict[int, FittedObservations],
+    placed: dict[int, Placed],
     path: list[int],
     parts: Sequence[Body],
     rods: Collection[int],

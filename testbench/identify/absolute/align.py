@@ -128,7 +128,7 @@ def inverse_noise_roots(
         series: The readings, s per row.
         noise: Their noise.
         rotation: Tracker from base, (3, 3).
-        groups: Rows that are combined; none if each row counts by itself.
+        groups: Rows that are combined; none if no rows are combined.
 
     Returns:
         W, in base axes, with W times the residual of variance 1, (s, runs, 3, 3) [1/m, 1/rad]; kinds, (s,
@@ -246,7 +246,7 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
 
 
 def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
-    """Convert the noise of combined readings to that of a reading that is alone in its pose.
+    """Convert the noise of combined readings to that of a single reading in its pose.
 
     A factor below 1 was estimated from means of k readings, whose variance is factor^2 (sigma^2 + k s^2). It
     first lowers the model error s; only if s = 0 is still too much does it lower the noise of the readings.
@@ -428,7 +428,7 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
 
 
 def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
-    """Tell whether a series alone leaves its frame or mount undetermined."""
+    """Return whether a series by itself leaves its frame or mount undetermined."""
     return bool(underdetermined_reason(vjm, series)) or bool(undetermined_frames(vjm, (series,)))
 
 
@@ -479,7 +479,7 @@ def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tupl
 
 
 def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> tuple[Frame, Mount]:
-    """Find the fixed point or plane, and the targets, of distances, from where they are said to be.
+    """Find the fixed point or plane and the targets of distances, from their stated places.
 
     Robust least squares with the nominal arm holds the frame and named targets by their priors. The frame of
     a fixed point has its origin there and the base's axes; that of a plane is the base's, as it is stated.
@@ -727,7 +727,7 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
 
 
 def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
-    """Tell whether heights tell less of the plane's normal than its prior does, for the nominal arm."""
+    """Return whether heights determine the plane's normal worse than its prior, for the nominal arm."""
     drawn = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     targets = np.array([drawn.get(name, np.zeros(3)) for name in series.markers])
     position, rotation = tool_pose(vjm, series.q)

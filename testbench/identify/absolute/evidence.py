@@ -73,7 +73,7 @@ DEFAULT_SCALES: Mapping[str, float] = {
 WAVES = ("harmonics", "pattern")
 """Kinds with bands of orders: individual waves of each joint, and those of a shared pattern."""
 MAX_SCALE_FACTOR = 10.0
-"""Largest size over the usual one [1]: a larger one would stand for an error that the model lacks."""
+"""Largest size over the usual one [1]: a larger one would represent an error that the model lacks."""
 MAX_FACTOR_UNDETERMINED = 2.0
 """Largest size over the usual one if readings leave a frame or mount undetermined [1]: larger errors of
 geometry would leave the linear range."""

@@ -98,7 +98,7 @@ def with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
 
     Args:
         model: The calibrated arm.
-        series: The series; up to `ROWS_AT_ONCE` of its rows weigh frame and mount against the arm.
+        series: The series; up to `ROWS_AT_ONCE` of its rows determine frame and mount together with the arm.
 
     Returns:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
@@ -202,7 +202,7 @@ def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, 
 
 
 def _root(model: ArmModel, F: Array, series: Series) -> Array:
-    """Factorise the columns of frame and mount, with the prior of what these rows leave undetermined."""
+    """Factorise the columns of frame and mount, with their prior where these rows leave them undetermined."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
     B = np.diag(1 / default_scales(unknowns, len(EQUATION_KINDS)).deviation[: unknowns.starts["geometry"]])
     B = B[B.any(axis=1) & (not underdetermined_reason(model.vjm, series))]

@@ -1,8 +1,8 @@
 """Mistakes of loads and deflections, with the compliances of the arm's folder as prior.
 
 The model is linear, and its prior is learnt from the readings (`hierarchy`): y ~ N(A s e, S). A mistake of
-size b adds Z b to the readings: the score test weighs it. A mistake without a size, such as exchanged axes,
-is undone; then the prior is learnt again, and the losses are compared.
+size b adds Z b to the readings: the score test estimates it. A mistake without a size, such as exchanged
+axes, is undone; then the prior is learnt again, and the losses are compared.
 """
 
 import math
@@ -61,7 +61,7 @@ MAX_MISFIT_RATIO, MIN_RUNS = 0.5, 5
 """Misfit without a run over that with it, below which that run alone is wrong [1]; fewest runs to tell."""
 TRIAL_NATS = 3.0  #: Evidence from which a run is left out on trial [nats]: strong (Kass and Raftery 1995).
 RIVAL_SHARE = 0.8  #: Share of another mistake's nats above which a mounting is preferred to it [1].
-RUN_WEIGHT = 0.5  #: Weight of the evidence for a mistake of one run, beside a mistake of all runs [1].
+RUN_WEIGHT = 0.5  #: Weight of the evidence for a mistake of one run, relative to a mistake of all runs [1].
 MAX_SCALE, LIGHT_LOAD_SCALE, LIGHT_LOAD_SHARE = 5.0, 4.5, 0.35
 """Factors between readings and prior that raise a warning [1].
 
@@ -289,8 +289,8 @@ def load_issues(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) 
     """Find the mistakes of loads and deflections that make the readings fit the prior best.
 
     When gravity plainly comes from another side, the mounting is the only issue. Otherwise, single wrong runs
-    that make all others look noisy are left out first. Mistakes of a size are then weighed by the score test;
-    the others are undone and fitted again.
+    that make all others look noisy are left out first. Mistakes with a size are then tested by the score
+    test; the others are undone and fitted again.
 
     Args:
         loads: The runs with their prior.
@@ -298,7 +298,7 @@ def load_issues(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) 
         runs: Hypotheses about single runs.
 
     Returns:
-        Issues, the likeliest first; none for sound runs.
+        Issues, the most probable first; none for sound runs.
     """
     factor = deflection_scale(loads.vjm, loads.scaling, loads.data)
     pull = suspected_gravity(loads.vjm, loads.scaling, loads.data, loads.level)
@@ -373,7 +373,7 @@ def _without_worst(
 
 
 def _likeliest(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) -> list[Issue]:
-    """Select the likeliest mistake; if it is of a single run, also the mistakes of other single runs."""
+    """Select the most probable mistake; if it is of a single run, also the mistakes of other single runs."""
     issues: list[Issue] = []
     kinds = {row.name for row in runs}
     large = [issue for issue, large in _sized_issues(loads, (*every, *runs)) if large]
@@ -387,7 +387,7 @@ def _likeliest(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) -
 def _refitted(hypotheses: LoadHypotheses, loads: LoadedRuns, *, hung: bool = False) -> list[Issue]:
     """Find the mistake without a size that explains the readings best, if one does."""
     before, tried = loads.model, list[tuple[ResidualModel, Issue, float]]()
-    loads = replace(loads, model=None)  # what is linear has been weighed
+    loads = replace(loads, model=None)  # linear mistakes have been tested
     for hypothesis in hypotheses:
         for change in hypothesis.changes(loads) if (hypothesis.name == "mounting") == hung else ():
             if change.undone is None:

@@ -55,13 +55,13 @@ from testbench.progress import stepwise
 
 NO_PARAMETERS = FreeParameters()
 HUGE_DEFLECTION = 20.0  #: Deflection over a sound distance from which loaded readings are of something else.
-RUNS_AT_A_TIME, MAX_PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
+RUNS_AT_A_TIME, MAX_PARTS = 90, 12  #: Runs that are tested together, and greatest number of such batches.
 #: Mistakes that a registration mends: the loads can be looked at all the same.
 CORRECTED_BY_REGISTRATION = ("frame", "targets")
 
 
 def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
-    """Find what may be wrong with runs.
+    """Find probable mistakes in runs.
 
     The checks come in this order: plain mistakes, frame and kinematics, the sign of the work, then loads,
     deflections and their order in time.
@@ -72,8 +72,8 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
         hypotheses: The table of mistakes.
 
     Returns:
-        Issues, the likeliest first; none for sound runs. A mistake of all poses or of all readings ends the
-        checks, because it would spoil them, unless the registration corrects it.
+        Issues, the most probable first; none for sound runs. A mistake of all poses or of all readings ends
+        the checks, because it would spoil them, unless the registration corrects it.
 
     Raises:
         BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
@@ -134,7 +134,7 @@ def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue]
         observations = _observations(submission.folder_model, submission.data, submission.data.before)
         raw, best_fit = best_hypothesis(observations, hypotheses.kinematics)
         if registered.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
-            # a tracker's frame is no mistake, but what kept it from being found
+            # a tracker's frame is no mistake; the reason that it was not found is one
             raw = unplaced_runs(submission.folder_model, submission.data, hypotheses) or (
                 raw if raw.name == "frame" else None
             )
@@ -253,19 +253,19 @@ def _observations(
     )
 
 
-# --- What moved between two readings ------------------------------------------------------------------------
+# --- Moves between two readings -----------------------------------------------------------------------------
 
 MAX_P_VALUE = 0.05
-"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
-MIN_POSES = 3  #: Poses before and behind a step that is doubted.
-MAX_ORDER = 2  #: Periodic errors that may explain it: few poses tell no more.
+"""Probability of a step as clear in sound readings, above which a step is not reported."""
+MIN_POSES = 3  #: Poses before and behind a step that is reported.
+MAX_ORDER = 2  #: Highest order of periodic errors that may explain a step: few poses determine no more.
 MAX_TARGETS = 30
-"""Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
+"""Targets that are used, evenly chosen out of more: all move together, and each adds unknowns."""
 MOUNT_NAME = "targets"  #: Name of the mount in reports.
 
 
 def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
-    """Find what moved between two readings of runs, tracker or targets, at most one step per station.
+    """Find moves of tracker or targets between two readings of runs, at most one step per station.
 
     It is the step that `calibrate` looks for (`moves`): from one reading on all lie elsewhere than the arm
     says, by a move that no error of geometry, spring or slow joint error explains. Only steps count whose
@@ -288,7 +288,7 @@ def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
         state, noise = first_fit(
             _folder_state(vjm, series), series, scale_by_prior(prior, vjm, joints_only(vjm.arm))
         )
-    except BenchError:  # too few readings for where arm and targets are: no step can be told
+    except BenchError:  # too few readings to determine arm and targets: no step can be found
         return []
     linear = nuisance_model(state, series, noise, scale_by_prior(prior, vjm, all153(vjm.arm)), MAX_ORDER)
     clear = MAX_P_VALUE / (2 * sum(map(len, steps)))

@@ -237,9 +237,8 @@ def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Iss
 
 
 MAX_ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
-MIN_CARRYING_COMPLIANCE = (
-    0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
-)
+MIN_CARRYING_COMPLIANCE = 0.05
+"""Compliance over the folder's below which the fit would make a joint that carries weight negative."""
 CARRYING_SHARE = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
 MAX_SCATTER = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
 MIN_HANGING_NATS, FITTING_SHARE = 8.0, 0.8
@@ -351,7 +350,7 @@ def sags_like_hanging(before: Observations, after: Observations, C_theta: Array)
     vjm = before.vjm
     try:
         weights = read_weights(vjm.arm)
-    except InputError:  # nobody knows what it weighs
+    except InputError:  # its weight is unknown
         return False
     left = []
     for observations, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):

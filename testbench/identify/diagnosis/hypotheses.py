@@ -1,4 +1,4 @@
-"""The table of mistakes: what each changes in readings, arm or loads, what it is called, what to check.
+"""The table of mistakes: their effect on readings, arm or loads, their names, and checks for the user.
 
 A row is a `Hypothesis`. To add one, write how it is undone and its words, and append the row to its part of
 HYPOTHESES: `docs/add_hypothesis.md` has an example.
@@ -66,7 +66,7 @@ MIN_JOINT_ZERO, LAST_JOINT_FACTOR = (np.deg2rad(0.5), 5e-3), 4.0
 MAX_PERMUTED_TARGETS = 4
 NEAR_BASE, ROUGH_TARGET = 0.5, 0.1
 """Distance of a frame from the base where no tracker stands, and of a target from its rough place [m]."""
-OUTLYING_DISTANCE = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
+OUTLYING_DISTANCE = 8.0  #: Distance of a reading, over that of a sound one, from which this reading is wrong.
 #: Distance of a load point from the tool, over the arm's reach, beyond which a unit is wrong [1].
 FAR_LOAD_POINT = 1.0
 STILL_SHARE = 0.5  #: Share of the readings that must not move for it to be a mistake of all of them.
@@ -93,7 +93,7 @@ KinematicChanges = Iterator[Change[Observations]]
 LoadChanges = Iterator[Change[LoadedRuns]]
 
 
-# --- What needs no fit: copied readings, absurd load points, moves against the force ------------------------
+# --- Without a fit: copied readings, absurd load points, moves against the force ----------------------------
 
 
 def _equal(submission: Submission) -> Iterator[Change[Submission]]:
@@ -149,7 +149,7 @@ def _against_words(issue: Issue, _: Arm) -> str:
     return f"in {_count_text(issue)} runs the targets move against the force: {hint}"
 
 
-# --- What a registration shows: a frame too near for a tracker, targets far from the folder's ---------------
+# --- By registration: a frame too near for a tracker, targets far from the folder's -------------------------
 
 
 def _near_frame(submission: Submission) -> Iterator[Change[Submission]]:
@@ -232,7 +232,8 @@ def _link(observations: Observations) -> KinematicChanges:
 def _joint_zero(observations: Observations) -> KinematicChanges:
     """Try a zero error of any size, and quarter and half turns, which no linear fit finds.
 
-    A half turn of a wrist may as well be a reversed sign, which is likelier: it counts as one parameter more.
+    A half turn of a wrist may as well be a reversed sign, which is more probable: it counts as one parameter
+    more.
     """
     joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
@@ -261,7 +262,7 @@ def _joint_zero_words(issue: Issue, arm: Arm) -> str:
 def _markers(observations: Observations) -> KinematicChanges:
     """Try other names of the targets: every order of a few; of more, the exchange of two that fits best."""
     m = len(observations.markers)
-    if observations.free.targets_unknown:  # nothing says where any of them is
+    if observations.free.targets_unknown:  # no target has a known place
         return
     orders = list(permutations(range(m)))[1:] if m <= MAX_PERMUTED_TARGETS else [_best_exchange(observations)]
     for order in orders:
@@ -389,7 +390,7 @@ def _joint_order_words(issue: Issue, arm: Arm) -> str:
 
 
 def _axes(observations: Observations) -> KinematicChanges:
-    """Try positions with one axis reversed, or two exchanged; only orientations can tell."""
+    """Try positions with one axis reversed, or two exchanged; only orientations can show it."""
     if observations.rotation is None:
         return
     position = observations.position[:, : len(observations.names)]
@@ -657,7 +658,7 @@ def _distance(issue: Issue) -> float:
     return MM * float(np.linalg.norm(issue.size)) / math.sqrt(len(issue.size) / 3)
 
 
-# --- What moved between two readings ------------------------------------------------------------------------
+# --- Moves between two readings -----------------------------------------------------------------------------
 
 
 def _moved_words(issue: Issue, _: Arm) -> str:
@@ -690,7 +691,7 @@ def _moved_words(issue: Issue, _: Arm) -> str:
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """Hold the table of hypotheses, grouped by what is needed to test them."""
+    """Hold the table of hypotheses, grouped by the data that their test needs."""
 
     without_fit: tuple[Hypothesis[Submission], ...]  #: Certain from the runs as they are, without a fit.
     registration: tuple[Hypothesis[Submission], ...]  #: Tested on frames and targets of the registration.
@@ -863,7 +864,7 @@ OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
         "or mounts"
     ),
 }
-"""Words of what no hypothesis explains, of moves in time, and of what a calibration does by itself."""
+"""Words for readings that no hypothesis explains, for moves in time, and for corrections by calibration."""
 
 
 def describe(

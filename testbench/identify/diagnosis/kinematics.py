@@ -73,7 +73,7 @@ class Issue:
 class Change(Generic[Case]):
     """Hold one way to undo a mistake.
 
-    A change with `undone` is fitted again; one with `columns` is weighed by the score test. One that has
+    A change with `undone` is fitted again; one with `columns` is tested by the score test. One that has
     neither is plain and needs no fit.
     """
 
@@ -95,7 +95,7 @@ class Hypothesis(Generic[Case]):
 
     name: str  #: Identifier in programs and in models.json.
     changes: Callable[[Case], Iterable[Change[Case]]]  #: Yields the ways to undo the mistake in the data.
-    words: Callable[[Issue, Arm], str]  #: Describes an issue: what is wrong, and by how much.
+    words: Callable[[Issue, Arm], str]  #: Describes an issue: the mistake and its size.
     remedy: str = ""  #: Check that the user should make.
     nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
     #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
@@ -126,7 +126,7 @@ def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Is
     """List the mistakes that need no fit.
 
     Args:
-        case: What the hypotheses look at, such as the submitted runs.
+        case: Data that the hypotheses test, such as the submitted runs.
         hypotheses: Rows of the table.
 
     Returns:
@@ -207,7 +207,7 @@ def undo_one_by_one(
     return issues, data, model
 
 
-# --- Readings against the arm's kinematics: what explains them, and which mistake explains them better ------
+# --- Readings and the arm's kinematics: the fit, and mistakes that explain the readings better --------------
 
 SOUND_DISTANCE = 1.5e-3  #: Distance of targets of a sound arm from its kinematics, over its reach [1].
 IDENTITY_FRAME = Frame(np.eye(3), np.zeros(3))
@@ -240,7 +240,7 @@ class FreeParameters:
 
 @dataclass(frozen=True)
 class Observations:
-    """Hold readings of targets in poses, and what is unknown about them."""
+    """Hold readings of targets in poses, and their unknowns."""
 
     vjm: Vjm  #: The arm's virtual joint model.
     q: Array  #: Actuated joints, (poses, n) [rad, m].
@@ -417,7 +417,7 @@ def best_hypothesis(
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
 
-    # Undo every mistake; the likeliest is large, gains enough, and leaves readings that fit.
+    # Undo every mistake; the most probable one is large, gains enough, and leaves readings that fit.
     trials = list(_undone(observations, hypotheses, start.cost))
     needed = max(needed, MIN_GAIN_SHARE * max((trial.gain for trial in trials), default=0.0))
     good = [
@@ -616,14 +616,14 @@ FITTED_ORDERS = 6  #: Orders that are fitted, the best of all.
 REWEIGHTINGS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
 ORDERS_AT_ONCE = 720  #: Orders whose equations are in memory at a time.
 RIDGE = 1e-9  #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
-MIN_ROWS = 3  #: Rows of half a file, and of what slipped.
+MIN_ROWS = 3  #: Fewest rows of half a file, and of a slipped part.
 
 
 def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
-    """Find the likeliest orders of the joints in the file, by a linear form (see the module).
+    """Find the most probable orders of the joints in the file, by a linear form (see the module).
 
     Yields:
-        At most FITTED_ORDERS orders, (n,) each, the likeliest first: joint k has the angles of column
+        At most FITTED_ORDERS orders, (n,) each, the most probable first: joint k has the angles of column
         order[k].
     """
     n = len(observations.vjm.arm.joints)

@@ -6,7 +6,7 @@ that the arm may still lack: geometry, low periodic errors of the joints and com
 A step that these explain as well is none: the projector 1 - P of the score test removes them. A single wrong
 row or pose is another hypothesis, with the same columns.
 
-`identify` reports a move. `calibrate` makes the rows after it a series with a mount or a frame of its own,
+`identify` reports a move. `calibrate` makes the rows after it a series with its own mount or frame,
 fits again and searches again.
 """
 
@@ -37,19 +37,18 @@ from testbench.model.kinematics import JointErrors
 from testbench.model.vjm import marker_motion
 
 MAX_ORDER = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
-#: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.
+#: Prior size of other errors in the test of a step, over their usual size [1], which is unknown here.
 NUISANCE_FACTOR = 3.0
 MAX_NUMBERS = 3_000_000  #: Most numbers of the equations in memory at a time.
 EQUATIONS_PER_POSE = 6
-"""Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
-AMBIGUOUS_GAIN = (
-    10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
-)
+"""Most independent equations of a pose: its targets and loads share the errors of the model there."""
+AMBIGUOUS_GAIN = 10.0
+"""Difference of gains, over the variance, below which two steps explain the readings equally well."""
 
 
 @dataclass(frozen=True)
 class NuisanceModel:
-    """Hold the linearised model beside a step: all that it may lack, with its prior."""
+    """Hold the linearised errors that the model may have in addition to a step, with their prior."""
 
     active: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
     prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
@@ -298,7 +297,7 @@ def with_shift(linear: NuisanceModel, series: Series, step: Issue) -> Issue:
 
 MAX_TRIED_STEPS = 400  #: Steps that are tried at first.
 MAX_THIN_ROWS = 1500  #: Rows that are looked at first.
-MIN_POSES = 6  #: Poses before and behind a step that parts a series: fewer do not tell a frame or a mount.
+MIN_POSES = 6  #: Poses before and behind a step that divides a series: fewer leave frame or mount open.
 MIN_GAIN = 80.0
 """Sum of squares that such a step takes away at least, over the variance: sound simulated series reach 50,
 series of a robot whose frame drifts by 10 um 80."""
@@ -374,7 +373,7 @@ def divide_at_moves(
         elastic: Prior of all compliances that there may be.
 
     Returns:
-        Issues of what moved and of series that no longer share a mount or frame; the divided series; and
+        Issues of moves and of series that no longer share a mount or frame; the divided series; and
         their fit.
 
     Raises:
@@ -408,7 +407,7 @@ def divide_at_moves(
 
 
 def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesParts, list[Issue]]:
-    """Divide each series at its step; what moved gets a name of its own after the step.
+    """Divide each series at its step; the moved frame or mount gets a new name after the step.
 
     A mount or frame that moved in one series is no longer shared with another, because the part that would
     share it is unknown. Issues report this.

@@ -166,7 +166,7 @@ def draw_conservative(
 
     Args:
         scaling: Units of the prior.
-        uncertainty: PriorUncertainty of the prior.
+        uncertainty: Uncertainty of the prior.
         rng: Source of randomness.
 
     Returns:
