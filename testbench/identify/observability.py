@@ -394,7 +394,7 @@ def of_regression(
         regression: The reduced dataset.
         data: Its runs, or some of them, evenly out of all.
         prior: The prior.
-        uncertainty: PriorUncertainty of the prior.
+        uncertainty: Uncertainty of the prior.
 
     Returns:
         The description.
@@ -449,7 +449,7 @@ def explained_variance(
         vjm: Kinematics of the arm.
         regression: The reduced dataset.
         prior: The prior.
-        uncertainty: PriorUncertainty of the prior.
+        uncertainty: Uncertainty of the prior.
 
     Returns:
         Link or joint of every parameter, and the share of its variance, (n,) [1].

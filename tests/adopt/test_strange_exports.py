@@ -351,7 +351,7 @@ def test_our_own_names_beside_dx_ask_for_a_map(tmp_path):
     text = both("{}_mm", "d{}_mm", moved=True, load=("mass_kg", "100"))
     text = text.replace("Target", "marker").replace("A", "joint_").replace(" [deg]", "_deg")
     (file := tmp_path / "export.csv").write_text(text)
-    with pytest.raises(InputError, match="if dx, dy, dz are loaded minus unloaded positions, say so in"):
+    with pytest.raises(InputError, match="if dx, dy, dz are loaded minus unloaded positions, state it in"):
         read_export(file, ARM)
 
 
@@ -447,7 +447,7 @@ def test_gauges_that_touch_one_target_in_turn_are_paired_each_with_itself(tmp_pa
     np.testing.assert_allclose(moved, 1e-3 * found.direction[:, 0] * [1, 2, 3], rtol=0, atol=1e-12)
     rows[0][-1] = "-X"
     file.write_text(table(header, rows))
-    with pytest.raises(InputError, match="a loaded reading in pose 1, which has no unloaded one"):
+    with pytest.raises(InputError, match="expected an unloaded reading in pose 1"):
         pairs(file)
 
 
