@@ -493,7 +493,7 @@ def expected_error(known: Posterior, wanted: Array) -> float:
 
 
 def _known(scaled: PriorScaling, uncertainty: PriorUncertainty, *data: Regression) -> Posterior:
-    """Parameters by a prior and by what the rows of data would tell, their readings aside."""
+    """Compute the posterior by a prior and the rows of data; their readings do not count."""
     rows = [weighted_rows(regression, scaled)[0] for regression in data]
     M = np.vstack([*rows, precision_root(scaled, uncertainty)[0]])
     return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
@@ -511,12 +511,12 @@ def _placed(proposals: list[MeasurementProposal]) -> tuple[MeasurementProposal, 
 
 
 def _rows(regression: Regression) -> Array:
-    """What data see, (rows, n)."""
+    """Stack the reduced rows of all readings, (rows, n)."""
     return np.vstack([term.R for term in regression.terms])
 
 
 def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
-    """Link or joint of every parameter, and its row and column there, (n, 2); -1 for a joint."""
+    """Find the link or joint of every parameter, and its row and column there, (n, 2); -1 for a joint."""
     links = 6 * len(vjm.arm.links)
     of_joint = structure.a >= links
     names = [*(link.name for link in vjm.arm.links), *(joint.name for joint in vjm.arm.joints)]
@@ -568,20 +568,20 @@ def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
 
 
 def _unit(prior: Prior, vjm: Vjm, structure: Structure) -> Array:
-    """What is expected of every parameter: sqrt(P_aa P_bb), (n,)."""
+    """Compute the expected size of every parameter, sqrt(P_aa P_bb), (n,)."""
     d = np.sqrt(np.diag(aggregate(prior.C_theta, vjm, structure)))
     return np.asarray(d[structure.a] * d[structure.b])
 
 
 def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
-    """Parameters of every link and joint, in the order of the chain."""
+    """Group the parameters by link and joint, in the order of the chain."""
     links = len(vjm.arm.links)
     place = np.where(structure.a < 6 * links, structure.a // 6 * 2, (structure.a - 6 * links) * 2 + 1)
     return [np.flatnonzero(place == k) for k in np.unique(place)]
 
 
 def _share(known: Posterior, scaled: PriorScaling, uncertainty: PriorUncertainty) -> Array:
-    """What the data take off the prior's variance of every parameter, (n,).
+    """Compute the share of the prior's variance of every parameter that the data remove, (n,).
 
     The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
     the scale is not counted as seeing one of them.
@@ -594,7 +594,7 @@ def _share(known: Posterior, scaled: PriorScaling, uncertainty: PriorUncertainty
 
 
 def _equations(vjm: Vjm, data: Dataset) -> int:
-    """Different poses and loads, times the equations of one reading of a rigid tool."""
+    """Count different poses and loads, times the equations of one reading of a rigid tool."""
     different = np.unique(np.hstack([data.q, data.wrench, data.point]), axis=0)
     if data.rotation_before is not None:
         return 6 * len(different)
@@ -646,7 +646,7 @@ def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
 
 
 def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iterator[tuple[str, Regression]]:
-    """What each proposal adds, reduced."""
+    """Reduce the readings that each proposal adds."""
     structure = regression.structure
     for words, extra in _loads(data):
         yield words, reduce(vjm, structure, without_readings(data, **extra))
@@ -685,7 +685,7 @@ def _loads(data: Dataset) -> Iterator[tuple[str, dict[str, Array]]]:
 
 
 def _with_marker(vjm: Vjm, points: Array, name: str) -> Vjm:
-    """The model with one more marker, fixed to the tool off the line or plane of others, (m, 3) [m]."""
+    """Add one marker to the model, fixed to the tool off the line or plane of others, (m, 3) [m]."""
     centre = points.mean(axis=0)
     away = np.linalg.svd(points - centre)[2][-1]
     arm = replace(vjm.arm, markers=(*vjm.arm.markers, name))
