@@ -96,7 +96,7 @@ ARMS: dict[str, tuple[Spoil, str]] = {
     **{tag: (inside(f"<{tag}/>"), f"<{tag}>: not allowed") for tag in ("composite", "plugin", "include")},
     "50,000 bodies": (inside("<body/>" * 50_000), "at most 20000 elements"),
     "a million numbers": (inside(f'<geom size="{"1 " * 1_000_000}"/>'), "rigid.xml: MuJoCo refuses"),
-    "250,000 pairs of geoms": (touching(500), "expected at most 50000 pairs of geoms"),
+    "250,000 pairs of geoms": (touching(500), "expected at most 50000 colliding pairs of geoms"),
     "40,000 contacts": (touching(200), "expected at most 5000 contacts in a pose"),
 }
 

@@ -26,7 +26,7 @@ HOSTILE: dict[str, tuple[Spoil, str]] = {
     "a_long_line_behind": (lambda f: _after(f, b"x" * MANY), "letters"),
     "short_lines": (holds(b"1\n" * 2_001_000), "lines"),
     "zeros_behind": (lambda f: _after(f, bytes(MANY)), "zero byte"),
-    "quotes": (lambda f: _after(f, b'"' + b"a\n" * (MANY // 20)), "quotes"),
+    "quotes": (lambda f: _after(f, b'"' + b"a\n" * (MANY // 20)), "a quote is never closed"),
     "quotes_in_pairs": (lambda f: _after(f, b'a"' * (MANY // 2)), "letters"),
     "comments": (holds(b"# run\n" * 10_000), "row"),
     "gzip": (holds(gzip.compress(bytes(MANY))), "gzip"),
