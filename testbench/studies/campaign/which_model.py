@@ -225,7 +225,7 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
     return Doubted(heard, left.stiffer if traces[link] > np.median(traces) else left.softer)
 
 
-def said_of_prior(rows: Trials) -> Mapping[str, Cells]:
+def _said_of_prior(rows: Trials) -> Mapping[str, Cells]:
     """Judge in every case what is said of its prior, 0 or 1; NaN where nothing can be.
 
     The columns are `SAID`: something is doubted, the wrong link is named, it is listed as unchecked, it is
@@ -293,7 +293,7 @@ def _derived(_: FamilySettings, trials: Trials) -> Trials:
 
 def promises(default: Trials) -> Iterator[Row]:
     """Count whether intervals hold and doubts are right: of all cases, by poses, prior, true arm and link."""
-    judged = default.add(**said_of_prior(default))
+    judged = default.add(**_said_of_prior(default))
     share, percent = judged["link_share"], f"{100 * MOVES:.0f} % of the deflection"
     parts, called = {"all": judged}, KNOWN["prior_error"].called
     parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}
