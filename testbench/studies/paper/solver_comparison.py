@@ -35,7 +35,6 @@ from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
-    Budget,
     Factorised,
     Search,
     costs,
@@ -233,15 +232,10 @@ def _factor_solvers(
     cell: Cell, model: Model, asked: SolverOptions, campaign: Campaign
 ) -> Iterator[SolverResult]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
-    points = asked.trial_points
-    first = min(Budget().stage_one_points, points)
-    budgets = [
-        Budget(generations=n, trial_points=points, stage_one_points=first)
-        for n in (asked.generations, SHORT_GENERATIONS)
-    ]
+    of_paper = partial(explore, trials=asked.trial_points)
     runs = (  # the number is that of its stream of random starts
-        ("a", 10, partial(explore, budget=budgets[0])),
-        ("a'", 10, partial(explore, budget=budgets[1])),
+        ("a", 10, partial(of_paper, generations=asked.generations)),
+        ("a'", 10, partial(of_paper, generations=SHORT_GENERATIONS)),
         ("b", 11, partial(local_solves, starts=1)),
         ("b'", 11, partial(local_solves, starts=1, evaluate=_forward_differences)),  # from the same start
         ("c", 12, partial(local_solves, starts=asked.starts)),
