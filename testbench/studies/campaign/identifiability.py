@@ -236,6 +236,8 @@ FILLERS = (
     Filler("GCO + log-det", "log-det prior", _of(_log_det)),
 )
 
+# --- The report ---------------------------------------------------------------------------------------------
+
 SEEN = "name parameters rank conservative uncertainty_percent rms_um"
 COVERAGE = "interval datasets covered_percent standard_error_percent width_um unbounded_percent"
 ALSO = "filling uncertainty_percent"

@@ -334,6 +334,8 @@ def _amplified(regression: Regression, rows: Array) -> float:
     return float(np.linalg.norm(rows[:, touched] / scale @ Vt[kept].T / s[kept]))
 
 
+# --- The report ---------------------------------------------------------------------------------------------
+
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
 """Kinds of reading in words."""
 LEVELS = (0.01, 0.03, 0.1, 0.3, 1.0)

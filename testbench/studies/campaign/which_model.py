@@ -252,6 +252,8 @@ def _said_of_prior(rows: Trials) -> Mapping[str, Cells]:
     return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))
 
 
+# --- The report ---------------------------------------------------------------------------------------------
+
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
 PROMISES = f"where cases covered_percent half_mm over_ideal {' '.join(SAID)}"
