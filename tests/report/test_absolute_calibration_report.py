@@ -75,8 +75,8 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(numbers):
     """Errors by the number of poses; of one number a row a model."""
     found, _ = made(numbers=numbers)
     models = found.numbers["models"]
-    panes = STUDY.figures(read_back(found))["absolute_calibration.png"].axes  # as `tools/pages.py` has it
-    for axes, arm in zip(panes, s.ARMS, strict=True):
+    assert STUDY.figures(read_back(found)).keys() == {"absolute_calibration.png"}
+    for axes, arm in zip(STUDY.figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
         if len(numbers) == 1:
             errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]
             first = place_of(found, s.BY_POSES)
