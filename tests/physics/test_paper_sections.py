@@ -82,6 +82,8 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
 
 @pytest.mark.study
 def test_a_draw_is_the_same_alone_and_among_others():
+    """All studies have the same loop over seeds."""
+
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]
 
