@@ -438,7 +438,7 @@ def _certain_model(state: ArmState, name: str) -> ArmModel:
 
 
 def _identified(
-    cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model] = ()
+    cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model]
 ) -> list[CorrectionModel]:
     """Identify all models, and more, from all campaigns."""
     weights, correction_models = read_weights(cell.arm), []

@@ -426,7 +426,7 @@ def _setup_of(asked: PlanningSettings) -> Setup:
     return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
 
-def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str = PLANNED) -> Specification:
+def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Specification:
     """Specify the featured number of poses under one weight, with the arm's markers, planned for a fit.
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.

@@ -254,7 +254,7 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
     return rows
 
 
-def _rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
+def _rivals_table(rows: Sequence[Row], value: str) -> Table:
     """Tabulate pairs of models at the cell of the headline."""
     error = replace(KNOWN[value], form=".0f" if value == ERROR else KNOWN[value].form, short="")
     ours, theirs, *others = columns("ours theirs error_ratio won worst_ratio worst_seed")
@@ -303,7 +303,7 @@ def _head(seeds: range, trials: Trials) -> Row:
     return Row(seed=seeds_of(seeds), noise=True, trials=len(seeds), true_arms=arms, dataset=dataset(trials))
 
 
-def _contract(models: Sequence[Row], judged: str = "workspace", where: str = "") -> list[Row]:
+def _contract(models: Sequence[Row], judged: str, where: str) -> list[Row]:
     """Make the rows of report.json's `models` of one cell.
 
     Args:

@@ -209,7 +209,7 @@ def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
 
 
 def descend(
-    problem: Factorised, start: Array, keep: Callable[[Array, float], None], evaluate: Evaluate = cost
+    problem: Factorised, start: Array, keep: Callable[[Array, float], None], evaluate: Evaluate
 ) -> Descent:
     """Find the best b near a start by L-BFGS on the gradient of `evaluate`.
 
