@@ -262,8 +262,8 @@ class PlanErrorRow:
     prior: str = ""  #: One of wrong_prior.PRIORS.
     inside: float | None = None  #: Share of deflections along an axis inside the half widths of a promise.
     model: CampaignRow | None = None  #: Of the featured number of poses; the tasks are its check runs.
-    each_task_mm: tuple[float, ...] | None = None  #: Task by task, of the featured plan for the tasks.
-    each_place_mm: tuple[float, ...] | None = None  #: Pose by pose of the workspace; the same.
+    #: Pose by pose of the workspace, of the featured plan for the tasks.
+    each_place_mm: tuple[float, ...] | None = None
     status: str | None = None  #: Of the fit: "solved", or why not.
     data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
@@ -324,11 +324,8 @@ def _featured(
     row = replace(row, model=own)
     if row.plan != "test":
         return row
-    return replace(
-        row,
-        each_task_mm=tuple(_rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
-        each_place_mm=tuple(_rms_mm(bench.off([estimate], bench.workspace)[0], 1).tolist()),
-    )
+    off = bench.off([estimate], bench.workspace)[0]
+    return replace(row, each_place_mm=tuple(_rms_mm(off, 1).tolist()))
 
 
 def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
@@ -613,7 +610,7 @@ def _numbers(asked: PlanningSettings, seeds: range, trials: Trials) -> Row:
     for row in errors:
         plan = None if row.plan == RANDOM else asked.scene.plan(row.plan, row.poses, PLANNED)
         row |= {key: plan and getattr(plan, key) for key in ("efficiency_percent", "expected_tasks_mm")}
-    [each] = merged(first.keep("each_task_mm", "each_place_mm"))
+    [each] = merged(first.keep("each_place_mm"))
     planned, own = [row for row in errors if row.fit == PLANNED], (*scope.criteria, RANDOM)
     [data] = merged(first.inside("model.measured"))
     return Row(
