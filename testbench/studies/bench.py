@@ -45,7 +45,7 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, number
 from testbench.runs.rows import trial_rng
-from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, Number, Share, spread
+from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, Number, Share, redrawn, spread
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
 from testbench.studies.campaign.model_error import ALL, disturbances, disturbed
 from testbench.studies.campaign.report import dataset
@@ -436,7 +436,6 @@ def half_widths(rows: Array, K: Array) -> Array:
 
 # --- The bench: which estimator predicts best, task by task: ratios of errors with intervals, ranks ---------
 
-DRAWS = 2000  #: Of the bootstrap, the same in every run.
 DECIMALS = 6  #: Of a logarithm of errors: entries nearer than that have one rank.
 ERROR = "workspace.rms_mm"
 Errors = Mapping[str, Array]  #: Of every entry, arm by arm, (arms,) [mm].
@@ -494,8 +493,7 @@ def standings(found: Errors, rival: str) -> list[Row]:
     names = list(found)
     L = np.log(np.array([found[name] for name in names])) - np.log(found[rival])
     arms = L.shape[1]
-    count = np.random.default_rng(0).multinomial(arms, np.full(arms, 1 / arms), size=DRAWS)
-    drawn = count @ L.T / arms  # (draws, names)
+    drawn = redrawn(arms) @ L.T / arms  # (draws, names)
     ranks = rankdata(drawn.round(DECIMALS), method="min", axis=1)
     own = rankdata(L.mean(axis=1).round(DECIMALS), method="min")
     ends = np.exp(np.quantile(drawn, (TAIL, 1 - TAIL), axis=0))

@@ -1,5 +1,6 @@
 """Models of a simulated campaign: identified and judged, a row each, and what reports say of them."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,8 +12,8 @@ from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, all_deflections, score
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import Table, best_of, columns
-from testbench.report.table import Row, Trials, merged, nested
-from testbench.runs.rows import finite
+from testbench.report.table import Row, Trials, merged, nested, plain
+from testbench.report.table import rows as as_rows
 from testbench.runs.spread import span
 from testbench.studies.campaign.trial import Fits
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
@@ -27,7 +28,6 @@ from testbench.workflows.error_places import (
     rms,
 )
 from testbench.workflows.fit_numbers import (
-    COMPLIANCES,
     eigenvalues,
     link_compliances,
     predictions,
@@ -138,43 +138,21 @@ def details(trials: Trials, compared: Sequence[str], taken: str) -> Row:
     names, whole = [name for name in compared if name in kept], min(kept.values(), default=None)
     if whole is None or not names:
         return Row()
-    left, wrong, values = (
+    left, wrong = (
         {name: np.array(first[f"drawn.{key}"][kept[name]]) for name in names}
-        for key in ("residuals_m", "wrong_m", "eigenvalues_urad_per_Nm")
+        for key in ("residuals_m", "wrong_m")
     )
-    parts = first["drawn.parts"][whole]
+    parts, links = (
+        {name: as_rows(json.loads(first[f"drawn.{key}"][k])) for name, k in kept.items()}
+        for key in ("parts", "links")
+    )
     moved = np.reshape(first["drawn.moved_m"][whole], (-1, 3))
     return Row(
         residuals=residual_histograms(left),
         predictions=predictions(moved, {name: own.reshape(-1, 3) for name, own in wrong.items()}),
-        eigenvalues={
-            name: [
-                Row(part=part, urad_per_Nm=own[[k for k, x in enumerate(parts) if x == part]].tolist())
-                for part in dict.fromkeys(parts)
-            ]
-            for name, own in values.items()
-        },
-        compliances=_compliances(first, kept[taken], [*dict.fromkeys(parts)]) if taken in kept else [],
+        eigenvalues={name: parts[name] for name in names},
+        compliances=links.get(taken, []),
     )
-
-
-def _compliances(first: Trials, k: int, parts: Sequence[str]) -> list[Row]:
-    """Restore the compliances of a model's links from row k, see `fit_details.link_compliances`."""
-    shares = first["drawn.shares_percent"][k]
-    joints = [*parts[len(shares) :], None]
-    blocks = np.reshape(np.array(first["drawn.compliances"][k], dtype=float), (-1, len(COMPLIANCES), 6, 6))
-    return [
-        Row(
-            {
-                key: [[finite(x) for x in row] for row in block]
-                for key, block in zip(COMPLIANCES, own, strict=True)
-            },
-            part=parts[n],
-            joint=joints[n],
-            share_percent=share,
-        )
-        for n, (share, own) in enumerate(zip(shares, blocks, strict=True))
-    ]
 
 
 def distinct(models: Sequence[Row]) -> list[Row]:
@@ -229,13 +207,10 @@ class DrawnErrors:
     measured: str | None  #: All measured runs as CSV, in the row of the first model.
     over: str | None  #: The same of the true deflections that models are judged by.
     moved_m: tuple[float, ...] | None  #: These deflections, (runs m 3,), in the row of the first model.
-    parts: tuple[str, ...] | None  #: Link or joint of every eigenvalue, in the row of the first model.
     residuals_m: tuple[float, ...]  #: Readings minus predictions of all measured runs.
     wrong_m: tuple[float, ...]  #: True minus predicted deflections.
-    eigenvalues_urad_per_Nm: tuple[float, ...]  #: Of all parts: see `fit_details.eigenvalues`.
-    #: Of every link `reference`, `estimate` and `half` row by row: see `fit_details.link_compliances`.
-    compliances: tuple[float | None, ...]
-    shares_percent: tuple[float, ...]  #: Of every link with its joint, of the deflection: see there.
+    parts: str  #: JSON of `fit_numbers.eigenvalues`, a row a link or joint.
+    links: str  #: JSON of `fit_numbers.link_compliances`, beside the true ones.
 
 
 @dataclass(frozen=True)
@@ -328,26 +303,19 @@ def _drawn(
 
     It is `whole`, with the runs, once a campaign.
     """
-    measured, over, moved, names = None, None, None, None
-    true = cell.plant.arm.C_theta
-    parts = eigenvalues(cell.arm, estimate.structure, estimate.C_theta)
-    links = link_compliances(
-        cell.vjm, estimate, true, sag_by_part(cell.vjm, estimate, campaign.identification)
-    )
+    measured, over, moved, true = None, None, None, cell.plant.arm.C_theta
+    sag = sag_by_part(cell.vjm, estimate, campaign.identification)
     if whole:
         measured, over = (csv_text(data, cell.arm) for data in (campaign.measured, campaign.truth))
         moved = tuple(campaign.truth.deflection.ravel().tolist())
-        names = tuple(part.part for part in parts for _ in part.urad_per_Nm)
     return DrawnErrors(
         measured=measured,
         over=over,
         moved_m=moved,
-        parts=names,
         residuals_m=tuple(left.ravel().tolist()),
         wrong_m=tuple(error.ravel().tolist()),
-        eigenvalues_urad_per_Nm=tuple(x for part in parts for x in part.urad_per_Nm),
-        compliances=tuple(x for link in links for key in COMPLIANCES for row in link[key] for x in row),
-        shares_percent=tuple(link.share_percent for link in links),
+        parts=json.dumps(plain(eigenvalues(cell.arm, estimate.structure, estimate.C_theta))),
+        links=json.dumps(plain(link_compliances(cell.vjm, estimate, true, sag))),
     )
 
 

@@ -300,7 +300,7 @@ def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> l
     for arm in ARMS:
         ways, (measured, working) = asked.ways(arm), true_arm(true, seed, arm)
         data = dict(zip(ways, measure(true, measured, asked, ways, seed), strict=True))
-        fits = known(true, prior) + identified(true, data, prior, own(true, prior))
+        fits = _known(true, prior) + _identified(true, data, prior, own(true, prior))
         orders = [order(fit, work) for fit in fits]
         before, *after = execute(working, work, orders)
         for fit, command, off in zip(fits, orders, after, strict=True):
@@ -412,16 +412,8 @@ def measure(
     return found
 
 
-def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
-    """Make models that nobody identified: the folder's, the prior, and the true one.
-
-    Args:
-        cell: The arm with its model and its truth.
-        prior: The prior.
-
-    Returns:
-        The models.
-    """
+def _known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
+    """Make models that nobody identified: the folder's, the prior, and the true one."""
     weights = read_weights(cell.arm)
     every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
     return [
@@ -439,20 +431,10 @@ def _certain_model(state: ArmState, name: str) -> ArmModel:
     )
 
 
-def identified(
-    cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model] = ()
+def _identified(
+    cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model]
 ) -> list[CorrectionModel]:
-    """Identify all models, and more, from all campaigns.
-
-    Args:
-        cell: The arm with its model and its truth.
-        campaigns: Readings by campaign.
-        prior: The prior.
-        more: Other models.
-
-    Returns:
-        The models.
-    """
+    """Identify all models, and more, from all campaigns."""
     weights, correction_models = read_weights(cell.arm), []
     plain, filled = (
         named_models(cell, MODELS_WITHOUT_PRIOR),

@@ -41,7 +41,7 @@ from testbench.identify.metric import (
 )
 from testbench.identify.posterior import Intervals, check_confidence, posterior_of_estimate
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce, reduce_parts
-from testbench.identify.solve import complete_conservatively, minimum_norm, solve_with_prior
+from testbench.identify.solve import minimum_norm, solve_with_prior
 from testbench.identify.trace import Fold, divide_poses, folds
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -277,8 +277,7 @@ def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
         penalty = estimate.penalty
         lifted = [penalty.lifted(regression) for regression in regressions]
         return np.array([penalty.lift @ solve_clarabel(r, scale_program(r, penalty)).pi for r in lifted])
-    fit = complete_conservatively if estimate.constraint == "free" else minimum_norm
-    return np.array([fit(r).pi for r in regressions])
+    return np.array([minimum_norm(r).pi for r in regressions])
 
 
 def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:

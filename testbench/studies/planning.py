@@ -264,8 +264,8 @@ class PlanErrorRow:
     prior: str = ""  #: One of wrong_prior.PRIORS.
     inside: float | None = None  #: Share of deflections along an axis inside the half widths of a promise.
     model: CampaignRow | None = None  #: Of the featured number of poses; the tasks are its check runs.
-    each_task_mm: tuple[float, ...] | None = None  #: Task by task, of the featured plan for the tasks.
-    each_place_mm: tuple[float, ...] | None = None  #: Pose by pose of the workspace; the same.
+    #: Pose by pose of the workspace, of the featured plan for the tasks.
+    each_place_mm: tuple[float, ...] | None = None
     status: str | None = None  #: Of the fit: "solved", or why not.
     data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
@@ -277,32 +277,15 @@ def _trial(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Itera
         yield from _of_ground(cell, there, seed, own)
 
 
-def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
-    """List the models of `FITS`, then the user's estimators, with the prior of a trial.
-
-    Args:
-        cell: The arm with its model and its truth.
-        seed: Seed of the trial.
-        own: Estimators of the user.
-
-    Returns:
-        Models by name.
-    """
+def _tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
+    """List the models of `FITS`, then the user's estimators, with the prior of a trial."""
     prior = wrong_prior(cell, seed)
-    known = fits(cell, prior)
+    known = _fits(cell, prior)
     return {fit: known[fit] for fit in FITS} | {model.name: model for model in own(cell, prior)}
 
 
-def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
-    """Make models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it.
-
-    Args:
-        cell: The arm with its model and its truth.
-        prior: The prior.
-
-    Returns:
-        Models by name.
-    """
+def _fits(cell: Cell, prior: Prior) -> dict[str, Model]:
+    """Make models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
     *plain, whole = (
         replace(MODELS[name](cell), name=name) for name in (*MODELS_WITHOUT_PRIOR, WHOLE.removesuffix(FILLED))
     )
@@ -316,36 +299,25 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
 
 def _of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
     """Identify every plan and random poses in every way."""
-    scope, models = bench.asked.scope, tried(bench.cell, seed, own)
+    scope, models = bench.asked.scope, _tried(bench.cell, seed, own)
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
-    runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
+    runs = [measure(bench, _poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
     for fit, model in models.items():
         estimates = [fit_or_rigid(bench.cell, model, one) for one in runs]
         found = zip(levels, runs, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
             row = PlanErrorRow("measured", name, n, fit, *errors, status=estimate.status)
             if (n, fit) == (scope.featured, PLANNED):
-                row = featured(bench, row, model, estimate, data)
+                row = _featured(bench, row, model, estimate, data)
                 if (name, seed) == ("test", bench.asked.seed):
                     row = replace(row, data_file=csv_text(data, bench.cell.arm))
             yield row
 
 
-def featured(
+def _featured(
     bench: Bench, row: PlanErrorRow, model: Model, estimate: Estimate, data: Dataset
 ) -> PlanErrorRow:
-    """Add to a row of the featured number of poses its model, and errors pose by pose.
-
-    Args:
-        bench: The true arm and where predictions are judged.
-        row: The row.
-        model: The model.
-        estimate: The estimate.
-        data: Measured runs.
-
-    Returns:
-        The row.
-    """
+    """Add to a row of the featured number of poses its model, and errors pose by pose."""
     name = f"{row.plan}, {row.fit}"
     setup, tasks = _setup_of(bench.asked), bench.tasks
     campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
@@ -354,11 +326,8 @@ def featured(
     row = replace(row, model=own)
     if row.plan != "test":
         return row
-    return replace(
-        row,
-        each_task_mm=tuple(_rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
-        each_place_mm=tuple(_rms_mm(bench.off([estimate], bench.workspace)[0], 1).tolist()),
-    )
+    off = bench.off([estimate], bench.workspace)[0]
+    return replace(row, each_place_mm=tuple(_rms_mm(off, 1).tolist()))
 
 
 def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
@@ -366,13 +335,13 @@ def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> I
 
     An estimator of one's own has the plan for `PLANNED`.
     """
-    n, ground, models = asked.scope.featured, asked.scope.ground.name, tried(cell, seed, own)
+    n, ground, models = asked.scope.featured, asked.scope.ground.name, _tried(cell, seed, own)
     bench = _build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
-    drawn = poses_of(asked, RANDOM, n, seed)
+    drawn = _poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
     yield from _of_promise(bench, seed, (RANDOM, drawn, chance))
     for fit, model in models.items():
-        chosen = poses_of(asked, "test", n, seed, fit if fit in FITS else PLANNED)
+        chosen = _poses_of(asked, "test", n, seed, fit if fit in FITS else PLANNED)
         data = measure(bench, chosen, seed)
         if fit == PLANNED:
             yield from _of_promise(bench, seed, ("test", chosen, data))
@@ -393,7 +362,7 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
     """
     (plan, q, data), cell, settings, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
-    whole, models = specify(cell, settings, prior, WHOLE), fits(cell, prior)
+    whole, models = _specify(cell, settings, prior, WHOLE), _fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
         after = linear_fit_after(spec, prior, partial(measured_rows, q=q, load=np.zeros(len(q), dtype=int)))
         promise = forecast_on(after, whole.tasks.q, whole.tasks.load)
@@ -456,22 +425,13 @@ def _setup_of(asked: PlanningSettings) -> Setup:
     return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
 
-def specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str = PLANNED) -> Specification:
+def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Specification:
     """Specify the featured number of poses under one weight, with the arm's markers, planned for a fit.
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
-
-    Args:
-        cell: The arm with its model and its truth.
-        asked: Settings of the study.
-        prior: The prior.
-        fit: Name of the fit.
-
-    Returns:
-        The specification.
     """
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
-    scaling = scale_by_prior(prior, cell.vjm, without_laws(fits(cell, prior)[fit].structure))
+    scaling = scale_by_prior(prior, cell.vjm, without_laws(_fits(cell, prior)[fit].structure))
     return Specification(
         experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),
         loads=(load,),
@@ -482,7 +442,7 @@ def specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str = PLANNE
     )
 
 
-def poses_of(asked: PlanningSettings, name: str, poses: int, seed: int, fit: str = PLANNED) -> Array:
+def _poses_of(asked: PlanningSettings, name: str, poses: int, seed: int, fit: str = PLANNED) -> Array:
     """Return the poses of a plan, or random ones of a trial.
 
     Args:
@@ -553,7 +513,7 @@ def _plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[Pla
 
 def _plan_row(cell: Cell, job: Job) -> PlannedRow:
     there, fit, criterion, poses = job
-    spec = replace(specify(cell, there, wrong_prior(cell, there.seed), fit), poses=poses)
+    spec = replace(_specify(cell, there, wrong_prior(cell, there.seed), fit), poses=poses)
     start, checks = time.perf_counter(), build_checks(cell, _conditions(there.scope))
     reach, q = Feasibility(lambda q: feasible(checks, q)), np.array(there.scene.candidates)
     best = make_plan(spec, criterion, q, reach, trial_rng(there.seed, 2))
@@ -653,7 +613,7 @@ def _numbers(asked: PlanningSettings, seeds: range, trials: Trials) -> Row:
     for row in errors:
         plan = None if row.plan == RANDOM else asked.scene.plan(row.plan, row.poses, PLANNED)
         row |= {key: plan and getattr(plan, key) for key in ("efficiency_percent", "expected_tasks_mm")}
-    [each] = merged(first.keep("each_task_mm", "each_place_mm"))
+    [each] = merged(first.keep("each_place_mm"))
     planned, own = [row for row in errors if row.fit == PLANNED], (*scope.criteria, RANDOM)
     [data] = merged(first.inside("model.measured"))
     return Row(
@@ -770,7 +730,7 @@ def _write(run: Run[PlanningSettings]) -> PageContent:
     """Draw the featured plan, and where errors remain."""
     settings, cell = run.settings, build_cell(find_arm(run.settings.arm))
     n, scene = settings.scope.featured, settings.scene
-    q, places = poses_of(settings, "test", n, settings.seed), np.array(scene.workspace)
+    q, places = _poses_of(settings, "test", n, settings.seed), np.array(scene.workspace)
     left = np.array([middle(value) for value in run.report.numbers["where"].each_place_mm])
     at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
     world = World(cell, settings.scope.ground.station, at[0], at[1], at[2])

@@ -265,18 +265,17 @@ def _about(table: Table) -> TableColumn:
     return next((c for c in table.columns if c.key == table.headline), table.columns[-1])
 
 
-def warnings(trials: Trials, name: str = "name", status: str = "status") -> list[Markdown]:
+def warnings(trials: Trials, name: str = "name") -> list[Markdown]:
     """Warn of models that were not solved in some trials, and of too few trials for percentiles.
 
     Args:
         trials: Rows of models and trials.
         name: Column of the model.
-        status: Column of what became of its fit.
 
     Returns:
         The warnings.
     """
-    each = zip(trials[name].tolist(), trials[status].tolist(), strict=True)
+    each = zip(trials[name].tolist(), trials["status"].tolist(), strict=True)
     lost = Counter(own for own, word in each if word not in (None, "solved"))
     few = [FEW] if len(trials.values("seed")) < MIN_PERCENTILE_TRIALS else []
     said = "{name} was not solved in {lost} of {fits} fits."

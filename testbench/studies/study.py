@@ -97,7 +97,8 @@ class Study(Generic[O, S, W]):
     #: Rows of one trial, from what trials share, the settings, the seed, and what makes models of a user's
     #: estimators; a function of a module (see `runs.engine.Work`).
     trial: Callable[[Any, S, int, Models], Iterable[W]]
-    report: Callable[[S, range, Trials], Report]  #: What all trials say.
+    #: What all trials say, from the settings, the seeds and the rows of all trials.
+    report: Callable[[S, range, Trials], Report]
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
     #: Writes what is not made of the report alone, and says what the page draws beside

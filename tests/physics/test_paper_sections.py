@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import section_6
-from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
+from printed_matrices import (
+    OWN,
+    least_cost,
+    noise_scale,
+    printed_matrices,
+    rank_beyond_noise,
+    readings,
+    tables,
+)
 from scipy.spatial.transform import Rotation
 
 from testbench import Scenario, deflections
@@ -37,16 +45,16 @@ def test_noise_free_data_give_eq_21_back_and_rank_counts_what_is_beyond_rounding
     campaign = STUDY.campaign.model_copy(update={"noise": False})
     data = trial.measure(single_link, replace(STUDY, campaign=campaign), 1).identification
     found = estimates(single_link, data)
-    C, unit = single_link.arm.C_theta, trial.noise_scale(STUDY.campaign)
+    C, unit = single_link.arm.C_theta, noise_scale(STUDY.campaign)
     # rounding of marker positions of order one, over 10 N
     np.testing.assert_allclose(found[trial.LEAST_SQUARES], C, rtol=0, atol=1e-15)
     # the interior point stops at 1e-7 of the data; noise would be of order one
     assert np.abs((found[trial.GCO] - C) / unit).max() < 1e-3
     C = single_link.arm.C_theta
-    assert trial.rank_beyond_noise(STUDY.campaign, C) == 6
+    assert rank_beyond_noise(STUDY.campaign, C) == 6
     values, Q = np.linalg.eigh(C)
     values[:2] = 0, 1e-14
-    assert trial.rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
+    assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
 
 
 def test_eq_22_differs_from_the_truth_by_noise_under_axis_loads_and_eq_23_is_of_rank_4(printed):
@@ -82,6 +90,8 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
 
 @pytest.mark.study
 def test_a_draw_is_the_same_alone_and_among_others():
+    """All studies have the same loop over seeds."""
+
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from checks import check_spread, curves
 from made_up import of_one_trial
-from reports import check, check_drawn_alike, check_forest, place_of, table_of
+from reports import check, check_forest, place_of, read_back, table_of
 
 from testbench.report.colours import GCO, LEAST_SQUARES
 from testbench.report.table import find
@@ -77,6 +77,7 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(numbers):
     found, _ = made(numbers=numbers)
     check_drawn_alike(STUDY.figures, found)
     models = found.numbers["models"]
+    assert STUDY.figures(read_back(found)).keys() == {"absolute_calibration.png"}
     for axes, arm in zip(STUDY.figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
         if len(numbers) == 1:
             errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]

@@ -224,13 +224,6 @@ def test_numbers_of_every_solver_are_those_of_its_seeds():
     assert (f["local_solves"], f["elsewhere"]) == (48, counted.sum())
 
 
-@pytest.mark.parametrize("least", ["a", "b", "d"])
-def test_who_is_above_whom_is_judged_by_f_m(least):
-    f = solvers(**{least: 5.0})[0].numbers
-    assert f["conic_never_above_paper"] == (least != "a")
-    assert f["largest_relative_excess_of_d_over_any"] == pytest.approx(0.0 if least == "d" else 0.2)
-
-
 def test_the_picture_of_solvers_has_time_and_bound_of_each_in_its_colour():
     found, _ = solvers()
     rows = found.numbers["solvers"]

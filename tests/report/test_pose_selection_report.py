@@ -61,8 +61,7 @@ def rows(seed, factors):
         model = campaign_row(CampaignRow, rng, f"{name}, {PLANNED}", parameters=68)
         if name != "test":
             return {"model": model}
-        each = [tuple(rng.uniform(1, 9, n)) for n in (4, 5)]
-        return {"model": model, "each_task_mm": each[0], "each_place_mm": each[1]}
+        return {"model": model, "each_place_mm": tuple(rng.uniform(1, 9, 5))}
 
     for name, n, fit in [(name, n, fit) for fit in FITS for name in NAMES for n in POSES]:
         yield row("measured", name, n, fit, **featured(name) if (n, fit) == (12, PLANNED) else {})

@@ -6,7 +6,6 @@ from run_here import ROOT, app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.files.read_pairs import read_csv
-from testbench.studies.paper.six_dof_arm import STUDY, SixDofOptions
 
 APP = app_of_study("six_dof_arm")
 COMPLETED = "MLS56, PSD of equal fit"
@@ -58,10 +57,3 @@ def test_order_m_falls_to_the_optimum(report):
         assert excess[-1] < 1 + 1e-5
         assert all(row["conservative"] for row in rows)
     assert report["order"]["MGCO69"][0]["f_m_over_optimum"] > 2
-
-
-def test_results_do_not_depend_on_other_seeds(rows):
-    """Of the second seed: the first one is counted in every order too."""
-    [alone] = STUDY.work(STUDY.settings(SixDofOptions(), True, range(3, 5)))([4])
-    beside = [(row["name"], row["f_m"]) for row in rows if row["seed"] == 4]
-    assert [(own.name, own.f_m) for own in alone] == beside

@@ -193,16 +193,8 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
 
 
-def registered(calibration: Calibration, series: Series) -> RegisteredSeries:
-    """Register a series by frame and mount as the calibration left them.
-
-    Args:
-        calibration: The calibration.
-        series: A series of absolute readings.
-
-    Returns:
-        The series with the covariance of its frame and mount.
-    """
+def _registered(calibration: Calibration, series: Series) -> RegisteredSeries:
+    """Register a series by frame and mount as the calibration left them."""
     active, every = calibration.active, np.arange(calibration.active.unknowns.size)
     calibration.state.frame(series), calibration.state.mount(series)
     names = f"frame {series.frame}", f"mount {series.target}"
@@ -511,7 +503,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
         ellipsoid, (rows, m).
     """
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
-    left, covariance = predict(calibration.model(), registered(calibration, read), read)
+    left, covariance = predict(calibration.model(), _registered(calibration, read), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
 

@@ -110,6 +110,8 @@ def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> Fits:
     return fitted(cell, [*plain, *as_in_paper(plain), *filled, *more], [case])
 
 
+# --- The report ---------------------------------------------------------------------------------------------
+
 PAPERS_ARM = "kr500_l480"
 PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}
 PANES = {

@@ -65,13 +65,6 @@ class Filler:
 
 
 @dataclass(frozen=True)
-class FilledModel(Model):
-    """Hold a model, and what fills what the data do not see."""
-
-    filling: Filling = "none"
-
-
-@dataclass(frozen=True)
 class PriorOptions:
     """Hold the flags of the study."""
 
@@ -150,9 +143,8 @@ def _fits(cell: Cell, asked: PriorSettings, seed: int, own: Models) -> Iterator[
     """All fits of one campaign."""
     straight, bent = _campaigns(cell, asked.scenario, seed)
     linear = asked.scenario.model_copy(update={"truth": "linear"})
-    plain = [FilledModel(**vars(model)) for model in plain_models(cell, MODELS_WITHOUT_PRIOR)]
-    hired = [FilledModel(**vars(model)) for model in own(cell, wrong_prior(cell, seed))]
-    every = [*plain, *_filled(cell, seed, asked.structures, FILLERS), *hired]
+    plain = plain_models(cell, MODELS_WITHOUT_PRIOR)
+    every = [*plain, *_filled(cell, seed, asked.structures, FILLERS), *own(cell, wrong_prior(cell, seed))]
     trial_case = replace(_case(bent, "nonlinear"), saved=bent.measured if seed == asked.first else None)
     yield from _judged(cell, every, [_case(straight, "linear"), trial_case])
     for scale in asked.scales:
@@ -178,16 +170,14 @@ def _case(campaign: Campaign, part: str, **more: object) -> TrialCase:
     return TrialCase(campaign.identification, campaign.truth, factors)
 
 
-def _judged(
-    cell: Cell, models: Sequence[FilledModel], cases: Sequence[TrialCase]
-) -> Iterator[PriorMethodRow]:
-    fits, filling = fitted(cell, models, cases), {model.name: model.filling for model in models}
+def _judged(cell: Cell, models: Sequence[Model], cases: Sequence[TrialCase]) -> Iterator[PriorMethodRow]:
+    fits, filling = fitted(cell, models, cases), {filler.name: filler.filling for filler in FILLERS}
 
     def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
         weighted_prior = estimate.weighted_prior
         return {
-            "filling": filling[name],
+            "filling": filling.get(name.partition(", ")[2], "none"),
             "uncertainty_percent": 100 * weighted_prior.uncertainty.relative if weighted_prior else None,
         }
 
@@ -196,14 +186,13 @@ def _judged(
 
 def _filled(
     cell: Cell, seed: int, structures: Sequence[str], fillers: Sequence[Filler], scale: float = SCALE
-) -> list[FilledModel]:
+) -> list[Model]:
     """Joints alone, then structures by these methods, all with the same wrong prior."""
     prior = wrong_prior(cell, seed, scale)
     joints, *models = named_models(cell, (JOINTS, *structures))
     asked = [(joints, LS), *((model, filler) for model in models for filler in fillers)]
     return [
-        FilledModel(f"{m.name}, {filler.name}", m.structure, filler.estimator(cell, prior), filler.filling)
-        for m, filler in asked
+        Model(f"{m.name}, {filler.name}", m.structure, filler.estimator(cell, prior)) for m, filler in asked
     ]
 
 
@@ -238,6 +227,8 @@ FILLERS = (
     GCO,
     Filler("GCO + log-det", "log-det prior", _of(_log_det)),
 )
+
+# --- The report ---------------------------------------------------------------------------------------------
 
 SEEN = "name parameters rank conservative uncertainty_percent rms_um"
 COVERAGE = "interval datasets covered_percent standard_error_percent width_um unbounded_percent"

@@ -160,6 +160,9 @@ def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[Inst
     yield from score_cases(cell, tried, fits, InstrumentRow, more)
 
 
+# --- The report ---------------------------------------------------------------------------------------------
+
+
 def _tables(_: Settings) -> Mapping[str, TrialTable]:
     """List the default by instrument; its error by poses; that of Joints-only."""
     usual = {"name": DEFAULT, "poses": USUAL}

@@ -256,6 +256,8 @@ def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> t
     return found[0], found[1]
 
 
+# --- The report ---------------------------------------------------------------------------------------------
+
 CLAIM_PERCENT = 4.8  #: Largest difference in error by a gravity compensator that the paper quotes [%].
 RIVALS = {"Joints": JOINTS, "same_prior": f"MLS56{FILLED}"}
 KINDS = (

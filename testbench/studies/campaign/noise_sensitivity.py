@@ -281,6 +281,8 @@ def _instruments(
         yield from score_cases(cell, cases, fitted(cell, [models[name]], cases))
 
 
+# --- The report ---------------------------------------------------------------------------------------------
+
 GRAVITY, SIX_DOF = "KR 500, 8 poses", "108 runs of section 5.2"
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
 HIDDEN = {

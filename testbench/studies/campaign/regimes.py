@@ -86,16 +86,8 @@ there is a model of equal fit.
 LEAST_NORM = 1e-2  #: Share of the largest norm of a term that weighs as one less: a term may fit exactly.
 
 
-def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> dict[str, Sequence[Estimate]]:
-    """Fit GCO, least squares, and least squares with other free directions.
-
-    Args:
-        regressions: Reduced datasets of one structure.
-        joints: Fits of joints alone to the same datasets, which are one of the methods.
-
-    Returns:
-        An estimate per dataset, by method.
-    """
+def _methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> dict[str, Sequence[Estimate]]:
+    """Fit GCO, least squares, and least squares with other free directions."""
     gco = [solve(regression, "psd") for regression in regressions]
     ls = [solve(_weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
@@ -295,7 +287,7 @@ def _rows(
             ]
             regressions = [reduce(cell.vjm, structure, runs) for runs in data]
             own = [replace(estimator, structure=structure) for estimator in estimators]
-            fits = Fits({**methods(regressions, joints), **fitted(cell, own, cases)})
+            fits = Fits({**_methods(regressions, joints), **fitted(cell, own, cases)})
             yield from _compared(cell, cases, fits, expected(cell.vjm, clean, grid, regressions))
 
 
@@ -340,6 +332,8 @@ def _amplified(regression: Regression, rows: Array) -> float:
     kept = s > RANK_TOLERANCE * s[0]
     return float(np.linalg.norm(rows[:, touched] / scale @ Vt[kept].T / s[kept]))
 
+
+# --- The report ---------------------------------------------------------------------------------------------
 
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
 """Kinds of reading in words."""

@@ -163,7 +163,7 @@ class Preset(Generic[O, S, W]):
         pairs = dict.fromkeys([*((ours, theirs) for theirs in rivals), *self.pairs])
         beside = duels(at, [*pairs], self.value)
         numbers = Row(
-            head(seeds, own),
+            _head(seeds, own),
             ours=ours,
             at=dict(where),
             cells=found,
@@ -173,7 +173,7 @@ class Preset(Generic[O, S, W]):
             else [
                 model
                 for words, rows in models.items()
-                for model in contract(rows, "check" if words and words == self.check else "workspace", words)
+                for model in _contract(rows, "check" if words and words == self.check else "workspace", words)
             ],
         )
         n, ends = counted(len(seeds), "trial"), span(len(seeds))
@@ -254,7 +254,7 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
     return rows
 
 
-def _rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
+def _rivals_table(rows: Sequence[Row], value: str) -> Table:
     """Tabulate pairs of models at the cell of the headline."""
     error = replace(KNOWN[value], form=".0f" if value == ERROR else KNOWN[value].form, short="")
     ours, theirs, *others = columns("ours theirs error_ratio won worst_ratio worst_seed")
@@ -296,22 +296,14 @@ def by_case(trials: Trials, *by: str) -> Trials:
     return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys], SHARED: trials[TRIAL]})
 
 
-def head(seeds: range, trials: Trials) -> Row:
-    """Collect what report.json says first: seeds, true arms with their trials, the first seed's dataset.
-
-    Args:
-        seeds: Seeds of the trials.
-        trials: Rows of the trials.
-
-    Returns:
-        The numbers.
-    """
+def _head(seeds: range, trials: Trials) -> Row:
+    """Collect what report.json says first: seeds, true arms with their trials, the first seed's dataset."""
     each = trials.keep("true_arm", TRIAL).groups("true_arm")
     arms = {arm: len(own.values(TRIAL)) for (arm,), own in each if arm}
     return Row(seed=seeds_of(seeds), noise=True, trials=len(seeds), true_arms=arms, dataset=dataset(trials))
 
 
-def contract(models: Sequence[Row], judged: str = "workspace", where: str = "") -> list[Row]:
+def _contract(models: Sequence[Row], judged: str, where: str) -> list[Row]:
     """Make the rows of report.json's `models` of one cell.
 
     Args:

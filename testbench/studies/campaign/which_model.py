@@ -226,7 +226,7 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
     return Doubted(heard, left.stiffer if traces[link] > np.median(traces) else left.softer)
 
 
-def said_of_prior(rows: Trials) -> Mapping[str, Cells]:
+def _said_of_prior(rows: Trials) -> Mapping[str, Cells]:
     """Judge in every case what is said of its prior, 0 or 1; NaN where nothing can be.
 
     The columns are `SAID`: something is doubted, the wrong link is named, it is listed as unchecked, it is
@@ -252,6 +252,8 @@ def said_of_prior(rows: Trials) -> Mapping[str, Cells]:
     either = np.where(np.isnan(unchecked), np.nan, np.fmax(told, unchecked))
     return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))
 
+
+# --- The report ---------------------------------------------------------------------------------------------
 
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
@@ -294,7 +296,7 @@ def _derived(_: FamilySettings, trials: Trials) -> Trials:
 
 def promises(default: Trials) -> Iterator[Row]:
     """Count whether intervals hold and doubts are right: of all cases, by poses, prior, true arm and link."""
-    judged = default.add(**said_of_prior(default))
+    judged = default.add(**_said_of_prior(default))
     share, percent = judged["link_share"], f"{100 * MOVES:.0f} % of the deflection"
     parts, called = {"all": judged}, KNOWN["prior_error"].called
     parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}

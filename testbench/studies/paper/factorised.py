@@ -209,7 +209,7 @@ def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
 
 
 def descend(
-    problem: Factorised, start: Array, keep: Callable[[Array, float], None], evaluate: Evaluate = cost
+    problem: Factorised, start: Array, keep: Callable[[Array, float], None], evaluate: Evaluate
 ) -> Descent:
     """Find the best b near a start by L-BFGS on the gradient of `evaluate`.
 
@@ -388,25 +388,13 @@ DISTANCE_FACTOR = 0.75  #: Share of a basin's radius within which no local solve
 WAIT = 20  #: Trial points in a row inside one basin, or above the threshold, until that filter is relaxed.
 SHRINK = 0.2  #: Share by which a basin's radius is then cut.
 PENALTY = 0.2  #: Share of 1 + threshold by which the threshold is then raised.
+POPULATION = 15  #: Points of a generation for every entry of b, as scipy has by default.
+STAGE_ONE = (
+    200  #: Trial points of which only the best starts a local solve, as `GlobalSearch` has by default.
+)
 
 
-@dataclass(frozen=True)
-class Budget:
-    """Limit how far the search goes; defaults are those of scipy and of MATLAB's `GlobalSearch`."""
-
-    population: int = 15  #: Points of a generation for every entry of b.
-    generations: int = 1000  #: Most generations; fewer where the population agrees.
-    trial_points: int = 1000  #: Trial points of the global search.
-    stage_one_points: int = 200  #: Of these, the ones of which only the best starts a local solve.
-
-    def __post_init__(self) -> None:
-        """Refuse a number below 1, and a stage one of more trial points than there are, by BenchError."""
-        numbers = self.population, self.generations, self.trial_points, self.stage_one_points
-        if min(numbers) < 1 or self.stage_one_points > self.trial_points:
-            raise BenchError(f"expected numbers of at least 1, stage one within the trial points, got {self}")
-
-
-def explore(search: Search, rng: np.random.Generator, budget: Budget) -> None:
+def explore(search: Search, rng: np.random.Generator, generations: int, trials: int) -> None:
     """Run a genetic algorithm, then a global search, through the whole budget.
 
     The paper stops at an F_M "slightly higher or close to 2", its noise floor; whether any conservative model
@@ -415,13 +403,14 @@ def explore(search: Search, rng: np.random.Generator, budget: Budget) -> None:
     Args:
         search: State of the search; it is changed.
         rng: Source of randomness.
-        budget: Limits of the search.
+        generations: Most generations; fewer where the population agrees.
+        trials: Number of trial points of the global search.
     """
-    _genetic_algorithm(search, budget, rng)
-    _global_search(search, budget, rng)
+    _genetic_algorithm(search, generations, rng)
+    _global_search(search, trials, rng)
 
 
-def _genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+def _genetic_algorithm(search: Search, generations: int, rng: np.random.Generator) -> None:
     """Find the start b0 by differential evolution, in the role of the paper's genetic algorithm."""
     problem = search.problem
 
@@ -436,8 +425,8 @@ def _genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator)
     evolve(
         counted,
         [(-BOX, BOX)] * problem.size,
-        popsize=budget.population,
-        maxiter=budget.generations,
+        popsize=POPULATION,
+        maxiter=generations,
         callback=watch,
         polish=False,
         rng=rng,
@@ -446,15 +435,16 @@ def _genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator)
     )
 
 
-def _global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+def _global_search(search: Search, trials: int, rng: np.random.Generator) -> None:
     """Run local solves from the best point and from the trial points that pass both filters."""
     search.solve(search.best)
-    points = trial_points(search.problem, search.best, budget.trial_points, rng)
+    points = trial_points(search.problem, search.best, trials, rng)
     values = costs(search.problem, points.T)
     search.evaluations += len(values)
-    search.solve(points[int(np.argmin(values[: budget.stage_one_points]))])
+    first = min(STAGE_ONE, trials)
+    search.solve(points[int(np.argmin(values[:first]))])
     threshold, waiting = search.f_m, 0
-    for b, value in zip(points[budget.stage_one_points :], values[budget.stage_one_points :], strict=True):
+    for b, value in zip(points[first:], values[first:], strict=True):
         inside = [basin for basin in search.basins if basin.holds(b)]
         if value < threshold and not inside:
             search.solve(b)

@@ -72,8 +72,6 @@ ERRORS = (
     "moment_position_rms_um_per_Nm force_rotation_rms_urad_per_N moment_rotation_rms_urad_per_Nm"
 )
 ORDER = f"m f_m excess_percent reaches_optimum {POSITION} {ROTATION}"
-NO_RANK = 1e-4
-"""Eigenvalue, in units of what noise causes, below which it counts as zero: solvers leave 1e-8."""
 Loads = Literal["axes", "random"]
 
 
@@ -125,7 +123,6 @@ class LinkRow(FitRow, Matrix):
 
     measured: DatasetRow  #: The readings.
     condition: float  #: Condition number of the loads, in units of force and moment [1].
-    rank_of_C: int  #: Eigenvalues beyond rounding.
     error: tuple[float, ...]  #: C minus the true one, row by row, (36,) [m/N, rad/N, rad/(N m)].
     #: Order of the vector space of Eq. (16) where a local solve searched it; 0 for a convex solve.
     m: int = 0
@@ -241,7 +238,6 @@ def _row(cell: Cell, asked: SingleLinkSettings, draw: Draw, fit: FitRow, estimat
         **vars(fit) | {"advice": ()},  # it differs from draw to draw
         measured=dataset_row(draw.identification),
         condition=float(np.linalg.cond(load)),
-        rank_of_C=rank_beyond_noise(campaign, C),
         error=tuple((C - cell.arm.C_theta).ravel().tolist()),
     )
 
@@ -297,28 +293,6 @@ def prediction_errors(C: Array, truth: Dataset) -> dict[str, float]:
 def eigenvalues(C: Array) -> tuple[Array, Array]:
     """Compute real parts of the eigenvalues of a matrix, as the paper does, and of its symmetric part."""
     return np.sort(np.linalg.eigvals(C).real), np.asarray(np.linalg.eigvalsh((C + C.T) / 2))
-
-
-def noise_scale(campaign: FullPose) -> Array:
-    """Compute the noise of an entry read directly, (6, 6): sqrt(2) sigma over the load."""
-    sigma = np.repeat([campaign.sigma, campaign.sigma_rotation], 3)
-    load = np.repeat([campaign.force, campaign.moment], 3)
-    return np.asarray(np.sqrt(2) * sigma[:, None] / load)
-
-
-def rank_beyond_noise(campaign: FullPose, C: Array) -> int:
-    """Count eigenvalues of the symmetric part beyond rounding, in units of what noise causes.
-
-    Args:
-        campaign: Campaign of the readings.
-        C: Compliance, (6, 6) [m/N, rad/(N m)].
-
-    Returns:
-        The rank.
-    """
-    unit = np.sqrt(np.diag(noise_scale(campaign)))
-    values = np.linalg.eigvalsh((C + C.T) / 2 / np.outer(unit, unit))
-    return int((np.abs(values) > NO_RANK).sum())
 
 
 def rms(values: Array) -> float:
