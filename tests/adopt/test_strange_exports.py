@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from run_here import fine
 from test_kinds_of_files import ARM, DOWN, NAMES, TIMES, N, Q, X, fits, numbers, pairs, read, table
 
 from testbench.errors import InputError
@@ -429,6 +430,13 @@ def test_gauges_are_read_to_the_last_digit(name, tmp_path):
     np.testing.assert_allclose(rise * signs, 1e-3 * RISE, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.q, RAD, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found.wrench[:, 2], -WEIGHT, rtol=0, atol=1e-9)
+
+
+def test_data_map_shows_the_runs_of_gauges(tmp_path):
+    (file := tmp_path / "gauges.csv").write_text(GAUGES["wide, a row per state"])
+    said = fine("data", "map", ARM.name, file)
+    assert said.endswith(f"{N} runs")
+    assert "travel" in said
 
 
 def test_gauges_that_touch_one_target_in_turn_are_paired_each_with_itself(tmp_path):
