@@ -300,13 +300,16 @@ def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], l
         mass, unit = hung
         why = f"{mass} {unit} in the names of some columns alone"
         return _by_one_load(table, place, found), [Entry("values", f"mass_{unit}", mass)], why
-    targets = {at.target for at in found if not at.when}
-    if "0" in targets and (len(arm.markers) == 1 or _names_targets(table, arm)):
+    numbers = {at.target for at in found if at.target.isdecimal() and not at.when}
+    if numbers and len(arm.markers) == 1 and (counted := _counted_states(found)):
+        return counted, [], COUNTED
+    if numbers and len(arm.markers) > 1 and _names_targets(table, arm):
         if counted := _counted_states(found):
             return counted, [], COUNTED
-        if targets == {"0"} and len(arm.markers) > 1:
-            problem = "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ"
-            raise table.header_error(f"{problem}; columns are {listed(table.names)}")
+        got = ", ".join(f"X{number}" for number in sorted(numbers))
+        problem = f"expected X0 and X1, or X0 and dX, beside the column that names the targets, got {got}"
+        hint = 'say which are unloaded and loaded in [columns] of a map, as before_x = "X1"'
+        raise table.header_error(f"{problem}; {hint}")
     if moved := _unloaded_and_moved(table, found):
         return moved, [], MOVED
     return found, [], "numbers count the axes x, y, z" if by_number else ""

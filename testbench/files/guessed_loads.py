@@ -37,13 +37,13 @@ def mass_entries(table: TableCells) -> Iterator[Entry]:
     Raises:
         InputError: If masses may be one or a thousand, or are in a unit that is none of masses.
     """
-    if not (columns := mass_columns(table)):
+    columns = [k for k in mass_columns(table) if not _only_states(table, k)]
+    if not columns:
         return
     k, *others = columns
+    _refuse_several(table, columns)
     name, unit = table.names[k], unit_of(table, k)
     texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-    if unit is None and texts and {*map(squeeze, texts)} <= {*STATE_OF_CELL}:
-        return  # a column of states
     if unit and unit.si == "N":
         down = all(not text.startswith("-") for text in texts)
         yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
@@ -58,6 +58,21 @@ def mass_entries(table: TableCells) -> Iterator[Entry]:
     words = (text for text in texts if not NUMBER.search(text))
     if none := [text for text in words if STATE_OF_CELL.get(squeeze(text)) == "before"]:
         yield Entry("words", "0", none)
+
+
+def _only_states(table: TableCells, k: int) -> bool:
+    """Whether a column of loads only says whether something hangs, such as "yes" and "no"."""
+    texts = {squeeze(text) for text in table.texts(k) if text}
+    return unit_of(table, k) is None and bool(texts) and texts <= {*STATE_OF_CELL}
+
+
+def _refuse_several(table: TableCells, columns: Sequence[int]) -> None:
+    """Refuse several columns of loads that say different ones: they may be parts of a sum."""
+    different = {tuple(table.texts(k)) for k in columns}
+    if len(different) > 1:
+        names = " and ".join(repr(table.names[k]) for k in columns)
+        hint = f'say in [columns] of a map which one counts, as mass = "{table.names[columns[0]]}"'
+        raise table.header_error(f"expected one column of loads, got {names}; {hint}")
 
 
 def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:

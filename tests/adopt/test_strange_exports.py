@@ -299,6 +299,9 @@ PAIRED = {
     "two weights in tonnes": by_state(lambda loaded: [("none", "2 x 0.05 t")[loaded]], ("Load",)),
     "a legend of a flange and a plate": "LA: empty flange\nLB: 100 kg plate\n\n"
     + by_state(lambda loaded: [("LA", "LB")[loaded]], ("Load",)),
+    "yes and no beside a mass": by_state(
+        lambda loaded: [("no", "yes")[loaded], str(100 * loaded)], ("Loaded", "Mass [kg]")
+    ),
     "steps with a number and a load": by_state(
         lambda loaded: [("1 - unloaded", "2 - loaded 100 kg")[loaded]], ("Step",)
     ),
@@ -471,7 +474,17 @@ REFUSED = {
     "a table of two states, one unknown": (
         both("{}0 [mm]", "{}L [mm]"),
         None,
-        "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ",
+        "expected X0 and X1, or X0 and dX, beside the column that names the targets, got X0; say which",
+    ),
+    "numbers of states, or of targets": (
+        both("{}1 [mm]", "{}2 [mm]"),
+        None,
+        "beside the column that names the targets, got X1, X2; say which are unloaded and loaded",
+    ),
+    "two weights side by side": (
+        by_state(lambda loaded: [str(40 * loaded), str(60 * loaded)], ("Load 1 [kg]", "Load 2 [kg]")),
+        None,
+        r"expected one column of loads, got 'Load 1 \[kg\]' and 'Load 2 \[kg\]'",
     ),
     "suffixes of nobody knows what": (both("{}_u", "{}_l"), None, "no column looks like a position"),
     "degrees, minutes and seconds": (
