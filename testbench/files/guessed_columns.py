@@ -32,6 +32,7 @@ from testbench.files.names import (
     STATES,
     XYZ,
     Place,
+    are_markers,
     column_meaning,
     joint_family,
     looks_like,
@@ -39,7 +40,6 @@ from testbench.files.names import (
     places,
     plain,
     split_unit,
-    squeeze,
 )
 from testbench.files.rearranged import NUMBERS, clock, numbers_in
 from testbench.files.table import TableCells
@@ -368,9 +368,8 @@ def _by_one_load(
 
 def _names_targets(table: TableCells, arm: Arm) -> bool:
     """Whether a column holds names of several of the arm's markers, and no other ones."""
-    markers = {*map(squeeze, arm.markers)}
-    texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
-    return any(len(own) > 1 and own <= markers for own in texts)
+    texts = ({*table.texts(k)} for k in range(len(table.names)))
+    return any(len(own) > 1 and are_markers(own, arm) for own in texts)
 
 
 def _counted_states(found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:

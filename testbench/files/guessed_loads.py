@@ -14,6 +14,7 @@ from testbench.files.names import (
     STATE_OF_CELL,
     STATE_OF_WORD,
     column_meaning,
+    number_of,
     places,
     squeeze,
     state_of,
@@ -80,7 +81,7 @@ def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> 
     if unclear := next(filter(THOUSANDS.search, texts), ""):
         problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
         raise table.header_error(problem, name)
-    numbers = all(is_decimal(text.replace(",", ".")) for text in texts)
+    numbers = all(number_of(text) is not None for text in texts)
     if numbers and (other := BRACKETS.match(name)) and unit_of(table, table.names.index(name)) is None:
         raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
 
@@ -128,8 +129,7 @@ def _weighs(table: TableCells, k: int) -> bool:
     unit = unit_of(table, k)
     if unit is None or unit.si != "kg":
         return False
-    texts = [str(text).replace(",", ".") for text in table.texts(k)]
-    values = {float(text or 0) for text in texts if is_decimal(text) or not text}
+    values = {number_of(text or "0") for text in table.texts(k)} - {None}
     return 0 in values and len(values) > 1
 
 
@@ -142,10 +142,8 @@ def by_states(table: TableCells) -> bool:
     Returns:
         Whether they are.
     """
-    hung = [str(text).replace(",", ".") for k in mass_columns(table)[:1] for text in table.texts(k)]
-    idle = any(
-        not text or (is_decimal(text) and float(text) == 0) or state_of(text) == "before" for text in hung
-    )
+    hung = {text for k in mass_columns(table)[:1] for text in table.texts(k)}
+    idle = any(number_of(text or "0") == 0 or state_of(text) == "before" for text in hung)
     return idle or any(column_meaning(name) == "state" for name in table.names)
 
 

@@ -3,12 +3,13 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 
 # --- The quantities of a measurement ------------------------------------------------------------------------
@@ -221,6 +222,32 @@ def torque_columns(arm: Arm) -> dict[str, Slot]:
 
 def _without_unit(every: Mapping[str, Slot]) -> dict[str, Slot]:
     return {parts[0] if (parts := split_unit(name)) else name: slot for name, slot in every.items()}
+
+
+def number_of(text: str) -> float | None:
+    """Read a number with a decimal point or a decimal comma.
+
+    Args:
+        text: A cell.
+
+    Returns:
+        The number; None for any other text.
+    """
+    pointed = text.replace(",", ".")
+    return float(pointed) if is_decimal(pointed) else None
+
+
+def are_markers(texts: Iterable[str], arm: Arm) -> bool:
+    """Tell whether texts are all names of an arm's markers, whatever their case and blanks.
+
+    Args:
+        texts: The texts.
+        arm: The arm.
+
+    Returns:
+        Whether they are.
+    """
+    return {*map(squeeze, texts)} <= {*map(squeeze, arm.markers)}
 
 
 def squeeze(text: str) -> str:
