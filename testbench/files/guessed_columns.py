@@ -292,7 +292,7 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
 def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], list[Entry], str]:
     """The columns of positions, with states that their names do not say, what the map says of it, and why."""
     place, found = places(arm), dict[Place, list[int]]()
-    by_number = numbered_places(table.names, place)
+    by_number = numbered_places(table.names, arm)
     for k, name in enumerate(table.names):
         if at := place(name) or by_number.get(name):
             found.setdefault(at, []).append(k)

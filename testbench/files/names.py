@@ -530,20 +530,20 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
     return place
 
 
-def numbered_places(names: Sequence[str], place: Callable[[str], Place | None]) -> dict[str, Place]:
+def numbered_places(names: Sequence[str], arm: Arm) -> dict[str, Place]:
     """Find positions whose axes are numbered, such as pos_1, pos_2, pos_3.
 
     Args:
-        names: Names of all columns.
-        place: Function that finds target and state in a name, from `places`.
+        names: Names of all columns; those of the arm's markers, such as P1, number targets, not axes.
+        arm: The arm, with the names of its markers.
 
     Returns:
         Target, state and axis of each such name; a family of other numbers than three in turn has none.
     """
     numbered = re.compile(rf"(?P<rest>.*?)(?:{KNOWN_EXPORTS['places']['numbered']})(?P<n>\d+)")
-    families = dict[str, dict[int, str]]()
+    place, families = places(arm), dict[str, dict[int, str]]()
     for name in names:
-        if match := numbered.fullmatch(plain(name)):
+        if not are_markers([plain(name)], arm) and (match := numbered.fullmatch(plain(name))):
             families.setdefault(match["rest"], {})[int(match["n"])] = name
     found = dict[str, Place]()
     for rest, own in families.items():

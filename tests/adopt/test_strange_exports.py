@@ -130,7 +130,7 @@ READ = {
     "pandas, an index": (
         table(["Unnamed: 0", "Point", *DEG, *MM], [[str(k), *row] for k, row in enumerate(LISTS)]),
     ),
-    "MATLAB, columns of vectors": (beside(six("q_{}"), ["p_1", "p_2", "p_3"], RADIANS, 1e-3, (12, 9)),),
+    "MATLAB, columns of vectors": (beside(six("q_{}"), ["pos_1", "pos_2", "pos_3"], RADIANS, 1e-3, (12, 9)),),
     "MATLAB, places of vectors": (
         beside(six("theta({})"), ["pos(1)", "pos(2)", "pos(3)"], RADIANS, 1e-3, (12, 9)),
     ),
@@ -480,6 +480,11 @@ REFUSED = {
         both("{}1 [mm]", "{}2 [mm]"),
         None,
         "beside the column that names the targets, got X1, X2; say which are unloaded and loaded",
+    ),
+    "one number of each target": (
+        beside(place=["P1 [mm]", "P2 [mm]", "P3 [mm]"]),
+        None,
+        "no column looks like a position",
     ),
     "two weights side by side": (
         by_state(lambda loaded: [str(40 * loaded), str(60 * loaded)], ("Load 1 [kg]", "Load 2 [kg]")),
