@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +12,11 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError, InputError, sheet_of
-from testbench.files.columns import UnknownColumns
+from testbench.files.columns import Columns, UnknownColumns
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
 from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
+from testbench.files.read_pairs import read_export
 from testbench.files.read_series import read_series
 from testbench.files.read_unknown import sheets_of
 from testbench.files.text import UnevenRows
@@ -160,10 +162,15 @@ def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
 
 def _pairs(runs: ReadingOptions, cell: Cell, mapping: Map) -> bool:
     """Whether the readings of a file are in pairs, unloaded and loaded."""
-    if any(key.startswith(("travel", "distance_before")) for key in mapping.columns):
+    if _along_lines(mapping):
         return True
     series = read_series(runs.dataset, cell.arm, mapping, load=runs.load).series
     return any(own.wrench.any() for own in series)
+
+
+def _along_lines(mapping: Map) -> bool:
+    """Whether a map reads gauges, or pairs of distances."""
+    return any(key.startswith(("travel", "distance_before")) for key in mapping.columns)
 
 
 @dataclass(frozen=True)
@@ -193,6 +200,10 @@ def propose_map(asked: MapOptions) -> None:
     with whole_file(out) as part:
         part.write_text(_map_file(file, proposal), "utf-8")
     console.print("\n".join([f"map        {out}", *_origin(proposal), ""]), soft_wrap=True)
+    if _along_lines(proposal.map()):
+        export = read_export(asked.dataset, cell.arm, out, load=asked.load)
+        _show_columns(console, export.columns, export.notes, f"{export.data.runs} runs")
+        return
     _show_series(console, cell, asked.dataset, out, asked.load)
 
 
@@ -215,13 +226,9 @@ def _show_series(
 ) -> None:
     """Show what a map reads of a file, and how well that fits the arm."""
     export = read_series(dataset, cell.arm, mapping, load=load)
-    rows = [Row(row, values=written(row)) for row in column_rows(export.columns)]
-    notes = [
-        f"columns not read: {', '.join(export.columns.ignored) or 'none'}",
-        *(f"- {note}" for note in export.notes),
-        f"{sum(series.rows for series in export.series)} readings",
-    ]
-    console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)
+    _show_columns(
+        console, export.columns, export.notes, f"{sum(series.rows for series in export.series)} readings"
+    )
     off = MM * kinematic_misfit(cell.vjm, export.series)
     console.print(f"The median distance of these readings from the nominal arm is {off:.3g} mm.")
     for one in export.series:
@@ -230,3 +237,11 @@ def _show_series(
             console.print(
                 f"{one.name}: orientations differ from the nominal arm by {angle} RMS.", soft_wrap=True
             )
+
+
+def _show_columns(console: Console, columns: Columns, notes: Sequence[str], count: str) -> None:
+    """Show what the columns of a file are, which are not read, and how much it holds."""
+    rows = [Row(row, values=written(row)) for row in column_rows(columns)]
+    unread = f"columns not read: {', '.join(columns.ignored) or 'none'}"
+    lines = [*column_lines(rows), "", unread, *(f"- {note}" for note in notes), count]
+    console.print("\n".join(lines), soft_wrap=True)

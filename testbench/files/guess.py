@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.arm.document import is_decimal
 from testbench.errors import Array
-from testbench.files.names import NUMBER, Unit, split_unit
+from testbench.files.names import NUMBER, Unit, number_of, split_unit
 from testbench.files.table import TableCells
 
 GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
@@ -136,8 +135,8 @@ def length_unit(
 
 def _sizes(table: TableCells, columns: Sequence[int]) -> Array:
     """The numbers of some columns, those that are none left out."""
-    texts = (text.replace(",", ".") for k in columns for text in table.texts(k))
-    return np.array([float(text) for text in texts if is_decimal(text)])
+    numbers = (number_of(text) for k in columns for text in table.texts(k))
+    return np.array([number for number in numbers if number is not None])
 
 
 def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:
@@ -151,6 +150,6 @@ def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:
         One line of the map that lists the words; empty if there are none.
     """
     texts = {text for k in columns for text in table.texts(k)}
-    words = sorted(text for text in texts if text and not is_decimal(text.replace(",", ".")))
+    words = sorted(text for text in texts if text and number_of(text) is None)
     words = [text for text in words if not GROUPED.fullmatch(text) and not NUMBER.search(text)]
     return [Entry("words", "lost", words, "no numbers")] if words else []

@@ -32,6 +32,7 @@ from testbench.files.names import (
     STATES,
     XYZ,
     Place,
+    are_markers,
     column_meaning,
     joint_family,
     looks_like,
@@ -39,7 +40,6 @@ from testbench.files.names import (
     places,
     plain,
     split_unit,
-    squeeze,
 )
 from testbench.files.rearranged import NUMBERS, clock, numbers_in
 from testbench.files.table import TableCells
@@ -292,7 +292,7 @@ def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[
 def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], list[Entry], str]:
     """The columns of positions, with states that their names do not say, what the map says of it, and why."""
     place, found = places(arm), dict[Place, list[int]]()
-    by_number = numbered_places(table.names, place)
+    by_number = numbered_places(table.names, arm)
     for k, name in enumerate(table.names):
         if at := place(name) or by_number.get(name):
             found.setdefault(at, []).append(k)
@@ -300,13 +300,16 @@ def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], l
         mass, unit = hung
         why = f"{mass} {unit} is in the names of some columns only"
         return _by_one_load(table, place, found), [Entry("values", f"mass_{unit}", mass)], why
-    targets = {at.target for at in found if not at.when}
-    if "0" in targets and (len(arm.markers) == 1 or _names_targets(table, arm)):
+    numbers = {at.target for at in found if at.target.isdecimal() and not at.when}
+    if numbers and len(arm.markers) == 1 and (counted := _counted_states(found)):
+        return counted, [], COUNTED
+    if numbers and len(arm.markers) > 1 and _names_targets(table, arm):
         if counted := _counted_states(found):
             return counted, [], COUNTED
-        if targets == {"0"} and len(arm.markers) > 1:
-            problem = "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ"
-            raise table.header_error(f"{problem}; columns are {listed(table.names)}")
+        got = ", ".join(f"X{number}" for number in sorted(numbers))
+        problem = f"expected X0 and X1, or X0 and dX, beside the column that names the targets, got {got}"
+        hint = 'say which are unloaded and loaded in [columns] of a map, as before_x = "X1"'
+        raise table.header_error(f"{problem}; {hint}")
     if moved := _unloaded_and_moved(table, found):
         return moved, [], MOVED
     return found, [], "numbers count the axes x, y, z" if by_number else ""
@@ -365,9 +368,8 @@ def _by_one_load(
 
 def _names_targets(table: TableCells, arm: Arm) -> bool:
     """Whether a column holds names of several of the arm's markers, and no other ones."""
-    markers = {*map(squeeze, arm.markers)}
-    texts = ({*map(squeeze, table.texts(k))} for k in range(len(table.names)))
-    return any(len(own) > 1 and own <= markers for own in texts)
+    texts = ({*table.texts(k)} for k in range(len(table.names)))
+    return any(len(own) > 1 and are_markers(own, arm) for own in texts)
 
 
 def _counted_states(found: Mapping[Place, list[int]]) -> dict[Place, list[int]]:

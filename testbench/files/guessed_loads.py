@@ -14,6 +14,7 @@ from testbench.files.names import (
     STATE_OF_CELL,
     STATE_OF_WORD,
     column_meaning,
+    number_of,
     places,
     squeeze,
     state_of,
@@ -37,13 +38,13 @@ def mass_entries(table: TableCells) -> Iterator[Entry]:
     Raises:
         InputError: If masses may be one or a thousand, or are in a unit that is none of masses.
     """
-    if not (columns := mass_columns(table)):
+    columns = [k for k in mass_columns(table) if not _only_states(table, k)]
+    if not columns:
         return
     k, *others = columns
+    _refuse_several(table, columns)
     name, unit = table.names[k], unit_of(table, k)
     texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-    if unit is None and texts and {*map(squeeze, texts)} <= {*STATE_OF_CELL}:
-        return  # a column of states
     if unit and unit.si == "N":
         down = all(not text.startswith("-") for text in texts)
         yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
@@ -60,12 +61,27 @@ def mass_entries(table: TableCells) -> Iterator[Entry]:
         yield Entry("words", "0", none)
 
 
+def _only_states(table: TableCells, k: int) -> bool:
+    """Whether a column of loads only says whether something hangs, such as "yes" and "no"."""
+    texts = {squeeze(text) for text in table.texts(k) if text}
+    return unit_of(table, k) is None and bool(texts) and texts <= {*STATE_OF_CELL}
+
+
+def _refuse_several(table: TableCells, columns: Sequence[int]) -> None:
+    """Refuse several columns of loads that say different ones: they may be parts of a sum."""
+    different = {tuple(table.texts(k)) for k in columns}
+    if len(different) > 1:
+        names = " and ".join(repr(table.names[k]) for k in columns)
+        hint = f'say in [columns] of a map which one counts, as mass = "{table.names[columns[0]]}"'
+        raise table.header_error(f"expected one column of loads, got {names}; {hint}")
+
+
 def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:
     """Refuse masses that may be one or a thousand, and numbers in a unit that is none of masses."""
     if unclear := next(filter(THOUSANDS.search, texts), ""):
         problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
         raise table.header_error(problem, name)
-    numbers = all(is_decimal(text.replace(",", ".")) for text in texts)
+    numbers = all(number_of(text) is not None for text in texts)
     if numbers and (other := BRACKETS.match(name)) and unit_of(table, table.names.index(name)) is None:
         raise table.header_error(f"expected a unit of mass or force, got {other[2]!r}", name)
 
@@ -113,8 +129,7 @@ def _weighs(table: TableCells, k: int) -> bool:
     unit = unit_of(table, k)
     if unit is None or unit.si != "kg":
         return False
-    texts = [str(text).replace(",", ".") for text in table.texts(k)]
-    values = {float(text or 0) for text in texts if is_decimal(text) or not text}
+    values = {number_of(text or "0") for text in table.texts(k)} - {None}
     return 0 in values and len(values) > 1
 
 
@@ -127,10 +142,8 @@ def by_states(table: TableCells) -> bool:
     Returns:
         Whether they are.
     """
-    hung = [str(text).replace(",", ".") for k in mass_columns(table)[:1] for text in table.texts(k)]
-    idle = any(
-        not text or (is_decimal(text) and float(text) == 0) or state_of(text) == "before" for text in hung
-    )
+    hung = {text for k in mass_columns(table)[:1] for text in table.texts(k)}
+    idle = any(number_of(text or "0") == 0 or state_of(text) == "before" for text in hung)
     return idle or any(column_meaning(name) == "state" for name in table.names)
 
 

@@ -23,9 +23,11 @@ from testbench.files.names import (
     STATE_OF_WORD,
     STATES,
     XYZ,
+    are_markers,
     column_meaning,
     joint_family,
     looks_like,
+    number_of,
     plain,
     squeeze,
     state_of,
@@ -76,7 +78,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
             parted.append(name)
         elif column_meaning(name) == "state":
             continue  # in words that nobody knows
-        elif told.targets(texts) or (lined and {*map(squeeze, distinct)} <= {*map(squeeze, arm.markers)}):
+        elif told.targets(texts) or (lined and are_markers(distinct, arm)):
             yield Entry("columns", "marker", name)
             yield from _targets(distinct, arm)
             own.add("marker")
@@ -110,10 +112,9 @@ def _told_by_cells(
     table: TableCells, arm: Arm, unknown: Sequence[str], names: Sequence[str]
 ) -> Iterator[str]:
     """Columns that hold the arm's markers, or states, whatever they are called; where none is called so."""
-    markers = {*map(squeeze, arm.markers)}
 
     def of_markers(name: str) -> bool:
-        return {*map(squeeze, keys_of(table, [name]))} <= markers
+        return are_markers(keys_of(table, [name]), arm)
 
     def of_states(name: str) -> set[str]:
         words = {squeeze(text).strip("0123456789") for text in keys_of(table, [name])}
@@ -177,8 +178,7 @@ def _told(table: TableCells, arm: Arm, said: Mapping[str, str]) -> _Told:
     columns = read[: len(XYZ)] or place_columns(table, arm)
     position = np.full((table.rows, len(XYZ)), np.nan)
     for axis, k in enumerate(columns):
-        texts = [text.replace(",", ".") for text in table.texts(k)]
-        position[:, axis] = [float(text) if is_decimal(text) else np.nan for text in texts]
+        position[:, axis] = np.array([number_of(text) for text in table.texts(k)], dtype=float)
     size = np.nanmedian(np.abs(position)) if np.isfinite(position).any() else 1.0
     return _Told(keys_of(table, joints) if joints else [""] * table.rows, position / (size or 1.0))
 
@@ -187,7 +187,7 @@ def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
     """Say whose names those of targets are: the arm's markers by their numbers, else targets of their own."""
     own = [text for text in own if text]
     numbers = [NUMBER.findall(text)[-1:] for text in own]
-    if {*map(squeeze, own)} <= {*map(squeeze, arm.markers)}:
+    if are_markers(own, arm):
         return
     if len(own) == len(arm.markers) == len({int(n[0]) for n in numbers if n}):
         order = sorted(own, key=lambda text: int(NUMBER.findall(text)[-1]))
@@ -243,7 +243,7 @@ def _refuse_unknown_words(table: TableCells, name: str, texts: Sequence[str], ar
         kinds = list(dict.fromkeys(words))
         others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
         again = len({*others}) < len({*zip(words, others, strict=True)})
-        known = {*map(squeeze, kinds)} <= {*map(squeeze, arm.markers)} or any(map(is_decimal, kinds))
+        known = are_markers(kinds, arm) or any(map(is_decimal, kinds))
         if again and not known and 1 < len(kinds) <= SHOTS:
             unknown.append(kinds)
     if unknown:
@@ -290,8 +290,8 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
         counts = all(word.isdecimal() for word in words)
         holes = [
             (words[0], len(kinds) == 1),
-            ("*", "marker" in own and kinds <= {*map(squeeze, arm.markers)}),
-            ("{marker}", kinds <= {*map(squeeze, arm.markers)}),
+            ("*", "marker" in own and are_markers(kinds, arm)),
+            ("{marker}", are_markers(kinds, arm)),
             ("{when}", kinds <= {*STATE_OF_WORD}),
             (f"{{mass_{after}}}", after in ("kg", "lb")),
             (f"{{mass_{unit}}}", bool(masses)),

@@ -15,7 +15,7 @@ from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.languages import FLAGS, known_languages
 from testbench.files.mapping import FileLayout, Map, Text
-from testbench.files.names import XYZ, find_unit, places, plain, split_unit, squeeze
+from testbench.files.names import XYZ, find_unit, number_of, places, plain, split_unit, squeeze
 from testbench.files.text import (
     BLANK,
     DELIMITERS,
@@ -317,7 +317,7 @@ def _of_kinds(cells: Sequence[str], kinds: Sequence[str]) -> bool:
     """Whether a row has as many cells of these kinds, or more that are blank."""
     if len(cells) < len(kinds) or any(cells[len(kinds) :]):
         return False
-    numbers = [is_decimal(cell.replace(",", ".")) for cell in cells]
+    numbers = [number_of(cell) is not None for cell in cells]
     pairs = zip(kinds, numbers, cells, strict=False)
     return all(kind == "any" or (cell and number == (kind == "number")) for kind, number, cell in pairs)
 

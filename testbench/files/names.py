@@ -3,12 +3,13 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 
 # --- The quantities of a measurement ------------------------------------------------------------------------
@@ -221,6 +222,32 @@ def torque_columns(arm: Arm) -> dict[str, Slot]:
 
 def _without_unit(every: Mapping[str, Slot]) -> dict[str, Slot]:
     return {parts[0] if (parts := split_unit(name)) else name: slot for name, slot in every.items()}
+
+
+def number_of(text: str) -> float | None:
+    """Read a number with a decimal point or a decimal comma.
+
+    Args:
+        text: A cell.
+
+    Returns:
+        The number; None for any other text.
+    """
+    pointed = text.replace(",", ".")
+    return float(pointed) if is_decimal(pointed) else None
+
+
+def are_markers(texts: Iterable[str], arm: Arm) -> bool:
+    """Tell whether texts are all names of an arm's markers, whatever their case and blanks.
+
+    Args:
+        texts: The texts.
+        arm: The arm.
+
+    Returns:
+        Whether they are.
+    """
+    return {*map(squeeze, texts)} <= {*map(squeeze, arm.markers)}
 
 
 def squeeze(text: str) -> str:
@@ -503,20 +530,20 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
     return place
 
 
-def numbered_places(names: Sequence[str], place: Callable[[str], Place | None]) -> dict[str, Place]:
+def numbered_places(names: Sequence[str], arm: Arm) -> dict[str, Place]:
     """Find positions whose axes are numbered, such as pos_1, pos_2, pos_3.
 
     Args:
-        names: Names of all columns.
-        place: Function that finds target and state in a name, from `places`.
+        names: Names of all columns; those of the arm's markers, such as P1, number targets, not axes.
+        arm: The arm, with the names of its markers.
 
     Returns:
         Target, state and axis of each such name; a family of other numbers than three in turn has none.
     """
     numbered = re.compile(rf"(?P<rest>.*?)(?:{KNOWN_EXPORTS['places']['numbered']})(?P<n>\d+)")
-    families = dict[str, dict[int, str]]()
+    place, families = places(arm), dict[str, dict[int, str]]()
     for name in names:
-        if match := numbered.fullmatch(plain(name)):
+        if not are_markers([plain(name)], arm) and (match := numbered.fullmatch(plain(name))):
             families.setdefault(match["rest"], {})[int(match["n"])] = name
     found = dict[str, Place]()
     for rest, own in families.items():

@@ -36,11 +36,11 @@ from testbench.files.mapping import Map, Named, read_map, without_holes
 from testbench.files.names import (
     ROTATIONS,
     SI,
+    are_markers,
     column_meaning,
     joints_of,
     places,
     series_names,
-    squeeze,
 )
 from testbench.files.read_series import read_series
 from testbench.files.read_unknown import (
@@ -235,11 +235,11 @@ def _merged(table: TableCells, arm: Arm, alone: Mask, joints: Sequence[int]) -> 
     """
     if not alone.any() or alone[0]:
         return []
-    place, markers = places(arm), {*map(squeeze, arm.markers)}
+    place = places(arm)
     others = [k for k, name in enumerate(table.names) if name and k not in joints and not place(name)]
     alike = [k for k in others if np.array_equal(table.blank(k), alone)]
-    named = [np.array([squeeze(text) in markers for text in table.texts(k)]) for k in others]
-    return [*joints, *alike] if alike or any(own.all() for own in named) else []
+    named = any(are_markers(table.texts(k), arm) for k in others)
+    return [*joints, *alike] if alike or named else []
 
 
 @dataclass

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, along_lines, select_rows
 from testbench.errors import Array, Ids, Mask, check_type
@@ -45,6 +44,7 @@ from testbench.files.names import (
     Slot,
     What,
     columns_of,
+    number_of,
     plain,
     split_unit,
     squeeze,
@@ -500,10 +500,10 @@ def untold_readings(columns: Columns) -> list[str]:
 
 def _counts(texts: Sequence[str]) -> bool:
     """Whether texts are numbers that count from 0 or 1, numbers without 0, or times."""
-    own = [text.replace(",", ".") for text in texts]
-    numbers = {float(text) for text in own if is_decimal(text)}
-    counted = numbers in ({*map(float, range(len(own)))}, {*map(float, range(1, len(own) + 1))})
-    return counted or 0 not in numbers if len(numbers) == len(own) else clock(texts) is not None
+    numbers = {*map(number_of, texts)} - {None}
+    if len(numbers) < len(texts):
+        return clock(texts) is not None
+    return 0 not in numbers or numbers == {*range(len(texts))}
 
 
 # --- Reader of measured runs from a text file of an instrument, a spreadsheet or a robot --------------------

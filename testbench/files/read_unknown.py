@@ -16,13 +16,13 @@ from testbench.files.mapping import FileLayout
 from testbench.files.names import (
     STATES,
     XYZ,
+    are_markers,
     column_meaning,
     find_unit,
     joint_family,
     joints_of,
     looks_like,
     places,
-    squeeze,
     state_of,
 )
 from testbench.files.rearranged import read_log
@@ -157,7 +157,7 @@ def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:
     first = read_unknown(path, arm, layout).table if len(names) > 1 else None
     alike = [name for name in names if first is not None and _alike(first, _sheet(path, name), arm, layout)]
     states = [state_of(name) for name in alike]
-    targets = {*map(squeeze, alike)} <= {*map(squeeze, arm.markers)}
+    targets = are_markers(alike, arm)
     together = sorted(states) == sorted(STATES) or masses_in(alike) or targets
     return alike if len(alike) > 1 and together else []
 

@@ -18,7 +18,7 @@ from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, Shee
 from testbench.arm.document import is_decimal
 from testbench.errors import InputError, printable, read_bytes, sheet_of
 from testbench.files.mapping import FileLayout
-from testbench.files.names import BRACKETS, KNOWN_EXPORTS, Unit, find_unit
+from testbench.files.names import BRACKETS, KNOWN_EXPORTS, Unit, find_unit, number_of
 
 # --- Sheets of workbooks (.xlsx, .xls, .ods) as the text of a table, read by calamine -----------------------
 
@@ -122,8 +122,9 @@ def _tables(book: CalamineWorkbook, but: str = "") -> Iterator[str]:
 
 
 def _is_number(cell: Cell) -> bool:
-    text = cell.strip().replace(",", ".") if isinstance(cell, str) else ""
-    return (isinstance(cell, float | int) and not isinstance(cell, bool)) or is_decimal(text)
+    if isinstance(cell, str):
+        return number_of(cell.strip()) is not None
+    return isinstance(cell, float | int) and not isinstance(cell, bool)
 
 
 def _check_size(content: bytes) -> None:
@@ -453,7 +454,7 @@ def _summaries(lines: Sequence[str], some: Sequence[int], rows: Sequence[int], d
         return [*some]
     every = [cells_in(lines[k], delimiter) for k in rows]
     words = {(n, cell) for row in every for n, cell in enumerate(row) if cell}
-    named = {(n, cell) for n, cell in words if not is_decimal(cell.replace(",", "."))}
+    named = {(n, cell) for n, cell in words if number_of(cell) is None}
     full = max(sum(map(bool, row)) for row in every)
     found = []
     for k in some:

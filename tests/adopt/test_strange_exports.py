@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from run_here import fine
 from test_kinds_of_files import ARM, DOWN, NAMES, TIMES, N, Q, X, fits, numbers, pairs, read, table
 
 from testbench.errors import InputError
@@ -129,7 +130,7 @@ READ = {
     "pandas, an index": (
         table(["Unnamed: 0", "Point", *DEG, *MM], [[str(k), *row] for k, row in enumerate(LISTS)]),
     ),
-    "MATLAB, columns of vectors": (beside(six("q_{}"), ["p_1", "p_2", "p_3"], RADIANS, 1e-3, (12, 9)),),
+    "MATLAB, columns of vectors": (beside(six("q_{}"), ["pos_1", "pos_2", "pos_3"], RADIANS, 1e-3, (12, 9)),),
     "MATLAB, places of vectors": (
         beside(six("theta({})"), ["pos(1)", "pos(2)", "pos(3)"], RADIANS, 1e-3, (12, 9)),
     ),
@@ -298,6 +299,9 @@ PAIRED = {
     "two weights in tonnes": by_state(lambda loaded: [("none", "2 x 0.05 t")[loaded]], ("Load",)),
     "a legend of a flange and a plate": "LA: empty flange\nLB: 100 kg plate\n\n"
     + by_state(lambda loaded: [("LA", "LB")[loaded]], ("Load",)),
+    "yes and no beside a mass": by_state(
+        lambda loaded: [("no", "yes")[loaded], str(100 * loaded)], ("Loaded", "Mass [kg]")
+    ),
     "steps with a number and a load": by_state(
         lambda loaded: [("1 - unloaded", "2 - loaded 100 kg")[loaded]], ("Step",)
     ),
@@ -431,6 +435,13 @@ def test_gauges_are_read_to_the_last_digit(name, tmp_path):
     np.testing.assert_allclose(found.wrench[:, 2], -WEIGHT, rtol=0, atol=1e-9)
 
 
+def test_data_map_shows_the_runs_of_gauges(tmp_path):
+    (file := tmp_path / "gauges.csv").write_text(GAUGES["wide, a row per state"])
+    said = fine("data", "map", ARM.name, file)
+    assert said.endswith(f"{N} runs")
+    assert "travel" in said
+
+
 def test_gauges_that_touch_one_target_in_turn_are_paired_each_with_itself(tmp_path):
     """All unloaded readings stand before all loaded ones."""
     rows = [
@@ -463,7 +474,22 @@ REFUSED = {
     "a table of two states, one unknown": (
         both("{}0 [mm]", "{}L [mm]"),
         None,
-        "expected loaded positions beside X0, Y0, Z0, called X1, Y1, Z1 or dX, dY, dZ",
+        "expected X0 and X1, or X0 and dX, beside the column that names the targets, got X0; say which",
+    ),
+    "numbers of states, or of targets": (
+        both("{}1 [mm]", "{}2 [mm]"),
+        None,
+        "beside the column that names the targets, got X1, X2; say which are unloaded and loaded",
+    ),
+    "one number of each target": (
+        beside(place=["P1 [mm]", "P2 [mm]", "P3 [mm]"]),
+        None,
+        "no column looks like a position",
+    ),
+    "two weights side by side": (
+        by_state(lambda loaded: [str(40 * loaded), str(60 * loaded)], ("Load 1 [kg]", "Load 2 [kg]")),
+        None,
+        r"expected one column of loads, got 'Load 1 \[kg\]' and 'Load 2 \[kg\]'",
     ),
     "suffixes of nobody knows what": (both("{}_u", "{}_l"), None, "no column looks like a position"),
     "degrees, minutes and seconds": (
