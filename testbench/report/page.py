@@ -25,7 +25,7 @@ from testbench.files.robot.robot import Surface
 from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
 from testbench.report.colours import SCALE, Look, hexadecimal
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, squares, tube_colours
+from testbench.report.scene import ErrorScale, ModelLine, PageContent, PoseGroup, legs, squares, tube_colours
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
@@ -70,6 +70,7 @@ def grid(table: Table) -> Json:
         "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline and drawn[k]), -1),
         "head": head,
         "rows": rows,
+        "stepwise": table.stepwise,
         "brackets": brackets(table),
         "dots": dotted(c.value(row) for c in itertools.compress(table.columns, drawn) for row in table.rows),
         "looks": {name: look_plain(look) for name, look in shown.items()},
@@ -228,6 +229,7 @@ def plain(value: Any) -> Any:
     if is_dataclass(value):
         found = {own.name: plain(getattr(value, own.name)) for own in fields(value)}
         colour = {"colour": hexadecimal(found["colour"])} if "colour" in found else {}
+        colour |= {"words": row_words(value.name)} if isinstance(value, ModelLine) else {}
         return found | found.pop("look", {}) | colour
     if isinstance(value, np.ndarray) and value.ndim == 3:
         return [_whole(row) for row in value]

@@ -16,6 +16,7 @@ from testbench.plant.shapes import BodyFrames, rigid_frames
 from testbench.report.colours import GREY, LOAD, MEASURED, SCALE, STIFFNESS, Colour, Look
 from testbench.report.schema import Table
 from testbench.runs.rows import Row
+from testbench.workflows.model_names import in_words
 
 if TYPE_CHECKING:  # imports that take long
     from testbench.workflows.cell import Cell
@@ -153,6 +154,11 @@ class ModelLine:
     look: Look
     values: Array  #: (n,), in the unit of its chart; NaN where there is none.
     ends: tuple[Array, Array] | None = None  #: Lower and upper end of an interval of each, (n,) both.
+
+    @property
+    def words(self) -> str:
+        """Return its name in words, without an article: what stands beside what is drawn."""
+        return in_words(self.name).removeprefix("the ")
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ from testbench.report.scene import (
 from testbench.report.table import Row, Trials
 from testbench.studies.intervals import clipped, ridge
 from testbench.workflows.cell import Cell, Setup, settle_both
-from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE
+from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE, in_words
 from testbench.workflows.models import Model, equal_fit, named_models
 from testbench.workflows.own_estimator import EstimatorSource
 from testbench.workflows.rows import MM
@@ -194,12 +194,14 @@ def with_errors(
         for name, off in errors.items()
     ]
     errs = [
-        ", ".join(f"{model_line.name} {model_line.values[k]:.3f} mm" for model_line in lines)
+        ", ".join(f"{in_words(model_line.name)} {model_line.values[k]:.3f} mm" for model_line in lines)
         for k in range(len(at))
     ]
     start, one = at_one_target(at, errors, [*errors][-1])
     arrows = [
-        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start + scale * off)
+        Layer(
+            f"error of {in_words(name)}", looks[name].colour, looks[name].stroke, start, start + scale * off
+        )
         for name, off in one.items()
     ]
     drawn = replace(
