@@ -113,13 +113,20 @@ def predicted_pane(axes: Axes, row: Row, looks: Mapping[str, Look], measured: st
     x = np.array(row.measured_mm)
     for k, (name, look) in enumerate(looks.items()):
         y = row.predicted_mm[name]
-        axes.plot(x, y, linestyle="", label=name, alpha=0.8, zorder=2 + k, **look.dots(2.6))
+        words = in_words(name).removeprefix("the ")
+        axes.plot(x, y, linestyle="", label=words, alpha=0.8, zorder=2 + k, **look.dots(2.6))
     low, high = x.min(), x.max()
     room = 0.05 * (high - low) or 1.0
     ends = (low - room, high + room)
     axes.plot(ends, ends, color=SOFT, linewidth=0.8, zorder=1)
     axes.set(xlabel=f"{measured} deflection [mm]", ylabel="predicted [mm]")
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", handletextpad=0.2)
+    axes.legend(
+        frameon=False,
+        fontsize=MIN_LETTER_SIZE,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.22),
+        handletextpad=0.2,
+    )
     quiet(axes)
 
 
@@ -263,7 +270,7 @@ def residual_figure(
     rows = {row.name: row for row in details.residuals}
     known = [name for name in pair if name in rows] or [*rows][:2]
     drawn = [name for name in predicted if name in details.predictions.predicted_mm]
-    figure = page(2.5)
+    figure = page(3.0)
     panes = figure.subplots(1, len(known) + 1)
     residual_panes(panes[:-1], [rows[name] for name in known], looks)
     predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)

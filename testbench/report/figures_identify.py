@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -40,7 +41,7 @@ from testbench.workflows.model_names import in_words
 from testbench.workflows.models import JOINTS
 
 FIT, MODEL, COMPLIANCE = "identify.png", "model.png", "compliance.png"
-PANES = 1.9  #: Height of a row of small panes [in].
+PANES, KEY_BELOW = 1.9, 0.4  #: Heights of a row of small panes, and of a key below it [in].
 
 
 def identify_figures(words: ReportWords, seen: PageContent, f: Row) -> Mapping[str, Figure]:
@@ -75,12 +76,19 @@ def fit_figure(words: ReportWords, seen: PageContent, f: Row, known: Mapping[str
     charts = [chart for chart in seen.runs if chart.labels]
     residuals = {row.name: row for row in f.details.residuals}
     names = [name for name in compared(f) if name in residuals]
-    heights = [*([FOREST + forest_height(models[0])] if models else []), PANES, *[CHART] * len(charts)]
+    heights = [
+        *([FOREST + forest_height(models[0])] if models else []),
+        PANES + KEY_BELOW,
+        *[CHART] * len(charts),
+    ]
     figure = page(HEAD + sum(heights))
     parts = iter(bands(figure, heights))
     if models:
         panes = next(parts).subplots(1, 1 + bool(f.over), squeeze=False)[0]
-        model_forest(panes[0], *models)
+        table, column = models
+        if column.key == "f_m_held_out":
+            column = replace(column, heading="held-out error F_M", unit="deviations of the noise")
+        model_forest(panes[0], table, column)
         for_column(panes[0])
         if f.over:
             ratio_pane(panes[1], f, models[0])
@@ -114,7 +122,7 @@ def ratio_pane(axes: Axes, f: Row, models: Table) -> None:
     ends = [*axes.dataLim.intervalx.tolist(), 1.0]
     axes.axvline(1, color=SOFT, linewidth=0.8, linestyle=":")
     log_ticks(axes, "x", min(ends), max(ends))
-    axes.set_title(f"Ratio to {f.recommended}, 95 % interval")
+    axes.set_title("Ratio to the chosen model, 95 % interval")
 
 
 def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:

@@ -187,7 +187,7 @@ def write_page(folder: Path, scenario: str, words: ReportWords, page: PageConten
 def seen_plain(page: PageContent) -> Json:
     """Convert all that is drawn to JSON data."""
     scene = page.scene and {
-        "title": page.scene.title,
+        "title": " ".join(filter(None, [page.scene.title, page.scene.tube_words])),
         "solids": [_solid(shape) for shape in visual_shapes(page.scene.cell.room)],
         "groups": [_group(pose_group, page.scene.tube_scale) for pose_group in page.scene.groups],
     }

@@ -126,6 +126,8 @@ POSE = 60  #: Letters of a line above an arm.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED, ACROSS = 40, 24, 85
 """Poses up to which a chart has dots, labels that an axis has room for, and letters of level ones."""
+WIDTHS = {"cylinders": (3.5, "butt"), "tubes": (2.5, "projecting")}
+"""Width of lines [pt] and their ends, where these are no fine lines."""
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROWS = 0.65, 15  #: Height of a table of models without its rows [in]; rows at most.
 
@@ -133,8 +135,9 @@ FOREST, ROWS = 0.65, 15  #: Height of a table of models without its rows [in]; r
 def overview(words: ReportWords, seen: PageContent) -> Figure:
     """The first poses of the scene, the models of the first table that has some, and every chart."""
     charts = [chart for chart in seen.runs if chart.labels]
-    layers = [layer for layer in seen.scene.groups[0].layers if layer.shown] if seen.scene else []
     first = seen.scene.groups[0] if seen.scene else None
+    drawn = [first, *seen.scene.insets] if seen.scene and first else []
+    layers = [*{own.name: own for group in drawn for own in group.layers if own.shown}.values()]
     signs = _signs(layers, bent=first is not None and first.near is None and first.bent is not None)
     across = max(1, min(KEYS, CAPTION // (KEY_LETTERS + max((len(own.words) for own in signs), default=1))))
     key = KEY * (1 + -(-len(signs) // across))
@@ -150,10 +153,18 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         model_forest(axes, *models)
         for_column(axes)
     if seen.scene:
-        pose_group, sides = seen.scene.groups[0], next(parts).subplots(1, 2)
-        for axes, (pose, name, plane) in zip(sides, _panes(pose_group), strict=True):
-            _poses(axes, seen.scene, pose, plane)
+        pose_group, part, insets = seen.scene.groups[0], next(parts), seen.scene.insets
+        views = _panes(pose_group)[: 1 if insets else 2]
+        sides = part.subplots(1, len(views) + len(insets))
+        for axes, (pose, name, plane) in zip(sides, views, strict=False):
+            _poses(axes, seen.scene, pose_group, pose, plane)
             axes.set_title(short(f"{pose_group.names[pose]}, {name}", POSE))
+        for axes, inset in zip(sides[len(views) :], insets, strict=True):
+            _inset(axes, seen.scene, inset, pose_group.first)
+        if (scale := seen.scene.tube_scale) is not None:
+            norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends)
+            bar = part.colorbar(ScalarMappable(norm, SIZES), ax=[*sides], fraction=0.03, pad=0.02)
+            bar.set_label(f"error of the path [{scale.words}]")
         _key(next(parts).subplots(), signs, across)
         more.append(f"{pose_group.name}: {seen.scene.title}")
     for part, chart in zip(parts, charts, strict=True):
@@ -173,9 +184,34 @@ def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
     return [(pose_group.first, f"typical, {name}", plane), (pose_group.worst, f"worst, {name}", plane)]
 
 
-def _poses(axes: Axes, scene: Scene, k: int, plane: tuple[int, int]) -> None:
-    """Draw the arm in a pose of the first group, straight in grey, bent in its colour, and what is in it."""
-    pose_group, shown = scene.groups[0], list(plane)
+def _inset(axes: Axes, scene: Scene, inset: PoseGroup, k: int) -> None:
+    """Draw what is seen from near in a pose, along the axis in which it is narrowest, with its labels."""
+    points = np.concatenate([layer.at.reshape(-1, 3) for layer in inset.layers])
+    narrow = int((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).argmin())
+    plane = [(1, 2), (0, 2), (0, 1)][narrow]
+    _poses(axes, scene, inset, k, plane)
+    axes.set_title(inset.name)
+    right, up = (float(np.ptp(points[np.isfinite(points).all(axis=1)][:, axis])) for axis in plane)
+    upright = up > right
+    for layer in inset.layers:
+        if layer.kind == "dots" and layer.labels and layer.shown:
+            at = layer.at[min(k, len(layer.at) - 1)][:, list(plane)]
+            for place_, words in zip(at, layer.labels, strict=True):
+                axes.annotate(
+                    words,
+                    place_,
+                    xytext=(7, 0) if upright else (0, -6),  # beside the path
+                    textcoords="offset points",
+                    ha="left" if upright else "center",
+                    va="center" if upright else "top",
+                    fontsize=MIN_LETTER_SIZE,
+                    bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0},
+                )
+
+
+def _poses(axes: Axes, scene: Scene, pose_group: PoseGroup, k: int, plane: tuple[int, int]) -> None:
+    """Draw the arm in a pose of a group, straight in grey, bent in its colour, and what is in it."""
+    shown = list(plane)
     if pose_group.near is None:
         for frames, colour in ((pose_group.rigid, None), (pose_group.bent, MEASURED)):
             if frames is not None:
@@ -208,7 +244,7 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     ends = np.stack([at, to], axis=1)[:, :, shown]  # one artist for all: each has a cost of its own
     known = np.isfinite(ends).all(axis=(1, 2))
     colours = tube_colours(layer, scene.tube_scale)[known] / 255 if layer.kind == "tubes" else colour
-    wide, cap = (3.5, "butt") if layer.kind == "cylinders" else (1.0, "projecting")
+    wide, cap = WIDTHS.get(layer.kind, (1.0, "projecting"))
     axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=wide, capstyle=cap))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
@@ -333,7 +369,7 @@ class _Sign(NamedTuple):
 def _signs(layers: Sequence[Layer], *, bent: bool) -> list[_Sign]:
     """What each colour is, and the bent arm; layers that are drawn alike share their sign."""
     signs: dict[tuple[str, str], list[str]] = {}
-    for layer in layers:
+    for layer in (own for own in layers if own.kind != "tubes"):  # these have a bar of colours
         marks = {
             "specks": ".",
             "trackers": "^",
@@ -366,7 +402,7 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     at, few = np.arange(len(chart.labels)), len(chart.labels) <= BARS
     for line in chart.lines:
         size = 3 if few else 0
-        width = 1.6 if line is chart.lines[-1] else 0.9  # the winner is last
+        width = 1.6 if chart.leads and line is chart.lines[-1] else 0.9
         axes.plot(at, line.values, linewidth=width, label=row_head(line.name), **line.look.dots(size))
         if line.ends:
             axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)

@@ -27,6 +27,7 @@ WORDS: Mapping[str, str] = {
     CLIPPED: "clipped least squares of beam links",
     f"{WITHOUT_CONE}{FILLED}": "least squares with the same prior",
     "default": "the default model",
+    "chosen by cross-validation": "the model chosen by cross-validation",
 }
 """Models whose name in words does not follow from their kind."""
 METHODS = {"MLS": "least squares", "LS": "least squares", "MGCO": "GCO", "ALL": "GCO"}

@@ -10,6 +10,7 @@ from testbench.report.colours import GCO, LEAST_SQUARES
 from testbench.report.table import find
 from testbench.studies.absolute import simulated as s
 from testbench.studies.absolute.simulated import BY, LOOKS, OPTIMUM, Held, figures, report
+from testbench.workflows.model_names import row_words
 
 SEEDS, NUMBERS = range(300, 306), (50, 200)
 ALONE = (s.REAL, s.ABSOLUTE)
@@ -86,6 +87,6 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(numbers):
         for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM):
             model, key = (s.ALL, "optimum_mm") if name == OPTIMUM else (name, "error_mm")
             rows = [find(models, arm=arm, poses=n, name=model) for n in numbers]
-            assert curves(axes)[name][1] == pytest.approx([own[key].median for own in rows])
-            assert shades[name] == LOOKS[name].hex
+            assert curves(axes)[row_words(name)][1] == pytest.approx([own[key].median for own in rows])
+            assert shades[row_words(name)] == LOOKS[name].hex
     assert (LOOKS[s.ALL].colour, LOOKS[s.ALL_LS].colour) == (GCO, LEAST_SQUARES)

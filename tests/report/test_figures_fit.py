@@ -356,14 +356,14 @@ def check_residuals(axes, row, look):
 def check_predictions(axes, found, names):
     """Dots of every model against what was measured."""
     *dots, line = axes.get_lines()
-    assert [own.get_label() for own in dots] == [*names]
-    for own in dots:
+    words = [in_words(name).removeprefix("the ") for name in names]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == words
+    for own, name in zip(dots, names, strict=True):
         np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
-        np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[own.get_label()])
+        np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[name])
     np.testing.assert_array_equal(*line.get_data())
     assert axes.get_xlabel().endswith(" deflection [mm]")
     assert axes.get_ylabel() == "predicted [mm]"
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [*names]
 
 
 @pytest.fixture(scope="module")

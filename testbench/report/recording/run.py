@@ -52,7 +52,6 @@ from testbench.report.recording.world import (
 )
 from testbench.report.run_figure import headline
 from testbench.report.scene import (
-    ErrorScale,
     Layer,
     ModelLine,
     PageContent,
@@ -63,7 +62,7 @@ from testbench.report.scene import (
     sorting_numbers,
     squares,
 )
-from testbench.report.schema import Table, show
+from testbench.report.schema import Table
 from testbench.runs.spread import middle
 from testbench.workflows.model_names import in_words
 
@@ -627,15 +626,16 @@ def _write_scene(pen: Pen, scene: Scene, groups: Sequence[_Group]) -> None:
             drawn.add(group.arm)
             bent = next((g.poses.bent for g in groups if g.arm == group.arm and g.poses.bent), None)
             write_arm(rows, scene.cell, group.arm, group.poses.rigid, bent)
-        key = "; ".join(
-            filter(None, [_colours(group.poses.layers), _tubes(scene.tube_scale, group.poses.layers)])
-        )
+        tubes = scene.tube_words if any(layer.kind == "tubes" for layer in group.poses.layers) else ""
+        key = " ".join(filter(None, [_colours(group.poses.layers), tubes]))
         rows.texts(f"here/{group.name}", [f"{text}\n\n{key}" for text in _poses_words(group.poses)])
         for layer in group.poses.layers:
             write_layer(rows, f"world/{group.name}/{snake(layer.name)}", layer, group.size, scene.tube_scale)
         for chart in group.charts:
             for line in chart.lines:
-                _write_line(rows, group.path(chart, line.words), line, lead=line is chart.lines[-1])
+                _write_line(
+                    rows, group.path(chart, line.words), line, lead=chart.leads and line is chart.lines[-1]
+                )
             if chart.limit is not None and np.isfinite(chart.limit):
                 level = np.full(len(group.poses.names), chart.limit)
                 rows.line(group.path(chart, chart.limit_is), chart.limit_is, None, level)
@@ -652,18 +652,11 @@ def _poses_words(poses: PoseGroup) -> list[str]:
     return [f"**{as_markdown(name)}.** {as_markdown(text)}" for name, text in pairs]
 
 
-def _tubes(scale: ErrorScale | None, layers: Sequence[Layer]) -> str:
-    """What the colours of tubes mean, in words."""
-    if scale is None or all(layer.kind != "tubes" for layer in layers):
-        return ""
-    low, high = scale.ends
-    return f"tubes from dark blue, {show(low)} mm, to light green, {show(high)} mm"
-
-
 def _colours(layers: Sequence[Layer]) -> str:
-    """What each colour is, in words."""
-    named = [(_hue(layer.colour), layer) for layer in layers if layer.shown]
-    return "; ".join(f"{hue} {layer.kind}: {as_markdown(layer.name)}" for hue, layer in named)
+    """What each colour is, in words; tubes have those of their errors."""
+    named = [("" if own.kind == "tubes" else _hue(own.colour), own) for own in layers if own.shown]
+    said = "; ".join(f"{hue} {own.kind}: {as_markdown(own.name)}".strip() for hue, own in named)
+    return said and f"{said}."
 
 
 def _hue(colour: Colour) -> str:
