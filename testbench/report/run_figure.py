@@ -432,7 +432,7 @@ HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
-KEYED, TITLED = 0.3, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
+KEYED, TITLED = 0.5, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
 PANE_TITLE = 76  #: Letters of a line of the title of a pane, beside names of rows in words.
 MAP_LETTERS = 26  #: Letters of a line of the title of a map.
 
@@ -655,7 +655,7 @@ def _key_of_difference(column: Sequence[Axes], ours: ModelLine, theirs: ModelLin
     known = mm[np.isfinite(mm)]
     column[0].set_title(f"Which errs less:\nthe chosen one in\n{(known <= 0).sum()} of {len(known)} places")
     for model_line in (ours, theirs):
-        words = textwrap.fill(f"{model_line.words} errs less", MAP_LETTERS)
+        words = textwrap.fill(model_line.words, MAP_LETTERS)
         column[-1].plot([], [], "s", color=model_line.look.hex, label=words)
     column[-1].legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", bbox_to_anchor=(0.5, -0.2))
 

@@ -457,6 +457,13 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     ]
     shares = [row.share_percent for row in f.details.sag]
     assert shares == sorted(shares, reverse=True)
+    assert [text.get_text() for text in sag.texts] == [f"{share:.0f} %" for share in shares]
+    for axes, names in ((sag, f.details.sag), (parts, f.seen.blocks)):
+        named = dict(
+            zip(axes.get_yticks(), [text.get_text() for text in axes.get_yticklabels()], strict=True)
+        )
+        bars = [named[bar.get_y() + bar.get_height() / 2] for bar in axes.patches]
+        assert bars == [row.part for row in names]
     for line, spans, key in zip(stiff.get_lines(), stiff.collections, ("prior", "posterior"), strict=True):
         every = [row[key] for row in f.details.joints]
         assert line.get_xdata() == pytest.approx([own.middle for own in every])
@@ -481,6 +488,7 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     ]
     [last] = more
     assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
+    assert [text.get_text() for text in last.get_yticklabels()] == ["way 1", "way 2", "way 3"]
     title = " ".join(figure.get_suptitle().split())
     said = f"{in_words(TAKEN)} is conservative; {f.details.sag[0].part} causes"
     assert title.startswith(said)
