@@ -367,14 +367,13 @@ def forest(
     return figure
 
 
-def ranked(table: Table, key: str, over: Sequence[Row], ours: str) -> Table:
+def ranked(table: Table, key: str, over: Sequence[Row]) -> Table:
     """Sort a table of models by an error, the least first, and give it a column of ratios.
 
     Args:
         table: Rows of models.
         key: Of the column of the error.
         over: `ratio` of each model's error to that of ours, by `name`: see `badge.ratios`.
-        ours: The model that ratios are over.
 
     Returns:
         The table with the column `ratio`; rows without one keep their place and have none.
@@ -382,7 +381,7 @@ def ranked(table: Table, key: str, over: Sequence[Row], ours: str) -> Table:
     name, ratios = table.columns[0], {row.name: row.ratio for row in over}
     error = next(column for column in table.columns if column.key == key)
     rows = sorted(table.rows, key=lambda row: _known(middle(error.value(row))))
-    ratio = TableColumn(RATIO, f"error over that of {ours}", form=".2f", none="")
+    ratio = TableColumn(RATIO, "ratio of errors", form=".2f", none="")
     return replace(
         table,
         columns=(*table.columns, ratio),
@@ -530,9 +529,12 @@ def _guide(axes: Axes, words: str) -> None:
     axes.set(xlim=ends[0], ylim=ends[1])
 
 
+MICRO = re.compile(r"\bu(?=(?:m|rad)\b)")  #: The u of um and urad.
+
+
 def labelled(column: TableColumn) -> str:
     """A quantity with its unit beside an axis."""
-    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
+    return f"{column.heading} [{MICRO.sub('µ', column.unit)}]" if column.unit else column.heading
 
 
 def ranges(

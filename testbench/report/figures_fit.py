@@ -132,13 +132,20 @@ def predicted_pane(axes: Axes, row: Row, looks: Mapping[str, Look], measured: st
     x = np.array(row.measured_mm)
     for k, (name, look) in enumerate(looks.items()):
         y = row.predicted_mm[name]
-        axes.plot(x, y, linestyle="", label=name, alpha=0.8, zorder=2 + k, **look.dots(2.6))
+        words = in_words(name).removeprefix("the ")
+        axes.plot(x, y, linestyle="", label=words, alpha=0.8, zorder=2 + k, **look.dots(2.6))
     low, high = x.min(), x.max()
     room = 0.05 * (high - low) or 1.0
     ends = (low - room, high + room)
     axes.plot(ends, ends, color=SOFT, linewidth=0.8, zorder=1)
     axes.set(xlabel=f"{measured} deflection [mm]", ylabel="predicted [mm]")
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", handletextpad=0.2)
+    axes.legend(
+        frameon=False,
+        fontsize=MIN_LETTER_SIZE,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.22),
+        handletextpad=0.2,
+    )
     quiet(axes)
 
 
@@ -282,7 +289,7 @@ def residual_figure(
     rows = {row.name: row for row in details.residuals}
     known = [name for name in pair if name in rows] or [*rows][:2]
     drawn = [name for name in predicted if name in details.predictions.predicted_mm]
-    figure = page(2.5)
+    figure = page(3.0)
     panes = figure.subplots(1, len(known) + 1)
     residual_panes(panes[:-1], [rows[name] for name in known], looks)
     predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)
@@ -558,7 +565,7 @@ def joint_error_figure(rows: Sequence[Row]) -> Figure:
 # --- The figures of `testbench identify`: which model to take, how it fits, and what it says of the arm -----
 
 FIT, MODEL, COMPLIANCE = "identify.png", "model.png", "compliance.png"
-PANES = 1.9  #: Height of a row of small panes [in].
+PANES, KEY_BELOW = 1.9, 0.4  #: Heights of a row of small panes, and of a key below it [in].
 
 
 def identify_figures(words: ReportWords, seen: PageContent, f: Row) -> Mapping[str, Figure]:
@@ -593,12 +600,19 @@ def fit_figure(words: ReportWords, seen: PageContent, f: Row, known: Mapping[str
     charts = [chart for chart in seen.runs if chart.labels]
     residuals = {row.name: row for row in f.details.residuals}
     names = [name for name in compared(f) if name in residuals]
-    heights = [*([FOREST + forest_height(models[0])] if models else []), PANES, *[CHART] * len(charts)]
+    heights = [
+        *([FOREST + forest_height(models[0])] if models else []),
+        PANES + KEY_BELOW,
+        *[CHART] * len(charts),
+    ]
     figure = page(HEAD + sum(heights))
     parts = iter(bands(figure, heights))
     if models:
         panes = next(parts).subplots(1, 1 + bool(f.over), squeeze=False)[0]
-        model_forest(panes[0], *models)
+        table, column = models
+        if column.key == "f_m_held_out":
+            column = replace(column, heading="held-out error F_M", unit="deviations of the noise")
+        model_forest(panes[0], table, column)
         for_column(panes[0])
         if f.over:
             ratio_pane(panes[1], f, models[0])
@@ -632,7 +646,7 @@ def ratio_pane(axes: Axes, f: Row, models: Table) -> None:
     ends = [*axes.dataLim.intervalx.tolist(), 1.0]
     axes.axvline(1, color=SOFT, linewidth=0.8, linestyle=":")
     log_ticks(axes, "x", min(ends), max(ends))
-    axes.set_title(f"Ratio to {f.recommended}, 95 % interval")
+    axes.set_title("Ratio to the chosen model, 95 % interval")
 
 
 def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:

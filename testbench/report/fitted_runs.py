@@ -36,6 +36,7 @@ from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import ErrorPlaces
 from testbench.workflows.fit_numbers import COUNTS, compared_models, held_out, largest_vector
 from testbench.workflows.fits import IdentifyResult
+from testbench.workflows.model_names import in_words
 from testbench.workflows.rows import MM
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
@@ -102,7 +103,7 @@ def _runs(
     bent = elastic_frames(cell.plant, data.q[some], M * theta)
     looks = {name: _line(f, name, at).look for name in one}
     errors = [
-        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start - A * own)
+        Layer(f"error of {in_words(name)}", looks[name].colour, looks[name].stroke, start, start - A * own)
         for name, own in one.items()
     ]
     poses = PoseGroup(
@@ -128,7 +129,7 @@ def _runs(
 
 
 def _said(row: Row, names: list[str], joints: str) -> str:
-    left = ", ".join(f"{name} {row.residual_mm[name]:.3f} mm" for name in names)
+    left = ", ".join(f"{in_words(name)} {row.residual_mm[name]:.3f} mm" for name in names)
     return f"Pose {row.pose}, moves {row.moved_mm:.3f} mm. Residual at the worst target: {left}. {joints}."
 
 

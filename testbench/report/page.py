@@ -32,7 +32,7 @@ from testbench.plant.shapes import (
 )
 from testbench.report.colours import SCALE, Look, hexadecimal
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, squares, tube_colours
+from testbench.report.scene import ErrorScale, ModelLine, PageContent, PoseGroup, legs, squares, tube_colours
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
@@ -77,6 +77,7 @@ def grid(table: Table) -> Json:
         "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline and drawn[k]), -1),
         "head": head,
         "rows": rows,
+        "stepwise": table.stepwise,
         "brackets": brackets(table),
         "dots": dotted(c.value(row) for c in itertools.compress(table.columns, drawn) for row in table.rows),
         "looks": {name: look_plain(look) for name, look in shown.items()},
@@ -193,7 +194,7 @@ def write_page(folder: Path, scenario: str, words: ReportWords, page: PageConten
 def seen_plain(page: PageContent) -> Json:
     """Convert all that is drawn to JSON data."""
     scene = page.scene and {
-        "title": page.scene.title,
+        "title": " ".join(filter(None, [page.scene.title, page.scene.tube_words])),
         "solids": [_solid(shape) for shape in visual_shapes(page.scene.cell.room)],
         "groups": [_group(pose_group, page.scene.tube_scale) for pose_group in page.scene.groups],
     }
@@ -235,6 +236,7 @@ def plain(value: Any) -> Any:
     if is_dataclass(value):
         found = {own.name: plain(getattr(value, own.name)) for own in fields(value)}
         colour = {"colour": hexadecimal(found["colour"])} if "colour" in found else {}
+        colour |= {"words": row_words(value.name)} if isinstance(value, ModelLine) else {}
         return found | found.pop("look", {}) | colour
     if isinstance(value, np.ndarray) and value.ndim == 3:
         return [_whole(row) for row in value]

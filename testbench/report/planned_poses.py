@@ -35,6 +35,7 @@ from testbench.workflows.absolute import names_of, unit_normal
 from testbench.workflows.campaign_flags import Mounted
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import ErrorPlaces
+from testbench.workflows.model_names import in_words
 from testbench.workflows.plan import Planned
 
 OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
@@ -250,7 +251,7 @@ def looks_of_plans(rows: Sequence[Row]) -> dict[str, Look]:
 
 
 def _error(name: str, mm: float) -> str:
-    return f"{name} {NOWHERE if np.isnan(mm) else f'{mm:.3f} mm'}"
+    return f"{in_words(name)} {NOWHERE if np.isnan(mm) else f'{mm:.3f} mm'}"
 
 
 def _map(error_places: ErrorPlaces, group: int, when: str) -> PlaceMap:

@@ -124,7 +124,7 @@ def _largest(at: Array, mm: Array) -> list[draw.Layer]:
     if not np.isfinite(mm).any():
         return []
     k = int(np.nanargmax(mm))
-    return [draw.Layer("largest", MEASURED, "dots", at[None, [k]], labels=[f"at most {mm[k]:.3f} mm"])]
+    return [draw.Layer("largest error", MEASURED, "dots", at[None, [k]], labels=[f"at most {mm[k]:.3f} mm"])]
 
 
 def _of_point(row: Row) -> str:

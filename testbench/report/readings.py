@@ -163,7 +163,7 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
         for title, model_lines in lines
     )
     charts = [
-        draw.RunChart(title, 0, "run", labels, model_lines, note=note)
+        draw.RunChart(title, 0, "run", labels, model_lines, note=note, leads=False)
         for title, model_lines in read
         if model_lines
     ]

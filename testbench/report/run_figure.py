@@ -3,7 +3,7 @@
 import math
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypedDict
 
@@ -34,6 +34,7 @@ from testbench.report.figure import (
     log_ticks,
     page,
     quiet,
+    row_head,
     say,
     short,
 )
@@ -93,7 +94,9 @@ def outlines(cell: Cell, frames: BodyFrames, pose: int, sides: Array) -> tuple[l
     return [hull for _, hull, _ in found], np.array([bright for *_, bright in found])
 
 
-def draw_arm(axes: Axes, polygons: Sequence[Array], bright: Array, colour: Colour | None = None) -> None:
+def draw_arm(
+    axes: Axes, polygons: Sequence[Array], bright: Array, colour: Colour | None = None, opacity: float = 1.0
+) -> None:
     """Draw outlines of an arm, in shades of grey or of a colour.
 
     Args:
@@ -101,12 +104,14 @@ def draw_arm(axes: Axes, polygons: Sequence[Array], bright: Array, colour: Colou
         polygons: See `outlines`.
         bright: The same, (solids,) [1].
         colour: In place of grey.
+        opacity: Of faces and edges [1].
     """
     level = DARK + (LIGHT - DARK) * bright
     base = np.ones(3) if colour is None else np.array(colour[:3]) / 255
     faces = level[:, None] * base if colour is None else 1 - (1 - base) * (1.1 - 0.6 * level[:, None])
     axes.add_collection(
-        PolyCollection(polygons, facecolors=faces, edgecolors=EDGE * faces, linewidths=THIN), autolim=True
+        PolyCollection(polygons, facecolors=faces, edgecolors=EDGE * faces, linewidths=THIN, alpha=opacity),
+        autolim=True,
     )
 
 
@@ -121,6 +126,8 @@ POSE = 60  #: Letters of a line above an arm.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED, ACROSS = 40, 24, 85
 """Poses up to which a chart has dots, labels that an axis has room for, and letters of level ones."""
+WIDTHS = {"cylinders": (3.5, "butt"), "tubes": (2.5, "projecting")}
+"""Width of lines [pt] and their ends, where these are no fine lines."""
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROWS = 0.65, 15  #: Height of a table of models without its rows [in]; rows at most.
 
@@ -128,8 +135,9 @@ FOREST, ROWS = 0.65, 15  #: Height of a table of models without its rows [in]; r
 def overview(words: ReportWords, seen: PageContent) -> Figure:
     """The first poses of the scene, the models of the first table that has some, and every chart."""
     charts = [chart for chart in seen.runs if chart.labels]
-    layers = [layer for layer in seen.scene.groups[0].layers if layer.shown] if seen.scene else []
     first = seen.scene.groups[0] if seen.scene else None
+    drawn = [first, *seen.scene.insets] if seen.scene and first else []
+    layers = [*{own.name: own for group in drawn for own in group.layers if own.shown}.values()]
     signs = _signs(layers, bent=first is not None and first.near is None and first.bent is not None)
     across = max(1, min(KEYS, CAPTION // (KEY_LETTERS + max((len(own.words) for own in signs), default=1))))
     key = KEY * (1 + -(-len(signs) // across))
@@ -145,10 +153,18 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         model_forest(axes, *models)
         for_column(axes)
     if seen.scene:
-        pose_group, sides = seen.scene.groups[0], next(parts).subplots(1, 2)
-        for axes, (pose, name, plane) in zip(sides, _panes(pose_group), strict=True):
-            _poses(axes, seen.scene, pose, plane)
+        pose_group, part, insets = seen.scene.groups[0], next(parts), seen.scene.insets
+        views = _panes(pose_group)[: 1 if insets else 2]
+        sides = part.subplots(1, len(views) + len(insets))
+        for axes, (pose, name, plane) in zip(sides, views, strict=False):
+            _poses(axes, seen.scene, pose_group, pose, plane)
             axes.set_title(short(f"{pose_group.names[pose]}, {name}", POSE))
+        for axes, inset in zip(sides[len(views) :], insets, strict=True):
+            _inset(axes, seen.scene, inset, pose_group.first)
+        if (scale := seen.scene.tube_scale) is not None:
+            norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends)
+            bar = part.colorbar(ScalarMappable(norm, SIZES), ax=[*sides], fraction=0.03, pad=0.02)
+            bar.set_label(f"error of the path [{scale.words}]")
         _key(next(parts).subplots(), signs, across)
         more.append(f"{pose_group.name}: {seen.scene.title}")
     for part, chart in zip(parts, charts, strict=True):
@@ -168,9 +184,34 @@ def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
     return [(pose_group.first, f"typical, {name}", plane), (pose_group.worst, f"worst, {name}", plane)]
 
 
-def _poses(axes: Axes, scene: Scene, k: int, plane: tuple[int, int]) -> None:
-    """Draw the arm in a pose of the first group, straight in grey, bent in its colour, and what is in it."""
-    pose_group, shown = scene.groups[0], list(plane)
+def _inset(axes: Axes, scene: Scene, inset: PoseGroup, k: int) -> None:
+    """Draw what is seen from near in a pose, along the axis in which it is narrowest, with its labels."""
+    points = np.concatenate([layer.at.reshape(-1, 3) for layer in inset.layers])
+    narrow = int((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).argmin())
+    plane = [(1, 2), (0, 2), (0, 1)][narrow]
+    _poses(axes, scene, inset, k, plane)
+    axes.set_title(inset.name)
+    right, up = (float(np.ptp(points[np.isfinite(points).all(axis=1)][:, axis])) for axis in plane)
+    upright = up > right
+    for layer in inset.layers:
+        if layer.kind == "dots" and layer.labels and layer.shown:
+            at = layer.at[min(k, len(layer.at) - 1)][:, list(plane)]
+            for place_, words in zip(at, layer.labels, strict=True):
+                axes.annotate(
+                    words,
+                    place_,
+                    xytext=(7, 0) if upright else (0, -6),  # beside the path
+                    textcoords="offset points",
+                    ha="left" if upright else "center",
+                    va="center" if upright else "top",
+                    fontsize=MIN_LETTER_SIZE,
+                    bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0},
+                )
+
+
+def _poses(axes: Axes, scene: Scene, pose_group: PoseGroup, k: int, plane: tuple[int, int]) -> None:
+    """Draw the arm in a pose of a group, straight in grey, bent in its colour, and what is in it."""
+    shown = list(plane)
     if pose_group.near is None:
         for frames, colour in ((pose_group.rigid, None), (pose_group.bent, MEASURED)):
             if frames is not None:
@@ -203,7 +244,7 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     ends = np.stack([at, to], axis=1)[:, :, shown]  # one artist for all: each has a cost of its own
     known = np.isfinite(ends).all(axis=(1, 2))
     colours = tube_colours(layer, scene.tube_scale)[known] / 255 if layer.kind == "tubes" else colour
-    wide, cap = (3.5, "butt") if layer.kind == "cylinders" else (1.0, "projecting")
+    wide, cap = WIDTHS.get(layer.kind, (1.0, "projecting"))
     axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=wide, capstyle=cap))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
@@ -328,7 +369,7 @@ class _Sign(NamedTuple):
 def _signs(layers: Sequence[Layer], *, bent: bool) -> list[_Sign]:
     """What each colour is, and the bent arm; layers that are drawn alike share their sign."""
     signs: dict[tuple[str, str], list[str]] = {}
-    for layer in layers:
+    for layer in (own for own in layers if own.kind != "tubes"):  # these have a bar of colours
         marks = {
             "specks": ".",
             "trackers": "^",
@@ -361,8 +402,8 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     at, few = np.arange(len(chart.labels)), len(chart.labels) <= BARS
     for line in chart.lines:
         size = 3 if few else 0
-        width = 1.6 if line is chart.lines[-1] else 0.9  # the winner is last
-        axes.plot(at, line.values, linewidth=width, label=line.name, **line.look.dots(size))
+        width = 1.6 if chart.leads and line is chart.lines[-1] else 0.9
+        axes.plot(at, line.values, linewidth=width, label=row_head(line.name), **line.look.dots(size))
         if line.ends:
             axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):
@@ -385,17 +426,22 @@ GRID, NEIGHBOURS, FAR = 90, 6, 2.0
 """Points of a slice along each side, places that tell each of them, and how far these may be, over the
 distance of neighbours [1]."""
 ROOM = 0.03  #: Room around what is drawn, over its size [1].
+SEEN_THROUGH = 0.85  #: Opacity of the arm on a map [1].
 PERCENTILES = 0.02, 0.98  #: Of all errors, where colours end.
 HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
-KEYED, TITLED = 0.3, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
+KEYED, TITLED = 0.5, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
 PANE_TITLE = 76  #: Letters of a line of the title of a pane, beside names of rows in words.
 MAP_LETTERS = 26  #: Letters of a line of the title of a map.
 
 
-def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figure:
+Silhouette = Mapping[tuple[int, int], tuple[Sequence[Array], Array]]
+"""Outlines of an arm and their brightness, see `outlines`, by the world axes to the right and up."""
+
+
+def error_map(place_map: PlaceMap, title: str, arm: Silhouette | None = None) -> Figure:
     """Draw slices through the errors of each model, from the side and from above, on one colour scale.
 
     Between the places the error is interpolated; dots are the places next to the slice, a circle is the
@@ -404,7 +450,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     Args:
         place_map: Places, and the errors of models there.
         title: What is mapped.
-        arm: Origins of the arm's bodies in a pose, from base to tool, (bodies, 3) [m]; None for no arm.
+        arm: What is drawn of the arm in a pose; None for no arm.
 
     Returns:
         The figure: a column for each model, and one for the difference of two.
@@ -412,7 +458,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     there, both = np.asarray(np.isfinite(place_map.at).all(axis=1)), place_map.difference
     at, lines = place_map.at[there], place_map.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
-    reached, ends = _ends(at, 0.0), _ends(at if arm is None else np.vstack([at, arm]), ROOM)
+    reached, ends = _ends(at, 0.0), _ends(np.vstack([at, *_corners(arm or {})]), ROOM)
     count = len(lines) + bool(both)
     sides, wide = ends[1] - ends[0], min(PANE, PANES / count)
     rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
@@ -429,7 +475,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
         if both:
             _difference(row[-1], cut, both, there)
         for axes in row:
-            _finish(axes, cut, arm, ends[:, plane])
+            _finish(axes, arm[plane] if arm else None, ends[:, plane])
         row[0].set_ylabel(f"at {'xyz'[across]} = {level:.1f} m\n{'xyz'[plane[1]]} [m]")
     for axes, (name, mm) in zip(panes[0], values.items(), strict=False):
         known = mm[np.isfinite(mm)]
@@ -455,7 +501,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
         bar.ax.set_ylim(norm.vmin, norm.vmax)
     worst = {name: int(np.nanargmax(mm)) for name, mm in values.items() if np.isfinite(mm).any()}
     largest = {name: f"{values[name][k]:.3f} mm at {place(at[k])}" for name, k in worst.items()}
-    circles = "; ".join(f"{name} {where}" for name, where in largest.items())
+    circles = "; ".join(f"{in_words(name)} {where}" for name, where in largest.items())
     rings = f" Grey rings: {place_map.without}." if place_map.without else ""
     reading = (
         f"{title}. {place_map.title}; interpolated between places, dots: those near the slice. "
@@ -569,11 +615,18 @@ def _slice(axes: Axes, cut: Slice, mm: Array, norm: Normalize) -> None:
     )
 
 
-def _finish(axes: Axes, cut: Slice, arm: Array | None, ends: Array) -> None:
-    """Draw the arm's silhouette, and give a pane its frame: least and greatest, (2, 2) [m]."""
+def _corners(arm: Silhouette) -> Iterator[Array]:
+    """Corners of an arm's outlines in the world, (n, 3) [m]; NaN along the axis that the eye looks along."""
+    for plane, (polygons, _) in arm.items():
+        points = np.full((sum(map(len, polygons)), 3), np.nan)
+        points[:, plane] = np.concatenate(polygons)
+        yield points
+
+
+def _finish(axes: Axes, arm: tuple[Sequence[Array], Array] | None, ends: Array) -> None:
+    """Draw the arm, and give a pane its frame: least and greatest, (2, 2) [m]."""
     if arm is not None:
-        axes.plot(*arm[:, cut.plane].T, "-", color="white", linewidth=4.5, solid_capstyle="round", alpha=0.9)
-        axes.plot(*arm[:, cut.plane].T, "-", color="0.35", linewidth=2.5, solid_capstyle="round")
+        draw_arm(axes, *arm, opacity=SEEN_THROUGH)
     axes.set(xlim=tuple(ends[:, 0]), ylim=tuple(ends[:, 1]))
     axes.set_aspect("equal")
     quiet(axes)
@@ -600,37 +653,52 @@ def _key_of_difference(column: Sequence[Axes], ours: ModelLine, theirs: ModelLin
     """Say what the colours of a difference mean, and in how many places the winner errs less."""
     mm = (ours.values - theirs.values)[there]
     known = mm[np.isfinite(mm)]
-    column[0].set_title(f"{ours.name} minus {theirs.name}:\nless in {(known <= 0).sum()} of {len(known)}")
+    column[0].set_title(f"Which errs less:\nthe chosen one in\n{(known <= 0).sum()} of {len(known)} places")
     for model_line in (ours, theirs):
-        column[-1].plot([], [], "s", color=model_line.look.hex, label=f"{model_line.name} errs less")
+        words = textwrap.fill(model_line.words, MAP_LETTERS)
+        column[-1].plot([], [], "s", color=model_line.look.hex, label=words)
     column[-1].legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", bbox_to_anchor=(0.5, -0.2))
 
 
 def _ends(at: Array, room: float) -> Array:
     """Least and greatest of points (n, 3), with room around them over the longest side [1]: (2, 3) [m]."""
-    least, most = at.min(axis=0), at.max(axis=0)
+    least, most = np.nanmin(at, axis=0), np.nanmax(at, axis=0)
     spans = most - least
     longest = spans.max() or 1.0
     more = np.maximum(spans, NARROW * longest) + 2 * room * longest - spans
     return np.array([least - more / 2, most + more / 2])
 
 
-def silhouette(seen: PageContent, place_map: PlaceMap) -> Array | None:
-    """Choose the pose in which the arm is drawn into a map: one that reaches forward, at a typical distance.
+def silhouette(seen: PageContent, place_map: PlaceMap) -> Silhouette | None:
+    """Draw the arm for a map.
 
     Args:
         seen: What of the run is drawn.
         place_map: The map.
 
     Returns:
-        Origins of the bodies from base to tool, (bodies, 3) [m]; None where no arm is drawn.
+        Outlines of the arm from the side and from above, in the pose of `forward_pose`; None where no arm is
+        drawn.
     """
     if seen.scene is None:
         return None
-    bodies = np.asarray(seen.scene.groups[place_map.group].rigid.positions)[:, 1:]
+    frames = seen.scene.groups[place_map.group].rigid
+    k = forward_pose(np.asarray(frames.positions)[:, 1:])
+    return {plane: outlines(seen.scene.cell, frames, k, np.eye(3)[list(plane)]) for plane in SIDES.values()}
+
+
+def forward_pose(bodies: Array) -> int:
+    """Choose a pose that reaches forward, at a typical distance.
+
+    Args:
+        bodies: Origins of the bodies from base to tool, (poses, bodies, 3) [m].
+
+    Returns:
+        Its index.
+    """
     x, y, _ = bodies[:, -1].T
     far = np.abs(np.hypot(x, y) - np.median(np.hypot(x, y)))
-    return np.asarray(bodies[int(np.argmin(far + np.abs(y) - np.minimum(x, 0)))])
+    return int(np.argmin(far + np.abs(y) - np.minimum(x, 0)))
 
 
 # --- Figures of programs: the stiffness of the tool along the path ------------------------------------------

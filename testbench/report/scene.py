@@ -14,8 +14,9 @@ from testbench.errors import Array, Ids
 from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
 from testbench.report.colours import GREY, LOAD, MEASURED, SCALE, STIFFNESS, Colour, Look
-from testbench.report.schema import Table
+from testbench.report.schema import Table, show
 from testbench.runs.rows import Row
+from testbench.workflows.model_names import in_words
 
 if TYPE_CHECKING:  # imports that take long
     from testbench.workflows.cell import Cell
@@ -144,6 +145,15 @@ class Scene:
         sizes = [layer.values for group in self.groups for layer in group.layers if layer.values is not None]
         return scale_of(*sizes) if any(np.isfinite(mm).any() for mm in sizes) else None
 
+    @property
+    def tube_words(self) -> str:
+        """Say what the colours of all tubes mean; nothing where there are none."""
+        scale = self.tube_scale
+        if scale is None:
+            return ""
+        low, high = map(show, scale.ends)
+        return f"Tubes are coloured by the error there: dark blue {low} mm to light green {high} mm."
+
 
 @dataclass(frozen=True)
 class ModelLine:
@@ -153,6 +163,11 @@ class ModelLine:
     look: Look
     values: Array  #: (n,), in the unit of its chart; NaN where there is none.
     ends: tuple[Array, Array] | None = None  #: Lower and upper end of an interval of each, (n,) both.
+
+    @property
+    def words(self) -> str:
+        """Return its name in words, without an article: what stands beside what is drawn."""
+        return in_words(self.name).removeprefix("the ")
 
 
 @dataclass(frozen=True)
@@ -167,6 +182,7 @@ class RunChart:
     limit: float | None = None  #: A level across all poses, in the same unit; NaN: none.
     note: str = ""  #: What else there is to say of them.
     limit_is: str = "noise alone, 95 %"  #: What the level is.
+    leads: bool = True  #: Whether the last line stands out: the model that is asked about.
 
 
 @dataclass(frozen=True)

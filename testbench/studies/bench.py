@@ -63,6 +63,7 @@ from testbench.workflows.campaign import (
     true_cell,
 )
 from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.model_names import in_words
 from testbench.workflows.models import named_models, prior_of, with_priors, without_compliances
 from testbench.workflows.own_estimator import (
     MAX_COMPLIANCE,
@@ -646,7 +647,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     known = {row.name: look_of(row) for row in board}
     return {
         "bench.png": forest(table, {"over": "all simulated tasks, with prior"}, found.title, words, 1.0),
-        "time.png": cost_figure(board, known, f"error over that of {DEFAULT}"),
+        "time.png": cost_figure(board, known, f"error over that of {in_words(DEFAULT)}"),
     }
 
 

@@ -43,7 +43,7 @@ from testbench.runs.engine import Work
 from testbench.studies.intervals import clipped, ridge
 from testbench.workflows.campaign import Setup, settle_both
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE
+from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE, in_words
 from testbench.workflows.models import Model, equal_fit, named_models
 from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
 from testbench.workflows.rows import MM
@@ -229,12 +229,14 @@ def with_errors(
         for name, off in errors.items()
     ]
     errs = [
-        ", ".join(f"{model_line.name} {model_line.values[k]:.3f} mm" for model_line in lines)
+        ", ".join(f"{in_words(model_line.name)} {model_line.values[k]:.3f} mm" for model_line in lines)
         for k in range(len(at))
     ]
     start, one = at_one_target(at, errors, [*errors][-1])
     arrows = [
-        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start + scale * off)
+        Layer(
+            f"error of {in_words(name)}", looks[name].colour, looks[name].stroke, start, start + scale * off
+        )
         for name, off in one.items()
     ]
     drawn = replace(

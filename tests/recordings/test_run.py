@@ -215,7 +215,8 @@ def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_les
     colours = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in data["Points3D:colors"][0]]
     assert colours == [LOOK.colour if x < 0 else joints.look.colour for x in off]
     assert np.argmax(data["Points3D:radii"][0]) == np.argmax(np.abs(off))
-    errs = f"one errs less in {len(off) - 1} of {len(off)} places, by {np.abs(off).max():.3f} mm at most"
+    places = f"in {len(off) - 1} of {len(off)} places, by {np.abs(off).max():.3f} mm at most"
+    errs = f"one errs less than the joints-only model {places}"
     assert errs in document(chunks, "/map_words")
     drawn = seen_plain(replace(seen, map=both))["map"]
     assert [drawn["lines"][k]["name"] for k in drawn["difference"]] == ["one", "Joints"]
@@ -282,14 +283,15 @@ def test_a_run_without_a_scene_opens_on_its_figures_drawn_anew(chart, tmp_path):
     rows = [columns(chunks, f"/figures/chart_{k}/y_numbers")["Points2D:labels"] for k in (0, 1)]
     assert rows == [[["MLS56 1.00", "Joints 2.00"]], [["MLS56 3.00", "Joints 4.00"]]]
     assert columns(chunks, "/figures/chart_0/x_name")["Points2D:labels"] == [["error [mm]"]]
+    [[(_, (_, high), (wide, _))]] = columns(chunks, "/figures/chart_0/axes")["LineStrips2D:strips"]
     dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
-    assert dots == pytest.approx(np.array([[80.0, 75.0], [160.0, 25.0]]))  # 160 wide, 100 high, downwards
+    assert dots == pytest.approx(np.array([[wide / 2, 0.75 * high], [wide, 0.25 * high]]))  # downwards
     strips = columns(chunks, "/figures/chart_0/lines")["LineStrips2D:strips"][0]
     joined, *bars = [np.array(strip) for strip in strips]
     assert joined == pytest.approx(dots)
+    round_ = 0.25 * high / 2  # radius of the ends of bars
     assert [(bar[0, 0], bar[1, 0]) for bar in bars] == [
-        pytest.approx((12.5, 67.5)),
-        pytest.approx((12.5, 147.5)),
+        pytest.approx((round_, share * wide - round_)) for share in (0.5, 1.0)
     ]
     assert columns(chunks, "/figures/chart_0/key_0")["Points2D:labels"] == [["MLS56"]]
 
@@ -313,10 +315,10 @@ def test_the_legend_of_a_chart_covers_no_number(seen, count, letters):
     line = seen.runs[0].lines[0]
     lines = [replace(line, name=f"{k}" * letters, values=np.full(5, 2.0), ends=None) for k in range(count)]
     chart = replace(seen.runs[0], lines=lines, limit=None)
-    above, aside = _legend_room(chart)
+    above, aside = _legend_room(chart, 28 + 25 + 250)
     top = _from_zero(chart, above).range.as_arrow_array().to_pylist()[0][1]
     last = _beyond(40, aside).view_range.as_arrow_array().to_pylist()[0]["end"]
-    wide, high = 0.08 + 0.0135 * letters, 0.09 * count  # of two columns of a window 1600 pixels wide
+    wide, high = (40 + 5.5 * letters) / 620, 23.5 * count / 250  # as the viewer draws it [pixel]
     assert (1 - high) * top >= 2.0 or (1 - wide) * last >= 40
 
 
@@ -342,14 +344,47 @@ def test_models_are_bars_from_zero_each_with_its_name_and_number(seen, tmp_path)
     assert reached[1] / reached[0] == pytest.approx(4.0)
 
 
-def test_a_recording_says_first_what_the_names_of_the_models_beside_it_mean(seen, tmp_path):
+def test_tables_of_a_recording_say_first_what_the_names_of_models_mean(seen, tmp_path):
     rows = [
         Row(name=name, structure=name, constraint="psd", prior=False, error=x)
         for name, x in (("MGCO56", 0.4), ("mine.py:best", 0.1))
     ]
     table = Table((TableColumn("name", "model"), TableColumn("error", "error", "mm")), rows, "Models")
     chunks = chunks_of(written(tmp_path / "a.rrd", replace(seen, tables=[table])))
-    assert "**MGCO56**: GCO of beam links." in document(chunks, "/summary")
+    assert document(chunks, "/tables").startswith("Models: **MGCO56**: GCO of beam links.")
+    [names] = columns(chunks, "/models/y_numbers")["Points2D:labels"]
+    assert names == ["mine.py:best", "GCO of beam links"]
+
+
+def test_lines_end_where_their_axes_end_and_names_of_two_lines_are_whole(seen, tmp_path):
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot([0.0, 1.0, 5.0], [-2.0, 0.5, 4.5], label="grows")
+    axes.set_yticks([0, 1], ["GCO of all links and\njoints with prior  1.00", "Joints  2.00"])
+    axes.set(xlabel="error [mm]", xlim=(0, 2), ylim=(0, 1))
+    chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
+    [[(_, (_, high), (wide, _))]] = columns(chunks, "/figures/chart_0/axes")["LineStrips2D:strips"]
+    [strips] = columns(chunks, "/figures/chart_0/lines")["LineStrips2D:strips"]
+    ends = np.concatenate([np.array(strip) for strip in strips])
+    assert ends.min() >= -1.5  # a pixel
+    assert (ends <= [wide + 1.5, high + 1.5]).all()
+    [lines] = columns(chunks, "/figures/chart_0/y_numbers")["Points2D:labels"]
+    assert lines == ["GCO of all links and", "joints with prior 1.00", "Joints 2.00"]
+    [key] = columns(chunks, "/figures/chart_0/key_0")["Points2D:positions"]
+    assert key[0][0] > wide  # beside the axes
+
+
+def test_places_of_a_map_have_words_without_the_colours_of_what_is_not_drawn_there(seen, tmp_path):
+    first, places = seen.scene.groups
+    dots = replace(first.layers[0], at=seen.map.at[:, None], labels=())
+    groups = [first, replace(places, layers=[dots])]
+    own = replace(seen, scene=replace(seen.scene, groups=groups))
+    chunks = sound(written(tmp_path / "a.rrd", own), "It is 3.000 mm off.")
+    with_colours, alone = (
+        columns(chunks, f"/{name}/places")["TextDocument:text"] for name in ("here", "place")
+    )
+    assert all("rust dots: " in text for [text] in with_colours)
+    assert not any("dots: " in text for [text] in alone)
 
 
 BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])

@@ -362,14 +362,14 @@ def check_residuals(axes, row, look):
 def check_predictions(axes, found, names):
     """Dots of every model against what was measured."""
     *dots, line = axes.get_lines()
-    assert [own.get_label() for own in dots] == [*names]
-    for own in dots:
+    words = [in_words(name).removeprefix("the ") for name in names]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == words
+    for own, name in zip(dots, names, strict=True):
         np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
-        np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[own.get_label()])
+        np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[name])
     np.testing.assert_array_equal(*line.get_data())
     assert axes.get_xlabel().endswith(" deflection [mm]")
     assert axes.get_ylabel() == "predicted [mm]"
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [*names]
 
 
 @pytest.fixture(scope="module")
@@ -463,6 +463,13 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     ]
     shares = [row.share_percent for row in f.details.sag]
     assert shares == sorted(shares, reverse=True)
+    assert [text.get_text() for text in sag.texts] == [f"{share:.0f} %" for share in shares]
+    for axes, names in ((sag, f.details.sag), (parts, f.seen.blocks)):
+        named = dict(
+            zip(axes.get_yticks(), [text.get_text() for text in axes.get_yticklabels()], strict=True)
+        )
+        bars = [named[bar.get_y() + bar.get_height() / 2] for bar in axes.patches]
+        assert bars == [row.part for row in names]
     for line, spans, key in zip(stiff.get_lines(), stiff.collections, ("prior", "posterior"), strict=True):
         every = [row[key] for row in f.details.joints]
         assert line.get_xdata() == pytest.approx([own.middle for own in every])
@@ -487,6 +494,7 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     ]
     [last] = more
     assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
+    assert [text.get_text() for text in last.get_yticklabels()] == ["way 1", "way 2", "way 3"]
     title = " ".join(figure.get_suptitle().split())
     said = f"{in_words(TAKEN)} is conservative; {f.details.sag[0].part} causes"
     assert title.startswith(said)

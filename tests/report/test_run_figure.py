@@ -8,13 +8,14 @@ import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from reports import check_forest
 
 from testbench.plant.shapes import corners, visual_shapes
 from testbench.report import figure as figures
-from testbench.report.colours import look
-from testbench.report.figure import forest, headed, log_ticks, page, say
+from testbench.report.colours import SCALE, hexadecimal, look
+from testbench.report.figure import SOFT, forest, headed, log_ticks, page, say
 from testbench.report.run_figure import outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
@@ -150,7 +151,52 @@ def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
     assert axes.get_title() == "Left (mm)"
     widths = [shown[own.name].get_linewidth() for own in chart.lines]
     assert widths[-1] == max(widths) > max(widths[:-1])  # the winner is last
+    alike = overview(REPORT, replace(seen, runs=[replace(chart, leads=False)])).axes[-1].get_lines()
+    assert len({line.get_linewidth() for line in alike}) == 1
+    above = [replace(own, values=own.values + 50, ends=None) for own in chart.lines]
+    apart = overview(REPORT, replace(seen, runs=[replace(chart, lines=above)])).axes[-1]
+    assert apart.get_ylim()[0] <= 0  # errors look as large as they are
     assert [text.get_text() for text in axes.get_xticklabels()] == list("abcde")
+
+
+def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(seen):
+    first = seen.scene.groups[0]
+    path = np.linspace([1.0, 0, 1], [1.2, 0.5, 1], 5)[None]
+    sizes = {"before": np.array([4.0, 3, 2, np.nan]), "after": np.array([1.0, 1, 1, 1])}
+    tubes = [
+        replace(
+            first.layers[2], name=name, kind="tubes", at=path[:, :-1], to=path[:, 1:], labels=(), values=mm
+        )
+        for name, mm in sizes.items()
+    ]
+    spot = replace(first.layers[0], name="largest error", at=path[:, :1], labels=["at most 4.000 mm"])
+    insets = [
+        replace(first, name=tube.name, layers=[tube, spot], near=path[0], bent=None, ordered=True)
+        for tube in tubes
+    ]
+    whole = replace(first, layers=tubes, ordered=True)
+    found = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[whole, *insets])))
+    arm, *panes, bar = found.axes[:4]
+    assert (arm.get_xlabel(), arm.get_ylabel()) == ("x [m]", "z [m]")
+    low, high = bar.get_ylim()
+    assert (low, high, bar.get_ylabel()) == (1.0, 4.0, "error of the path [mm]")
+    for axes, tube in zip(panes, tubes, strict=True):
+        assert axes.get_title() == tube.name
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")  # from above: it is flat
+        [lines] = [own for own in axes.collections if isinstance(own, LineCollection)]
+        np.testing.assert_allclose(lines.get_segments(), np.stack([path[0, :-1], path[0, 1:]], 1)[:, :, :2])
+        shades = [to_hex(colour).upper() for colour in lines.get_colors()]
+        ends = {1.0: hexadecimal(SCALE[0]), 4.0: hexadecimal(SCALE[-1])}
+        known = [(mm, shade) for mm, shade in zip(tube.values, shades, strict=True) if mm in ends]
+        assert known
+        assert all(shade == ends[mm] for mm, shade in known)
+        assert (shades[-1] == SOFT) == np.isnan(tube.values[-1])
+        assert [text.get_text() for text in axes.texts] == ["at most 4.000 mm"]
+    keys = [
+        text.get_text() for own in found.axes if own.get_legend() for text in own.get_legend().get_texts()
+    ]
+    assert "largest error" in keys
+    assert not set(sizes) & set(keys)  # a path has no colour of its own
 
 
 def test_the_bent_arm_is_in_the_key_where_one_is_drawn(figure, seen):

@@ -149,8 +149,8 @@ def bands(axes):
 
 
 def unit_in(label):
-    """The unit in square brackets at the end of an axis label."""
-    return re.fullmatch(r".*\[(.*)\]", label).group(1)
+    """The unit in square brackets at the end of an axis label, as tables write it."""
+    return re.fullmatch(r".*\[(.*)\]", label).group(1).replace("µ", "u")
 
 
 def key_of(figure):

@@ -169,8 +169,14 @@ function named(lines, title, { y, ...style }) {
   });
 }
 
-function drawColumn(table, k, width) {
+/** Rows with a number in a column: the winner first, then by size; steps keep their order. */
+function sortedRows(table, k) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
+  return table.stepwise ? rows : rows.sort((a, b) => b.marked - a.marked || a.cells[k].v - b.cells[k].v);
+}
+
+function drawColumn(table, k, width) {
+  const rows = sortedRows(table, k);
   const names = rows.map((row) => row.cells[0].text);
   const most = Math.max(0.42 * width, Math.min(200, 0.55 * width)) - 14, left = 14 + Math.min(most, Math.max(...names.map((name) => wide(table.words[name]))));
   const lines = names.map((name) => folded(table.words[name], most));
@@ -270,7 +276,7 @@ function runChart(place, chart, names, choose) {
   let pointed = -1;
   const point = (i) => {
     pointed = i;
-    const k = order[i], texts = chart.lines.map((line) => `${line.name} ${said(line, k)}`);
+    const k = order[i], texts = chart.lines.map((line) => `${line.words} ${said(line, k)}`);
     tip.textContent = `${names[k]}: ${texts.join(", ")}`;
     cursor.setAttribute("x1", at(i));
     cursor.setAttribute("x2", at(i));
@@ -302,5 +308,5 @@ function dashes() {
 /** Name of a line with its dot. */
 function swatch(line) {
   const mark = make("svg", { viewBox: "0 0 16 16", style: "width:16px;height:16px" }, dot(8, 8, line));
-  return make("span", { class: "named" }, mark, line.name);
+  return make("span", { class: "named" }, mark, line.words);
 }

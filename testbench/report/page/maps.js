@@ -26,7 +26,7 @@ class Maps {
   }
 
   pane(line) {
-    const canvas = make("canvas", { "aria-label": `Errors of ${line.name} over the workspace` });
+    const canvas = make("canvas", { "aria-label": `Errors of ${line.words} over the workspace` });
     const worst = line.values.reduce((best, x, k) => (x !== null && this.data.at[k] && (best < 0 || x > line.values[best]) ? k : best), -1);
     const pane = { canvas, line, worst };
     this.panes.push(pane);
@@ -43,16 +43,16 @@ class Maps {
 
   /** One model minus another: a ball in the colour of the one that errs less, larger for more. */
   difference(ours, theirs) {
-    const name = `${ours.name} minus ${theirs.name}`;
+    const name = "Which errs less";
     const values = ours.values.map((x, k) => (x === null || theirs.values[k] === null ? null : x - theirs.values[k]));
     const known = values.filter((x) => x !== null), most = Math.max(...known.map(Math.abs));
-    const canvas = make("canvas", { "aria-label": `Errors of ${name} over the workspace` });
-    const pane = { canvas, line: { name, values }, worst: -1, look: (x) => [x <= 0 ? ours.colour : theirs.colour, most ? Math.abs(x) / most : 0] };
+    const canvas = make("canvas", { "aria-label": `Errors of ${ours.words} minus those of ${theirs.words} over the workspace` });
+    const pane = { canvas, line: { values }, worst: -1, look: (x) => [x <= 0 ? ours.colour : theirs.colour, most ? Math.abs(x) / most : 0] };
     this.panes.push(pane);
     turnable(canvas, this.camera, () => this.panes.forEach((own) => this.ask(own)), (event) => this.pick(pane, event));
     new ResizeObserver(() => this.ask(pane)).observe(canvas);
     const less = known.filter((x) => x < 0).length;
-    const words = `${ours.name} errs less in ${less} of ${known.length} places; the largest ball: ${plain(most)} mm`;
+    const words = `${ours.words} errs less in ${less} of ${known.length} places; the largest ball: ${plain(most)} mm`;
     return make("div", { class: "pane" }, make("h3", {}, name), canvas, make("div", { class: "bar" }, swatch(ours), swatch(theirs), make("span", { class: "wraps" }, words)));
   }
 

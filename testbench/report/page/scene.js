@@ -100,7 +100,7 @@ class Scene {
       this.hidden[box.checked ? "delete" : "add"](layer.name);
       this.ask();
     });
-    return make("label", {}, box, make("span", { class: "swatch", style: `background:${layer.colour}` }), layer.name);
+    return make("label", {}, box, make("span", { class: "swatch", style: `background:${layer.colours ? `linear-gradient(90deg,${[...new Set(layer.colours)].concat(layer.colours[0]).join()})` : layer.colour}` }), layer.name);
   }
 
   /** Draw before the next picture, once. */

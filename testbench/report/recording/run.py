@@ -5,7 +5,7 @@ timeline: a typical pose, then all poses, the worst first, or along their path.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from matplotlib.collections import LineCollection, PathCollection, PolyCollectio
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.path import Path as Path2D
 from matplotlib.transforms import Transform
 
 from testbench.errors import Array, Ids
@@ -35,7 +36,7 @@ from testbench.report.colours import (
     TASK,
     Colour,
 )
-from testbench.report.figure import Figure, forest_pane, log_ticks, short
+from testbench.report.figure import Figure, forest_pane, log_ticks, row_head
 from testbench.report.markdown import Markdown, ReportWords, as_markdown, grid
 from testbench.report.recording.stream import Pen, RecordingHeader, recording, snake, text_view
 from testbench.report.recording.world import (
@@ -51,7 +52,6 @@ from testbench.report.recording.world import (
 )
 from testbench.report.run_figure import headline
 from testbench.report.scene import (
-    ErrorScale,
     Layer,
     ModelLine,
     PageContent,
@@ -62,21 +62,23 @@ from testbench.report.scene import (
     sorting_numbers,
     squares,
 )
-from testbench.report.schema import Table, show
+from testbench.report.schema import Table
 from testbench.runs.spread import middle
 from testbench.workflows.model_names import in_words
 
 # --- Panes of a figure as views of a recording: lines, dots, names and axes that stay sharp at any size -----
 
-WIDE, HIGH = 160.0, 100.0  #: Of the part inside of the axes, in units of the view; higher for many names.
-LETTER, LINE, APART = 3.9, 8.0, 10.5
-"""Room for a letter, for a line of text, and from one name to the next below it, in the same units."""
-DOT, STROKE = 0.4, 0.25  #: Radius of a dot and of a line over its size or width [1/pt].
+LETTER, LINE, GAP = 6.2, 15.0, 10.0
+"""Width of a letter, height of a line of text, and room around what is written, in a viewer 1600 pixels wide
+[pixel]: its texts keep their size, whatever the view shows."""
+LEAST_WIDE, LEAST_HIGH = 120.0, 90.0  #: Of the part inside of the axes [pixel].
+DOT, STROKE = 0.7, 0.45  #: Radius of a dot and of a line over its size or width [pixel/pt].
 GREYS = (0.25, 0.75)  #: Brightness beyond which a grey is not seen on a dark or on a light ground [1].
-LETTERS = 42  #: Most letters of a name beside an axis.
-THIN = 0.15  #: Radius of an outline.
+THIN, AXIS = 0.3, 0.5  #: Radius of an outline and of an axis [pixel].
 NOTHING = ("None", "", " ", None)  #: Styles of lines and markers that are not drawn.
 FAINT = 0.3  #: Least opacity of what is drawn.
+
+Size = tuple[float, float]  #: Width and height [pixel].
 
 
 def panes_of(figure_axes: list[Axes]) -> list[Axes]:
@@ -89,16 +91,50 @@ def rows_of(axes: Axes) -> list[str]:
     return _ticks(axes.yaxis)[1]
 
 
-def write_pane(pen: Pen, path: str, axes: Axes, names: Sequence[str] = ()) -> rrb.Spatial2DView:
+def least_height(axes: Axes, names: Sequence[str]) -> float:
+    """Height of a pane in which no two names beside its upright axis touch [pixel]."""
+    return _rows_height(names) + _above(axes) + BELOW
+
+
+def _rows_height(names: Sequence[str]) -> float:
+    """Height of the part inside of the axes that names beside it need [pixel]."""
+    lines = max((name.count("\n") + 1 for name in names), default=0)
+    return max(LEAST_HIGH, len(names) * (LINE * lines + GAP / 2))
+
+
+def _longest(texts: Iterable[str]) -> float:
+    """Width of the longest line of texts [pixel]."""
+    return LETTER * max((len(line) for text in texts for line in text.split("\n")), default=0)
+
+
+BELOW = 3 * LINE  #: Room below the axes: numbers and what they are [pixel].
+KEY_LINE = 1.4 * LINE  #: From one entry of a key to the next [pixel].
+
+
+def _above(axes: Axes) -> float:
+    """Room above the axes: what the upright one is [pixel]."""
+    return GAP + LINE * bool(axes.get_ylabel())
+
+
+def write_pane(pen: Pen, path: str, axes: Axes, size: Size, names: Sequence[str] = ()) -> rrb.Spatial2DView:
     """Write what a pane holds; its view, as large as all that is written in it.
 
     Args:
         pen: The recording.
         path: Where to.
         axes: The pane.
+        size: Of the view in a viewer 1600 pixels wide [pixel].
         names: What stands beside its upright axis; what the pane has if empty.
     """
-    marks = list(_marks(axes))
+    names, keys = names or rows_of(axes), _keys(axes)
+    texts = [text for text in axes.texts if text.get_text()]
+    left = GAP + _longest(names)
+    aside = GAP + _longest(text.get_text() for text in texts)
+    right = aside + GAP + _longest(text for text, _ in keys)
+    wide = max(LEAST_WIDE, size[0] - left - right)
+    high = max(_rows_height(names), KEY_LINE * len(keys), size[1] - _above(axes) - BELOW)
+    inside = (wide, high)
+    marks = list(_marks(axes, inside))
     dots = [own for own in marks if own[0] == "dots"]
     lines = [own for own in marks if own[0] == "line"]
     if dots:
@@ -109,96 +145,109 @@ def write_pane(pen: Pen, path: str, axes: Axes, names: Sequence[str] = ()) -> rr
     if lines:
         strips, shades = [points for *_, points in lines], [_seen(colour) for _, colour, *_ in lines]
         pen.still(f"{path}/lines", rr.LineStrips2D(strips, colors=shades, radii=[own[2] for own in lines]))
-    high = _high(axes)
-    corners = [(0.0, 0.0), (0.0, high), (WIDE, high)]
-    pen.still(f"{path}/axes", rr.LineStrips2D([corners], colors=GREY, radii=0.3))
-    if texts := [text for text in axes.texts if text.get_text()]:
-        at = [_placed(axes, text.get_transform(), np.atleast_2d(text.get_position())) for text in texts]
-        words = [text.get_text() for text in texts]
-        aside = [[LETTER * len(own) / 2, -LINE / 2] for own in words]  # the viewer centres them
-        pen.names(f"{path}/texts", np.concatenate(at) + aside, words, GREY)
-    return _around(pen, path, axes, names)
-
-
-def _around(pen: Pen, path: str, axes: Axes, names: Sequence[str]) -> rrb.Spatial2DView:
-    """Numbers and names beside the axes and the key above them; the view that has room for all."""
-    at, words = _ticks(axes.xaxis)
-    high = _high(axes)
-    if words:
-        along = _placed(axes, axes.transData, np.column_stack([at, np.full(len(at), axes.get_ylim()[0])]))
-        pen.names(f"{path}/x_numbers", np.column_stack([along[:, 0], np.full(len(at), high)]), words, GREY)
-    at, words = _ticks(axes.yaxis)
-    words = [short(own, LETTERS) for own in (names or words)]
-    left = 4 + LETTER * max(map(len, words), default=0)
-    if words:
-        along = _placed(axes, axes.transData, np.column_stack([np.full(len(at), axes.get_xlim()[0]), at]))
-        places = np.column_stack([np.full(len(at), -left / 2), along[:, 1] - LINE / 2])
-        pen.names(f"{path}/y_numbers", places, words, GREY)
-    pen.names(f"{path}/x_name", np.array([[WIDE / 2, high + LINE]]), [axes.get_xlabel()], GREY)
-    above = _key(pen, path, axes)
-    if axes.get_ylabel():
-        above += LINE
-        pen.names(f"{path}/y_name", np.array([[WIDE / 4, -above - 2]]), [axes.get_ylabel()], GREY)
-    right = 10 + LETTER * max((len(text.get_text()) for text in axes.texts), default=0)
-    bounds = rrb.VisualBounds2D(x_range=(-left - 4, WIDE + right), y_range=(-above - 6, high + 2 * LINE + 6))
+    corners = [(0.0, 0.0), (0.0, high), (wide, high)]
+    pen.still(f"{path}/axes", rr.LineStrips2D([corners], colors=GREY, radii=AXIS))
+    if texts:
+        at = [
+            _placed(axes, inside, text.get_transform(), np.atleast_2d(text.get_position())) for text in texts
+        ]
+        said = _written_at(np.concatenate(at), [text.get_text() for text in texts], 1)
+        pen.names(f"{path}/texts", *said, GREY)
+    for k, (text, colour) in enumerate(keys):
+        beside = np.array([[wide + (aside + right) / 2, KEY_LINE * k]])
+        pen.names(f"{path}/key_{k}", beside, [text], _seen(colour))
+    _around(pen, path, axes, inside, names)
+    bounds = rrb.VisualBounds2D(x_range=(-left - GAP, wide + right), y_range=(-_above(axes), high + BELOW))
     title = " ".join((axes.get_title() or axes.get_title("left") or axes.get_xlabel()).split())
     return rrb.Spatial2DView(origin=path, name=title, visual_bounds=bounds)
+
+
+def _written_at(at: Array, words: Sequence[str], side: int) -> tuple[Array, list[str]]:
+    """Where the viewer is told to write texts, (n, 2) [pixel], and these, each line by itself.
+
+    It centres a line below its place, and of many texts of several lines it shows the first lines only.
+
+    Args:
+        at: Where texts begin or end, in the middle of their height, (texts, 2) [pixel].
+        words: The texts.
+        side: 1 where they begin there, -1 where they end.
+    """
+    places, lines = [], []
+    for (x, y), text in zip(at.tolist(), words, strict=True):
+        own = text.split("\n")
+        for k, line in enumerate(own):
+            places.append([x + side * _longest([line]) / 2, y + LINE * (k - len(own) / 2)])
+            lines.append(line)
+    return np.array(places), lines
+
+
+def _around(pen: Pen, path: str, axes: Axes, inside: Size, names: Sequence[str]) -> None:
+    """Write numbers and names beside the axes."""
+    wide, high = inside
+    at, words = _ticks(axes.xaxis)
+    if words:
+        along = _placed(
+            axes, inside, axes.transData, np.column_stack([at, np.full(len(at), axes.get_ylim()[0])])
+        )
+        pen.names(f"{path}/x_numbers", np.column_stack([along[:, 0], np.full(len(at), high)]), words, GREY)
+    at, _ = _ticks(axes.yaxis)
+    if names:
+        along = _placed(
+            axes, inside, axes.transData, np.column_stack([np.full(len(at), axes.get_xlim()[0]), at])
+        )
+        ends = np.column_stack([np.full(len(at), -GAP), along[:, 1]])
+        pen.names(f"{path}/y_numbers", *_written_at(ends, names, -1), GREY)
+    pen.names(f"{path}/x_name", np.array([[wide / 2, high + 1.3 * LINE]]), [axes.get_xlabel()], GREY)
+    if axes.get_ylabel():
+        pen.names(f"{path}/y_name", np.array([[wide / 4, -1.3 * LINE]]), [axes.get_ylabel()], GREY)
 
 
 def _ticks(axis: Axis) -> tuple[Array, list[str]]:
     """Where ticks of an axis are and what stands at them, those inside of it."""
     low, high = sorted(axis.get_view_interval())
     at = np.asarray(axis.get_majorticklocs())
-    words = [" ".join(text.split()) for text in axis.get_major_formatter().format_ticks(at.tolist())]
+    texts = axis.get_major_formatter().format_ticks(at.tolist())
+    words = ["\n".join(" ".join(line.split()) for line in text.split("\n")) for text in texts]
     inside = [k for k, place in enumerate(at.tolist()) if low <= place <= high and words[k]]
     return at[inside], [words[k] for k in inside]
 
 
-def _key(pen: Pen, path: str, axes: Axes) -> float:
-    """Names of lines in their colours; how high that is."""
-    named = [(text, handle) for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)]
-    lines = [(text, handle) for text, handle in named if isinstance(handle, Line2D)]
-    longest = max((len(text) for text, _ in lines), default=1)
-    across = max(1, int(WIDE / (LETTER * (longest + 1))))
-    rows = -(-len(lines) // across)
-    for k, (text, line) in enumerate(lines):
-        at = np.array([[WIDE * (k % across + 0.5) / across, -LINE * (rows - k // across) - 2]])
-        pen.names(f"{path}/key_{k}", at, [text], _seen(to_rgb(line.get_color())))
-    return LINE * rows
+def _keys(axes: Axes) -> list[tuple[str, tuple[float, ...]]]:
+    """Names of lines, each with its colour."""
+    named = zip(*axes.get_legend_handles_labels(), strict=True)
+    return [(text, to_rgb(line.get_color())) for line, text in named if isinstance(line, Line2D)]
 
 
-def _high(axes: Axes) -> float:
-    """Height of the part inside of the axes: each name beside the upright one has room for its line."""
-    return max(HIGH, APART * len(axes.yaxis.get_majorticklocs()))
-
-
-def _placed(axes: Axes, transform: Transform, points: Array) -> Array:
-    """Points in units of the view, y downwards, (n, 2)."""
+def _placed(axes: Axes, inside: Size, transform: Transform, points: Array) -> Array:
+    """Points in pixels of the part inside of the axes, y downwards, (n, 2)."""
     shares = (transform + axes.transAxes.inverted()).transform(np.asarray(points, dtype=float))
-    return np.column_stack([WIDE * shares[:, 0], _high(axes) * (1 - shares[:, 1])])
+    return np.column_stack([inside[0] * shares[:, 0], inside[1] * (1 - shares[:, 1])])
 
 
 Mark = tuple[str, tuple[float, ...], float, Array]
 
 
-def _marks(axes: Axes) -> Iterator[Mark]:
-    """Lines and dots of a pane: what, colour, radius and points, those within its axes."""
-    for what, colour, size, points in _all_marks(axes):
-        near = np.isfinite(points) & (np.abs(points - 0.5 * WIDE) < 2 * WIDE)
-        inside = np.asarray(near.all(axis=1))
+def _marks(axes: Axes, inside: Size) -> Iterator[Mark]:
+    """Lines and dots of a pane: what, colour, radius and points, cut off where its axes end."""
+    wide, high = inside
+    for what, colour, size, points in _all_marks(axes, inside):
         if what == "dots":
-            if inside.any():
-                yield what, colour, size, points[inside]
+            near = ((points >= -1) & (points <= [wide + 1, high + 1])).all(axis=1)  # none of NaN is
+            if near.any():
+                yield what, colour, size, points[near]
             continue
-        for part in np.split(np.arange(len(points)), np.flatnonzero(~inside)):
-            whole = part[inside[part]]
-            if len(whole) > 1:
-                yield what, colour, size, points[whole]
+        cut = Path2D(points).cleaned(clip=(0.0, 0.0, wide, high), remove_nans=True)
+        codes = np.asarray(cut.codes)
+        starts = np.flatnonzero(codes == Path2D.MOVETO)
+        for part in np.split(np.asarray(cut.vertices)[codes != Path2D.STOP], starts)[1:]:
+            if len(part) > 1:
+                yield what, colour, size, part
 
 
-def _all_marks(axes: Axes) -> Iterator[Mark]:
+def _all_marks(axes: Axes, inside: Size) -> Iterator[Mark]:
+    """All that a pane draws, also beyond its axes."""
     for line in axes.get_lines():
-        points = _placed(axes, line.get_transform(), np.asarray(line.get_xydata(), dtype=float))
+        points = _placed(axes, inside, line.get_transform(), np.asarray(line.get_xydata(), dtype=float))
         colour = to_rgb(line.get_color())
         if line.get_linestyle() not in NOTHING and len(points) > 1 and np.ptp(points, axis=0).any():
             yield "line", colour, STROKE * line.get_linewidth(), points
@@ -206,12 +255,12 @@ def _all_marks(axes: Axes) -> Iterator[Mark]:
             yield "dots", colour, DOT * line.get_markersize(), points
     for own in axes.collections:
         if isinstance(own, PathCollection):
-            yield from _scattered(axes, own)
+            yield from _scattered(axes, inside, own)
         elif isinstance(own, PolyCollection | LineCollection):
-            yield from _outlined(axes, own)
+            yield from _outlined(axes, inside, own)
     for patch in axes.patches:
         if isinstance(patch, Rectangle) and (patch.get_alpha() or 1.0) > FAINT:
-            (x0, y0), (x1, y1) = _placed(axes, patch.get_transform(), np.array([[0, 0], [1, 1]]))
+            (x0, y0), (x1, y1) = _placed(axes, inside, patch.get_transform(), np.array([[0, 0], [1, 1]]))
             centre, half = np.array([x0 + x1, y0 + y1]) / 2, np.abs([x1 - x0, y1 - y0]) / 2
             way = half - half.min()  # the ends of a line are round
             yield (
@@ -222,19 +271,19 @@ def _all_marks(axes: Axes) -> Iterator[Mark]:
             )
 
 
-def _scattered(axes: Axes, own: PathCollection) -> Iterator[Mark]:
+def _scattered(axes: Axes, inside: Size, own: PathCollection) -> Iterator[Mark]:
     """Dots of one size or several, in one colour or several."""
-    at = _placed(axes, own.get_offset_transform(), np.asarray(own.get_offsets()))
+    at = _placed(axes, inside, own.get_offset_transform(), np.asarray(own.get_offsets()))
     colours, sizes = np.asarray(own.get_facecolor()), np.sqrt(own.get_sizes())
     for k, point in enumerate(at):
         yield "dots", tuple(colours[k % len(colours)][:3]), DOT * sizes[k % len(sizes)], point[None]
 
 
-def _outlined(axes: Axes, own: PolyCollection | LineCollection) -> Iterator[Mark]:
+def _outlined(axes: Axes, inside: Size, own: PolyCollection | LineCollection) -> Iterator[Mark]:
     """Outlines of areas, and lines."""
     colours = np.asarray(own.get_facecolor() if isinstance(own, PolyCollection) else own.get_colors())
     for k, outline in enumerate(own.get_paths()):
-        points = _placed(axes, own.get_transform(), np.asarray(outline.vertices))
+        points = _placed(axes, inside, own.get_transform(), np.asarray(outline.vertices))
         yield "line", tuple(colours[k % len(colours)][:3]), THIN, points
 
 
@@ -282,9 +331,14 @@ HUES: Mapping[str, Colour] = {
 STEEP = 0.8  #: How steeply a path is looked down on, over how far the eye is ahead and aside [1].
 VIEW_MARGIN, NEAR_MARGIN = 0.16, 0.03  #: Room around the arm and around what is near, over its size [1].
 STACKED = 1.9  #: Width over height of panes above each other [1].
-COLUMN, LEAST_ROWS = 24, 8  #: Rows of names that a column has room for, and those of the smallest pane.
-LEGEND_EDGE, LEGEND_LETTER, LEGEND_LINE = 0.08, 0.0135, 0.09
-"""Shares of a pane that a legend takes: across besides letters, a letter, a line of it [1]."""
+SIDE_WIDE = 620.0  #: Width of the column beside the arm, in a viewer 1600 pixels wide [pixel].
+MOST_MODELS = 10  #: Models beside the arm at most, the first ones.
+ANSWER_WIDE, TAB_HIGH, TITLE_HIGH = 1120.0, 890.0, 28.0
+"""Width of all figures beside the summary, height of a tab and of the title of a view in it [pixel]."""
+MOST_PANES = 6  #: Panes of figures at most.
+LEGEND_EDGE, LEGEND_LINE, CHART_EDGE = 40.0, 23.5, 25.0
+"""Sizes of a legend besides its letters and of a line of it; height of the numbers below a chart [pixel]."""
+SUMMARY, CHART = 5.0, 7.0  #: Heights of the summary and of a chart, as shares of what the models leave.
 FAR, BAR = 30.0, 0.45
 """Times the least number from which models are dots on a logarithmic axis; height of bars [1]."""
 
@@ -326,48 +380,62 @@ def write_run(
         page = replace(page, map=None)  # nowhere is there a bound
     groups = _groups(page)
     titles = [own.title for own in (page.scene, page.map, *page.runs) if own]
-    documents = {"summary": summary(words, page.tables), "tables": _tables(words, page)}
+    documents = {"summary": summary(words), "tables": _tables(words, page)}
     places = len(groups[0].poses.names) if groups else 1
     with recording(path, header, [*documents.values(), *titles]) as pen:
         pen.documents(documents)
         if page.scene:
             _write_scene(pen, page.scene, groups)
+            if page.map:  # its balls are no layers: their colours are said beside it
+                own = groups[page.map.group]
+                _timed(pen, own).texts(f"place/{own.name}", _poses_words(own.poses))
         names, arm, body, size = _around_map(page, groups)
         if page.map:
             write_map(pen, page.map, names, size)
-        models = _models(pen, page.tables)
-        panes = _panes(pen, figures, COLUMN if page.scene else 2 * COLUMN)
+        models = _models(pen, page.tables, alone=page.scene is None)
+        panes = _panes(pen, figures, alone=page.scene is None)
         tabs: list[rrb.Container | rrb.View] = []
-        tabs += _scene_tabs(page, groups, models) if page.scene else [_answer(panes or models)]
+        tabs += (
+            _scene_tabs(page, groups, models)
+            if page.scene
+            else [_answer(panes or [view for view, _ in models])]
+        )
         if page.map:
-            here = [f"here/{groups[page.map.group].name}"] if groups else []
+            here = [f"place/{groups[page.map.group].name}"] if groups else []
             tabs.append(map_tab(page.map, arm, body, size, here))
         tables = text_view("tables", "Tables")
         tabs.append(_columns([tables], panes, "Tables") if page.scene and panes else tables)
         pen.layout(*tabs, timeline=TYPICAL if groups else None, places=places)
 
 
-def _scene_tabs(page: PageContent, groups: Sequence[_Group], models: list[rrb.View]) -> list[rrb.Container]:
+def _scene_tabs(
+    page: PageContent, groups: Sequence[_Group], models: Sequence[tuple[rrb.View, float]]
+) -> list[rrb.Container]:
     """A tab a group, the answer beside the first one; insets are in that, the map's group is in its tab."""
     assert page.scene
     near = [group.name for group in page.scene.insets]
     insets = [group for group in groups if group.poses.name in near]
     first, *others = (group for group in groups if group not in insets)
     on_map = groups[page.map.group] if page.map else None
+    high = sum(own for _, own in models)
+    rest = (TAB_HIGH - high) / (SUMMARY + CHART * len(first.charts))
+    shares = [SUMMARY * rest, *[own for _, own in models], *[CHART * rest] * len(first.charts)]
+    views = [text_view("summary", "Summary"), *[view for view, _ in models], *_charts(first, CHART * rest)]
+    answer = rrb.Vertical(*views, row_shares=shares)
     front = _columns(
         [
             _world(page.scene, first, aspect=STACKED if insets else ASPECT),
             *[rrb.Horizontal(*(_world(page.scene, group, aspect=STACKED) for group in insets))]
             * bool(insets),
         ],
-        [text_view("summary", "Summary"), *models, *_charts(first)],
+        [answer],
         first.poses.name,
         text_view(f"here/{first.name}", "What is shown"),
     )
     more = [
         _columns(
             [_world(page.scene, group)],
-            _charts(group),
+            _charts(group, TAB_HIGH / max(1, len(group.charts))),
             group.poses.name,
             text_view(f"here/{group.name}", "What is shown"),
         )
@@ -380,16 +448,26 @@ def _scene_tabs(page: PageContent, groups: Sequence[_Group], models: list[rrb.Vi
 def _answer(panes: list[rrb.View]) -> rrb.Container:
     """Figures beside the answer."""
     summary = text_view("summary", "Summary")
-    across = 1 if len(panes) < 3 else 2
-    grid = rrb.Grid(*panes, grid_columns=across) if panes else rrb.Vertical(text_view("tables", "Tables"))
+    tables = rrb.Vertical(text_view("tables", "Tables"))
+    grid = rrb.Grid(*panes, grid_columns=_across(len(panes))) if panes else tables
     return rrb.Horizontal(grid, summary, column_shares=[5, 2], name="Answer")
 
 
-def _models(pen: Pen, tables: Sequence[Table]) -> list[rrb.View]:
-    """The models of the first table that has some, sorted by what it is about; which are not conservative."""
+def _models(pen: Pen, tables: Sequence[Table], *, alone: bool) -> list[tuple[rrb.View, float]]:
+    """The models of the first table that has some, sorted by what it is about; which are not conservative.
+
+    Args:
+        pen: The recording.
+        tables: Of the page.
+        alone: Whether they have the tab to themselves, and not a place beside the arm.
+
+    Returns:
+        Their view and its height in a viewer 1000 pixels high [pixel]; none without models.
+    """
     if not (found := headline(tables)):
         return []
-    table, column = found
+    (table, column), count = found, len(found[0].rows)
+    table = table if alone else replace(table, rows=table.rows[:MOST_MODELS])
     axes, name = Figure().subplots(), table.columns[0]
     forest_pane(axes, table, column)
     low, high = axes.dataLim.intervalx.tolist()
@@ -400,51 +478,75 @@ def _models(pen: Pen, tables: Sequence[Table]) -> list[rrb.View]:
         colours = [table.looks[name.cell(row)].hex for row in table.rows]
         axes.barh(range(len(sizes)), sizes, BAR, color=colours)
         axes.set_xlim(min(0.0, low), 1.03 * high)
-    axes.set_yticks(range(len(sizes)), [name.cell(row) for row in table.rows])
+    axes.set_yticks(range(len(sizes)), [row_head(in_words(name.cell(row))) for row in table.rows])
     known = [own for own in table.columns if own.key == "conservative"]
     for y, (size, row) in enumerate(zip(sizes, table.rows, strict=True)):
         free = any(own.value(row) is False for own in known)
-        words = f"{column.text(size)}, not conservative" if free else column.text(size)
+        words = f"{column.text(size)}\nnot conservative" if free else column.text(size)
         axes.text(1.01, y, words, transform=axes.get_yaxis_transform())
-    axes.set_title(table.title or "Models")
-    return [write_pane(pen, "models", axes)]
+    some = f", {len(sizes)} of {count}" if len(sizes) < count else ""
+    axes.set_title(f"{table.title or 'Models'}{some}")
+    high = TAB_HIGH - TITLE_HIGH if alone else least_height(axes, rows_of(axes))
+    wide = ANSWER_WIDE if alone else SIDE_WIDE
+    return [(write_pane(pen, "models", axes, (wide, high)), high + TITLE_HIGH)]
 
 
-def _panes(pen: Pen, figures: Mapping[str, Figure], room: int) -> list[rrb.View]:
+def _across(count: int) -> int:
+    """How many of so many figures stand side by side beside the summary."""
+    return {1: 1, 2: 1, 4: 2}.get(count, 3)
+
+
+def _panes(pen: Pen, figures: Mapping[str, Figure], *, alone: bool) -> list[rrb.View]:
     """The first panes of figures, as many as have room for all their rows, at least one.
 
     Panes side by side share the names of their rows; each view has them.
+
+    Args:
+        pen: The recording.
+        figures: By name.
+        alone: Whether they have a tab to themselves, and not a column beside the tables.
     """
-    panes: list[rrb.View] = []
+    chosen: list[tuple[str, Axes, list[str]]] = []
+    across = _across if alone else lambda _: 1
     for name, figure in figures.items():
         every = panes_of(figure.axes)
         heads = [text.rpartition(" ")[0] for text in rows_of(every[0])] if every else []
         for k, axes in enumerate(every):
             rows = rows_of(axes)
-            room -= max(len(rows), LEAST_ROWS)
-            if room < 0 and panes:
-                return panes
             bare = k > 0 and len(rows) == len(heads) and not any(" " in own for own in rows)
-            names = [f"{head} {own}" for head, own in zip(heads, rows, strict=True)] if bare else []
-            panes.append(write_pane(pen, f"figures/{snake(name)}_{k}", axes, names))
-    return panes
+            names = [f"{head} {own}" for head, own in zip(heads, rows, strict=True)] if bare else rows
+            more = [*chosen, (f"figures/{snake(name)}_{k}", axes, names)]
+            down = -(-len(more) // across(len(more)))
+            needed = max(least_height(own, texts) for _, own, texts in more) + TITLE_HIGH
+            if chosen and (len(more) > MOST_PANES or down * needed > TAB_HIGH):
+                return _written(pen, chosen, across(len(chosen)), alone=alone)
+            chosen = more
+    return _written(pen, chosen, across(len(chosen)), alone=alone)
 
 
-def summary(words: ReportWords, tables: Sequence[Table] = ()) -> str:
-    """What a recording says first, and what the names of models beside it mean."""
+def _written(
+    pen: Pen, chosen: Sequence[tuple[str, Axes, list[str]]], across: int, *, alone: bool
+) -> list[rrb.View]:
+    """Write panes, each as large as its place in the tab: so many side by side."""
+    wide = ANSWER_WIDE / across if alone else SIDE_WIDE
+    high = TAB_HIGH / max(1, -(-len(chosen) // across)) - TITLE_HIGH
+    return [write_pane(pen, path, axes, (wide, high), names) for path, axes, names in chosen]
+
+
+def summary(words: ReportWords) -> str:
+    """What a recording says first."""
     badge = words.block("badge")
-    head = [f"## **{badge}**" if badge else "", f"### {words.block('question')}"]
+    head = [f"## **{badge}**" if badge else "", f"#### {words.block('question')}"]
     head += [f"#### **{words.block('answer')}**" if words.block("answer") else ""]
-    return "\n\n".join(filter(None, [*head, *map(words.block, ("worst", "statements")), _names(tables)]))
+    return "\n\n".join(filter(None, [*head, *map(words.block, ("worst", "statements"))]))
 
 
 def _names(tables: Sequence[Table]) -> Markdown:
-    """The models that are drawn first, each with its words; empty where names say what they are."""
-    table, _ = headline(tables) or (Table((), ()), None)
-    names = [table.columns[0].cell(row) for row in table.rows]
+    """The models of tables, each with its words; empty where names say what they are."""
+    names = dict.fromkeys(table.columns[0].cell(row) for table in tables for row in table.rows)
     words = {name: in_words(name) for name in names if in_words(name) != name}
     told = [f"**{as_markdown(name)}**: {as_markdown(own)}" for name, own in words.items()]
-    return Markdown("; ".join(told) and f"{'; '.join(told)}.")
+    return Markdown("; ".join(told) and f"Models: {'; '.join(told)}.")
 
 
 def _tables(words: ReportWords, page: PageContent) -> str:
@@ -452,7 +554,7 @@ def _tables(words: ReportWords, page: PageContent) -> str:
     rest = words.block("body")
     others = [(table.title, grid(table)) for table in page.tables if table.rows]
     parts = [f"### {as_markdown(title)}\n\n{text}" for title, text in others if text not in rest]
-    return "\n\n".join([rest, *parts])
+    return "\n\n".join(filter(None, [_names(page.tables), rest, *parts]))
 
 
 def _groups(page: PageContent) -> list[_Group]:
@@ -519,39 +621,42 @@ def _write_scene(pen: Pen, scene: Scene, groups: Sequence[_Group]) -> None:
     """Arms, layers, words and charts of every group."""
     drawn: set[str] = set()
     for group in groups:
-        rows = pen.on(rr.TimeColumn(TYPICAL, sequence=np.arange(len(group.poses.names))))
+        rows = _timed(pen, group)
         if group.arm not in drawn:
             drawn.add(group.arm)
             bent = next((g.poses.bent for g in groups if g.arm == group.arm and g.poses.bent), None)
             write_arm(rows, scene.cell, group.arm, group.poses.rigid, bent)
-        pairs = zip(group.poses.names, group.poses.words, strict=True)
-        key = "; ".join(
-            filter(None, [_colours(group.poses.layers), _tubes(scene.tube_scale, group.poses.layers)])
-        )
-        texts = [f"**{as_markdown(name)}.** {as_markdown(text)}\n\n{key}" for name, text in pairs]
-        rows.texts(f"here/{group.name}", texts)
+        tubes = scene.tube_words if any(layer.kind == "tubes" for layer in group.poses.layers) else ""
+        key = " ".join(filter(None, [_colours(group.poses.layers), tubes]))
+        rows.texts(f"here/{group.name}", [f"{text}\n\n{key}" for text in _poses_words(group.poses)])
         for layer in group.poses.layers:
             write_layer(rows, f"world/{group.name}/{snake(layer.name)}", layer, group.size, scene.tube_scale)
         for chart in group.charts:
             for line in chart.lines:
-                _write_line(rows, group.path(chart, line.name), line, lead=line is chart.lines[-1])
+                _write_line(
+                    rows, group.path(chart, line.words), line, lead=chart.leads and line is chart.lines[-1]
+                )
             if chart.limit is not None and np.isfinite(chart.limit):
                 level = np.full(len(group.poses.names), chart.limit)
                 rows.line(group.path(chart, chart.limit_is), chart.limit_is, None, level)
 
 
-def _tubes(scale: ErrorScale | None, layers: Sequence[Layer]) -> str:
-    """What the colours of tubes mean, in words."""
-    if scale is None or all(layer.kind != "tubes" for layer in layers):
-        return ""
-    low, high = scale.ends
-    return f"tubes from dark blue, {show(low)} mm, to light green, {show(high)} mm"
+def _timed(pen: Pen, group: _Group) -> Pen:
+    """Write in rows, a pose a time."""
+    return pen.on(rr.TimeColumn(TYPICAL, sequence=np.arange(len(group.poses.names))))
+
+
+def _poses_words(poses: PoseGroup) -> list[str]:
+    """Say which pose is shown and what is said of it, a text a pose."""
+    pairs = zip(poses.names, poses.words, strict=True)
+    return [f"**{as_markdown(name)}.** {as_markdown(text)}" for name, text in pairs]
 
 
 def _colours(layers: Sequence[Layer]) -> str:
-    """What each colour is, in words."""
-    named = [(_hue(layer.colour), layer) for layer in layers if layer.shown]
-    return "; ".join(f"{hue} {layer.kind}: {as_markdown(layer.name)}" for hue, layer in named)
+    """What each colour is, in words; tubes have those of their errors."""
+    named = [("" if own.kind == "tubes" else _hue(own.colour), own) for own in layers if own.shown]
+    said = "; ".join(f"{hue} {own.kind}: {as_markdown(own.name)}".strip() for hue, own in named)
+    return said and f"{said}."
 
 
 def _hue(colour: Colour) -> str:
@@ -562,16 +667,16 @@ def _hue(colour: Colour) -> str:
 
 def _write_line(rows: Pen, path: str, line: ModelLine, *, lead: bool) -> None:
     """A number a pose with its interval; what is not known leaves a gap."""
-    rows.line(path, line.name, line.look, line.values, lead=lead)
+    rows.line(path, line.words, line.look, line.values, lead=lead)
     for name, values in zip(("lower", "upper"), line.ends or (), strict=False):
         if np.isfinite(values).any():
-            rows.line(f"{path}_{name}", f"{line.name}, {name} end", None, values)
+            rows.line(f"{path}_{name}", f"{line.words}, {name} end", None, values)
 
 
-def _charts(group: _Group) -> list[rrb.View]:
-    """Numbers of each pose, a chart a view."""
+def _charts(group: _Group, height: float) -> list[rrb.View]:
+    """Numbers of each pose, a chart a view of this height [pixel]."""
     order = "the worst first" if group.sorted else "in order"
-    rooms = [_legend_room(chart) for chart in group.charts]
+    rooms = [_legend_room(chart, height) for chart in group.charts]
     return [
         rrb.TimeSeriesView(
             origin=group.path(chart),
@@ -584,19 +689,20 @@ def _charts(group: _Group) -> list[rrb.View]:
     ]
 
 
-def _legend_room(chart: RunChart) -> tuple[float, float]:
+def _legend_room(chart: RunChart, height: float) -> tuple[float, float]:
     """Room for the legend of a chart, so that it covers no number, where it takes less of the pane.
 
     Args:
         chart: The chart.
+        height: Of its view in a viewer 1600 x 1000 [pixel].
 
     Returns:
         Shares of the pane that stay empty above and on the right [1].
     """
-    names = [line.name for line in chart.lines] + [chart.limit_is] * (chart.limit is not None)
-    names += [f"{line.name}, upper end" for line in chart.lines for _ in line.ends or ()]
-    wide = LEGEND_EDGE + LEGEND_LETTER * max(map(len, names))
-    high = LEGEND_LINE * len(names)
+    names = [line.words for line in chart.lines] + [chart.limit_is] * (chart.limit is not None)
+    names += [f"{line.words}, upper end" for line in chart.lines for _ in line.ends or ()]
+    wide = (LEGEND_EDGE + _longest(names)) / SIDE_WIDE
+    high = LEGEND_LINE * len(names) / (height - TITLE_HIGH - CHART_EDGE)
     return (high, 0.0) if high < wide else (0.0, wide)
 
 
@@ -619,7 +725,7 @@ def _world(scene: Scene, group: _Group, aspect: float = ASPECT) -> rrb.Spatial3D
 
 def _columns(
     left: Sequence[rrb.Container | rrb.View],
-    right: Sequence[rrb.View],
+    right: Sequence[rrb.Container | rrb.View],
     name: str,
     words: rrb.View | None = None,
 ) -> rrb.Container:

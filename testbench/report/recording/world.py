@@ -27,6 +27,7 @@ from testbench.report.scene import (
 )
 from testbench.report.schema import show
 from testbench.workflows.cell import Cell
+from testbench.workflows.model_names import in_words
 
 THROUGH = 70  #: Opacity of what is seen through, of 255.
 GHOST = (*MEASURED, THROUGH)  #: The arm under load.
@@ -309,7 +310,7 @@ def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) 
     """
     scale, there, said = _scale(place_map), np.isfinite(place_map.at).all(axis=1), []
     for line in place_map.lines[-MAX_MAPS:]:
-        path, known = f"{ROOT}/{snake(line.name)}", there & np.isfinite(line.values)
+        path, known = f"{ROOT}/{snake(line.words)}", there & np.isfinite(line.values)
         share = scale.shares(line.values[known])
         balls = rr.Points3D(place_map.at[known], colors=shades(share), radii=BALL * size * sizes(share))
         pen.still(f"{path}/field", balls)
@@ -322,7 +323,7 @@ def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) 
             over = place_map.at[[k]] + [0, 0, 3 * BALL * size]
             pen.names(f"{path}/worst", over, [f"{word} {own}"], SCALE[-1])
             said.append(
-                f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(place_map.at[k])}"
+                f"- {as_markdown(line.words)}: {own}, {as_markdown(names[k])}, {place(place_map.at[k])}"
             )
     if place_map.difference:
         said.append(_write_difference(pen, place_map, size))
@@ -343,8 +344,8 @@ def _write_difference(pen: Pen, place_map: PlaceMap, size: float) -> str:
     colours = np.where((off <= 0)[:, None], ours.look.colour, theirs.look.colour).astype(np.uint8)
     balls = rr.Points3D(place_map.at[known], colors=colours, radii=BALL * size * sizes(np.abs(off) / most))
     pen.still(f"{ROOT}/{DIFFERENCE}/field", balls)
-    less, a, b = int((off < 0).sum()), as_markdown(ours.name), as_markdown(theirs.name)
-    return f"- {a} minus {b}: {a} errs less in {less} of {len(off)} places, by {show(most)} mm at most"
+    less, a, b = int((off < 0).sum()), as_markdown(in_words(ours.name)), as_markdown(in_words(theirs.name))
+    return f"- {a} errs less than {b} in {less} of {len(off)} places, by {show(most)} mm at most"
 
 
 def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
@@ -379,18 +380,17 @@ def map_tab(
     views = [
         rrb.Spatial3DView(
             origin="world",
-            name=f"{line.name}: {_typical(line.values)}, axes (m)",
-            contents=[f"+ $origin/map/{snake(line.name)}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
+            name=f"{line.words} (m): {_typical(line.values)}",
+            contents=[f"+ $origin/map/{snake(line.words)}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
             eye_controls=eye,
         )
         for line in place_map.lines[-MAX_MAPS:]
     ]
     if place_map.difference:
-        ours, theirs = place_map.difference
         views.append(
             rrb.Spatial3DView(
                 origin="world",
-                name=f"{ours.name} minus {theirs.name}: colour of the one that errs less, axes (m)",
+                name="Which errs less (m): colour of that model",
                 contents=[f"+ $origin/map/{DIFFERENCE}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
                 eye_controls=eye,
             )
@@ -411,4 +411,4 @@ def _typical(values: Array) -> str:
     known = values[np.isfinite(values)]
     if not known.size:
         return "none"
-    return f"median {show(float(np.median(known)))}, largest {show(float(known.max()))} mm"
+    return f"median {show(float(np.median(known)))} mm"

@@ -193,11 +193,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     keys = {column.name: column.key for column in table.columns}
     reading = "RMS errors. Filled: prior; dotted: Joints-only; grey diamonds: the paper. "
     reading += "Ratios: 95 % intervals."
-    drawn = {
-        "models.png": forest(
-            ranked(table, keys[TRUE], f.over, f.ours), PANES, found.question, reading, JOINTS
-        )
-    }
+    drawn = {"models.png": forest(ranked(table, keys[TRUE], f.over), PANES, found.question, reading, JOINTS)}
     if f.details:
         known = {m.name: look_of(m) for m in f.models}
         drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
