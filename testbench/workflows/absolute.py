@@ -324,18 +324,17 @@ def of_masses(mass_fit: MassFit) -> str:
     """Say where masses from torques come from."""
     if not mass_fit.explained:
         return (
-            "masses stay those of rigid.xml: fitted ones would leave "
-            f"{mass_fit.residual:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter (order of joints, "
-            "unit or payload?)"
+            f"masses stay those of rigid.xml: fitted ones would leave {mass_fit.residual:.3g} of "
+            f"{mass_fit.torque_deviation:.3g} N m of the torques' scatter (order of joints, unit or payload?)"
         )
-    whose = "the motors' against the weight" if mass_fit.motors else "the weight's on the joints"
+    whose = "the motors' against the weight" if mass_fit.motor_torques else "the weight's on the joints"
     limited = (
-        f"; as far from rigid.xml as is allowed: {', '.join(mass_fit.limited)}" if mass_fit.limited else ""
+        f"; as far from rigid.xml as is allowed: {', '.join(mass_fit.at_bound)}" if mass_fit.at_bound else ""
     )
     return (
-        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of a scatter of "
-        f"{mass_fit.spread:.3g} N m they leave {mass_fit.residual:.3g} N m, the masses of rigid.xml "
-        f"{mass_fit.nominal_residual:.3g} N m{limited}"
+        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: "
+        f"of a scatter of {mass_fit.torque_deviation:.3g} N m they leave {mass_fit.residual:.3g} N m, "
+        f"the masses of rigid.xml {mass_fit.nominal_residual:.3g} N m{limited}"
     )
 
 
