@@ -60,7 +60,7 @@ def expected_root(
 
     Args:
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
-        scaling: Metric of the compliances' prior.
+        scaling: Units of the compliances' prior.
         uncertainty: Relative uncertainty of that prior [1].
         geometry: Standard deviation of a geometric error along an axis and about one [m, rad].
         error: Standard deviation of a coefficient of the joints' errors [rad, m].

@@ -265,7 +265,7 @@ class PriorSolution:
 
 
 def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
-    """Minimise |A pi - y|^2 + |B x - c|^2, pi = L x, in the metric of a prior.
+    """Minimise |A pi - y|^2 + |B x - c|^2, with pi = L x in units of the prior.
 
     Args:
         constraint: "none" for least squares, "psd" for GCO.

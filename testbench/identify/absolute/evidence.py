@@ -92,12 +92,12 @@ class ActiveUnknowns:
 
 
 def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | None) -> ActiveUnknowns:
-    """Select the columns of some kinds of errors, and of the structure of a metric.
+    """Select the columns of some kinds of errors and of compliances.
 
     Args:
         unknowns: All unknowns.
         kinds: Names of the errors.
-        elastic: Metric of the compliances; None for none.
+        elastic: Units of the compliances' prior; None for no compliances.
 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
@@ -148,7 +148,7 @@ def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
 
 
 def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
-    """Compute the Gram matrices of a choice, compliances in the metric of their prior.
+    """Compute the Gram matrices of a choice, compliances in units of their prior.
 
     Args:
         active: The choice, c columns.
@@ -352,7 +352,7 @@ class StepSolution:
     """Hold the most probable unknowns."""
 
     x: Array  #: Values of the selected unknowns in SI units, (c,).
-    root: Array  #: Root of the posterior's precision, compliances in the metric, (c, c).
+    root: Array  #: Root of the posterior's precision, compliances in units of the prior, (c, c).
     estimate: Estimate | None  #: Compliances; None for a rigid arm.
     degrees_of_freedom: float  #: Degrees of freedom that the unknowns use.
     cone_pressure: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
@@ -424,7 +424,7 @@ def _solve_compliances(
     )
     estimate = solve(regression, constraint, weighted_prior)
     pressure = _cone_pressure(regression, weighted_prior, estimate)
-    # Posterior precision: likelihood and prior of the compliances, in the metric.
+    # Posterior precision: likelihood and prior of the compliances, in units of the prior.
     L, B = elastic.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     B = B @ np.linalg.solve(weighted_prior.scaling.L, L)
     below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
@@ -451,7 +451,7 @@ def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regressi
 
     Args:
         T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
-        elastic: Metric of the compliances.
+        elastic: Units of the compliances' prior.
         equations: Number of equations.
     """
     r = len(T) - 1 - len(elastic.expected)

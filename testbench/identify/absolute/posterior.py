@@ -54,8 +54,9 @@ def deviations_root(precision: Array, L: Array) -> Array:
     """Compute a root W of the covariance W^T W of the unknowns in SI units.
 
     Args:
-        precision: Upper triangular root of the posterior's precision, compliances in the metric, (c, c).
-        L: SI units of the compliances, the last unknowns, per unit of the metric, (e, e).
+        precision: Upper triangular root of the posterior's precision, compliances in units of the prior,
+            (c, c).
+        L: SI units of the compliances, the last unknowns, per unit of the prior, (e, e).
 
     Returns:
         W, (c, c).
@@ -187,7 +188,7 @@ def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_S
     Args:
         residual: Residuals r, (rows, m, 3) [m].
         covariance: Their covariances C, (rows, m, 3, 3) [m^2].
-        quantile: Of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
+        quantile: Quantile of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
 
     Returns:
         (rows, m).

@@ -51,7 +51,7 @@ class NuisanceModel:
     """Hold the linearised errors that the model may have in addition to a step, with their prior."""
 
     active: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
-    prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
+    prior: Array  #: Prior precision of the unknowns, compliances in units of the prior, (c, c).
     state: ArmState  #: The arm that the equations are linearised about.
     noise: Noise  #: Noise of the readings about the arm.
 
