@@ -281,6 +281,7 @@ def labels_of(arm: Arm) -> tuple[str, ...]:
 
 
 def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -> list[int]:
+    """Return the indices of names, which must exist and differ; BenchError otherwise."""
     wanted = list(wanted)
     for name in wanted:
         if name not in names:

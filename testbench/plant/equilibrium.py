@@ -646,6 +646,7 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
 def _linear_equilibrium(
     plant: Plant, row: ArmCopies, q: Array, wrench: Array, point: Array
 ) -> ArmEquilibrium:
+    """Compute the equilibrium of the linear model: one step from the undeflected arm."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few truths are linear
 
     tool, markers = plant.tool, plant.markers.tolist()

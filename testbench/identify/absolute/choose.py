@@ -252,6 +252,8 @@ def with_shared_pattern(
 
 @dataclass(frozen=True)
 class _Trial:
+    """Hold the held-out errors of one choice of unknowns."""
+
     active: ActiveUnknowns
     scales: ErrorScales
     #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block, and
@@ -264,6 +266,7 @@ class _Trial:
 def _evaluate(
     active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
 ) -> _Trial:
+    """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
     S = gram_of_active(active, reduced.gram)
     scales = learn_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
@@ -400,6 +403,7 @@ def predictive_deviance(G: Array, v: Array, others: NormalSolution) -> float:
 
 
 def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> SelectionStep:
+    """Decide whether a candidate is kept, from the held-out errors before and after it."""
     count = max(before.blocks[:, 0].sum(), 1.0)
     saved = (before.blocks[:, 1] - after.blocks[:, 1]) / count
     old, new = (max(x.blocks[:, 1].sum(), 1e-300) / count for x in (before, after))
