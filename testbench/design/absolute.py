@@ -170,7 +170,7 @@ def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float
     )
 
 
-def realigned(setup: AbsoluteSetup, rows: Array) -> Array:
+def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
     """Remove from positions the part that a fitted frame and mount would explain.
 
     Args:
@@ -197,7 +197,7 @@ def realignment_loss(setup: AbsoluteSetup, rows: Array) -> float:
     Returns:
         RMS distance of a target from its prediction [m].
     """
-    left = realigned(setup, rows)
+    left = without_frame_and_mount(setup, rows)
     return float(np.sqrt(3 * np.square(left).sum() / left[..., 0].size))
 
 

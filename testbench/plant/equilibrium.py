@@ -388,7 +388,7 @@ def solve_equilibrium(
     )
     true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
-    def settled(part: slice, row: ArmCopies) -> ArmEquilibrium:
+    def equilibrium_of_runs(part: slice, row: ArmCopies) -> ArmEquilibrium:
         """Find the equilibrium of the runs of one batch.
 
         Args:
@@ -402,7 +402,7 @@ def solve_equilibrium(
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
         return _solve_batch(poses, row)
 
-    return solve_in_batches(plant, runs, settled)
+    return solve_in_batches(plant, runs, equilibrium_of_runs)
 
 
 def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaws | None:

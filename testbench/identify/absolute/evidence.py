@@ -270,7 +270,7 @@ def learn_scales(
         x = _in_cone(free, active.n_rigid, active.elastic)
         if x is free.x:
             return scales
-        # where the evidence has no slope, with SPARE_EQUATIONS imagined equations
+        # where the evidence has no slope, with SPARE_EQUATIONS pseudo-observations
         left, v = S @ np.r_[x, -1.0], np.r_[x, -1.0]
         spent = np.einsum("kij,ij->k", S[:, :-1, :-1], free.covariance) / scales.factor**2
         factor = np.sqrt(
@@ -328,7 +328,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         DEFAULT_SCALES[kind] for kind, _ in groups
     ]
 
-    def imagined(z: Array) -> tuple[Array, Array, Array]:
+    def pseudo_observations(z: Array) -> tuple[Array, Array, Array]:
         """Compute -log density of `count` pseudo-observations under a size e^z, and its derivatives."""
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
@@ -336,7 +336,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
     bands = [np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in WAVES]
     neighbours = np.concatenate([band[1:] - band[:-1] for band in bands]) / STUDENT_SCALE
     return (
-        Hyperprior(np.eye(m), np.log(usual_), imagined),
+        Hyperprior(np.eye(m), np.log(usual_), pseudo_observations),
         Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),
     )
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from testbench.data.dataset import Series, evenly, evenly_spaced, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_evenly, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import (
     EQUATION_KINDS,
@@ -303,7 +303,7 @@ def further_information(
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
             count = min(readings.rows, -(-FURTHER_ROWS // len(series)))
-            rows = evenly(np.arange(readings.rows), count)
+            rows = select_evenly(np.arange(readings.rows), count)
             q = readings.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
