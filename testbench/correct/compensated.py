@@ -401,7 +401,7 @@ def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[
 
 # --- Compensation of a program ------------------------------------------------------------------------------
 
-Why = Literal["reach", "equilibrium", "limit", "collision"]
+RefusalReason = Literal["reach", "equilibrium", "limit", "collision"]
 """Reasons to refuse a point: out of reach, no equilibrium, beyond a joint's limit, or a new collision."""
 
 
@@ -409,7 +409,7 @@ Why = Literal["reach", "equilibrium", "limit", "collision"]
 class Refusal:
     """State why a point cannot be corrected."""
 
-    why: Why  #: The reason.
+    why: RefusalReason  #: The reason.
     names: tuple[str, ...] = ()  #: The joint that would pass its limit, or the two parts that would collide.
     size: float = 0.0  #: Remaining distance [m], or how far beyond the limit [rad, m].
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.correct.newton import RestPoses, batches, equilibrium
-from testbench.data.dataset import evenly, join_rows, select_rows
+from testbench.data.dataset import join_rows, select_evenly, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.absolute.state import ArmState
@@ -50,7 +50,7 @@ from testbench.model.vjm import chain, marker_motion, rotation_matrices, rotatio
 
 MAX_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
 MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].
-MIN_LEAD = 1.2  #: Least ratio of its share to that of the next part [1].
+MIN_SHARE_RATIO = 1.2  #: Least ratio of its share to that of the next part [1].
 
 
 @dataclass(frozen=True)
@@ -282,19 +282,19 @@ def largest_uncertainty(
         absolute: Whether positions count, not how far loads move the point.
 
     Returns:
-        The part; None where no single one stands out by `MIN_VARIANCE_SHARE` and `MIN_LEAD`.
+        The part; None where no single one stands out by `MIN_VARIANCE_SHARE` and `MIN_SHARE_RATIO`.
 
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    sample = evenly(np.arange(len(q)), MAX_POSES)
+    sample = select_evenly(np.arange(len(q)), MAX_POSES)
     end = LoadedPoses(q, loads, with_own_weight=absolute).select(sample)
     rows = rows_between(model, end, None if absolute else LoadedPoses(q[sample]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
     unseen = np.isinf(model.posterior.deviations(rows))
     shares = _bounded_shares(model, rows[unseen]) if unseen.any() else _variance_shares(model, rows)
     (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda entry: -entry[1])[:2]
-    if share < MIN_VARIANCE_SHARE or share < MIN_LEAD * second:
+    if share < MIN_VARIANCE_SHARE or share < MIN_SHARE_RATIO * second:
         return None
     return LargestUncertainty(best, share, best in [joint.name for joint in model.arm.joints])
 

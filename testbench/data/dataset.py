@@ -347,7 +347,7 @@ def select_rows(data: Rows, rows: Ids | Mask | slice) -> Rows:
     return replace(data, **{name: values[rows] for name, values in row_arrays(data).items()})
 
 
-def evenly(runs: Ids, count: int = MAX_SHOWN) -> Ids:
+def select_evenly(runs: Ids, count: int = MAX_SHOWN) -> Ids:
     """Select at most a given number of runs, evenly spaced; the first and the last are among them.
 
     Args:

@@ -60,7 +60,7 @@ def expected_root(
 
     Args:
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
-        scaling: Metric of the compliances' prior.
+        scaling: Units of the compliances' prior.
         uncertainty: Relative uncertainty of that prior [1].
         geometry: Standard deviation of a geometric error along an axis and about one [m, rad].
         error: Standard deviation of a coefficient of the joints' errors [rad, m].
@@ -170,7 +170,7 @@ def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float
     )
 
 
-def realigned(setup: AbsoluteSetup, rows: Array) -> Array:
+def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
     """Remove from positions the part that a fitted frame and mount would explain.
 
     Args:
@@ -197,7 +197,7 @@ def realignment_loss(setup: AbsoluteSetup, rows: Array) -> float:
     Returns:
         RMS distance of a target from its prediction [m].
     """
-    left = realigned(setup, rows)
+    left = without_frame_and_mount(setup, rows)
     return float(np.sqrt(3 * np.square(left).sum() / left[..., 0].size))
 
 

@@ -145,7 +145,7 @@ class LargestCriterion:
 
     costs: Callable[[Array], Array]  #: Costs at information matrices, (..., r, r) to (..., k).
     #: W of the weighted mean of the costs at M, from M and weights (k,) whose sum is one, to (r, r).
-    mix: Callable[[Array, Array], Array]
+    weighting: Callable[[Array, Array], Array]
 
     def information(self, M: Array) -> float:
         """Compute Phi(M) = 1 / largest cost.
@@ -195,7 +195,7 @@ class LargestCriterion:
 
     def _weighted(self, M: Array, costs: Array) -> Array:
         share = (costs / costs.max()) ** (POWER - 1)
-        return self.mix(M, share / share.sum())
+        return self.weighting(M, share / share.sum())
 
 
 Criterion = DeterminantCriterion | LinearCriterion | LargestCriterion  #: An information function.
@@ -248,7 +248,7 @@ def criterion_e() -> LargestCriterion:
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
 
-    def mix(M: Array, share: Array) -> Array:
+    def weighting(M: Array, share: Array) -> Array:
         """Make W of a weighted mean of the costs: eigenvectors of M with other eigenvalues.
 
         Args:
@@ -261,7 +261,7 @@ def criterion_e() -> LargestCriterion:
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 
-    return LargestCriterion(costs, mix)
+    return LargestCriterion(costs, weighting)
 
 
 def criterion_g(rows: Array) -> LargestCriterion:

@@ -522,7 +522,6 @@ def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
     order: list[int] = []
     for kind in np.unique(load):
         poses = q[load == kind]
-
         path = shortest_path(joint_travel(poses), partial(_collision_detour, feasibility, poses))
         order += np.flatnonzero(load == kind)[path].tolist()
     return np.array(order)

@@ -1,6 +1,6 @@
 """Specification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
 
-Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior's metric,
+Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior,
 pi = L x. `build_problem` restricts them to the directions that the candidates can show.
 """
 
@@ -32,7 +32,7 @@ CANDIDATES_PER_BLOCK = 128
 
 @dataclass(frozen=True)
 class MeasurementSetup:
-    """Describe how every pose is measured: model, unknowns in the prior's metric, targets and noise."""
+    """Describe how every pose is measured: model, unknowns in units of the prior, targets and noise."""
 
     vjm: Vjm  #: Kinematics of the arm.
     scaling: PriorScaling  #: Units of the prior: pi = L x.
@@ -112,7 +112,7 @@ def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array
     """Compute deflections of the targets per unit of x, in the tool's axes.
 
     Args:
-        experiment: Model, metric and targets.
+        experiment: Model, prior and targets.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
 
@@ -214,7 +214,7 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
     Mathematics: `pose-3`.
 
     Args:
-        experiment: Metric of the prior.
+        experiment: Units of the prior.
         rows: Whitened rows per unit of x, (candidates, k, n) [1].
         uncertainty: Relative uncertainty of the prior [1]; None for no prior.
 

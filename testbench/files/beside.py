@@ -21,7 +21,7 @@ import numpy as np
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
-from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, evenly
+from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, select_evenly
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
@@ -530,7 +530,7 @@ def fits_of(arm: Arm, q: Array, position: Array, tried: Mapping[str, Array]) -> 
         The fits, the best first.
     """
     vjm = build_vjm(replace(arm, markers=()))
-    some = evenly(np.arange(len(q)), LOOKED_AT)
+    some = select_evenly(np.arange(len(q)), LOOKED_AT)
     x, R = tool_pose(vjm, q[some])
     fits = []
     for notation, rotation in tried.items():

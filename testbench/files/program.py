@@ -544,8 +544,8 @@ def read_program(
         arm: The arm.
         mapping: A map of other names, and of what three angles are; of a program in a robot language its
             base, tool and pulses.
-        jumps: Whether two points may lie as far apart as they like; they always may in a robot language,
-            which defines the path between them.
+        jumps: Whether to allow any distance between two points. A robot language defines the path between
+            them, so that it is always allowed there.
 
     Returns:
         The points in their order, with what acts at them.

@@ -105,7 +105,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     if estimate.penalty is None or estimate.split is None:
         return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break(regression))
     return lower_bound_certificate(
-        estimate.penalty.lifted(regression), estimate.split, dual, penalty=estimate.penalty
+        estimate.penalty.regression_of_split(regression), estimate.split, dual, penalty=estimate.penalty
     )
 
 
@@ -348,21 +348,21 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
     """
     check_symmetric(regression.structure)
     papers, penalty = penalty is None, penalty or tie_break(regression)
-    lifted = penalty.lifted(regression)
-    program = scale_program(lifted, penalty)
+    split_regression = penalty.regression_of_split(regression)
+    program = scale_program(split_regression, penalty)
     # Own solver, else Clarabel; an answer without proof is solved again by the sum of squares.
-    answer = solve_interior_point(lifted, program) or solve_clarabel(lifted, program)
+    answer = solve_interior_point(split_regression, program) or solve_clarabel(split_regression, program)
     pi = answer.pi
-    certificate, reached = _certified(lifted, program, pi, answer.dual)
+    certificate, reached = _certified(split_regression, program, pi, answer.dual)
     if not reached:
-        other = solve_least_squares_cone(lifted, program)
-        proof, better = _certified(lifted, program, other, gradient_dual(lifted, other))
+        other = solve_least_squares_cone(split_regression, program)
+        proof, better = _certified(split_regression, program, other, gradient_dual(split_regression, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
     # Convert back to the requested unknowns.
-    left, cost = f_m(lifted, pi), float(penalty.gradient @ pi)
+    left, cost = f_m(split_regression, pi), float(penalty.gradient @ pi)
     method = PAPER_GCO if papers else "GCO (conic program)"
-    estimate = make_estimate(regression, penalty.lift @ pi, method=method, constraint="psd")
+    estimate = make_estimate(regression, penalty.split_to_whole @ pi, method=method, constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
@@ -402,7 +402,7 @@ def solve_interior_point(regression: Regression, program: ConicProgram) -> Conic
     if not s.has_full_blocks or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter
-    unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
+    unit = np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = BlockProgram(
         program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes

@@ -60,7 +60,7 @@ class Penalty:
     weight: float  #: w [N m/rad].
     diagonal: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
     structure: Structure  #: The unknowns of C', k of them.
-    lift: Array  #: pi = lift @ (parameters of C'), (n, k) [1].
+    split_to_whole: Array  #: pi = split_to_whole @ (parameters of C'), (n, k) [1].
 
     @property
     def gradient(self) -> Array:
@@ -68,7 +68,7 @@ class Penalty:
         s = self.structure
         return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
 
-    def lifted(self, regression: Regression) -> Regression:
+    def regression_of_split(self, regression: Regression) -> Regression:
         """Rewrite the equations as a function of the k parameters of C'.
 
         Args:
@@ -77,7 +77,7 @@ class Penalty:
         Returns:
             The same equations in the parameters of C'.
         """
-        terms = (replace(term, R=term.R @ self.lift) for term in regression.terms)
+        terms = (replace(term, R=term.R @ self.split_to_whole) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
 
 

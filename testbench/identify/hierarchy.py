@@ -459,7 +459,7 @@ def _law_sizes(scaling: PriorScaling) -> SizePriors:
 
 
 def gram_matrix(regression: Regression, scaling: PriorScaling) -> Array:
-    """Compute the Gram matrix of the weighted equations in a metric, readings last.
+    """Compute the Gram matrix of the weighted equations in units of the prior, readings last.
 
     Args:
         regression: The reduced dataset.

@@ -335,7 +335,7 @@ class Frame:
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     zero: float = 0.0  #: Constant that an instrument adds to every distance from its fixed point [m].
 
-    def rebased(self, pose: Array) -> "Frame":
+    def at_new_base(self, pose: Array) -> "Frame":
         """Return the frame that takes the place of the base, with its covariance.
 
         Args:

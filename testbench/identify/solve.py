@@ -169,7 +169,8 @@ def free_directions(regression: Regression, pi: Array) -> EqualFits:
     """
     s = regression.structure
     unit = sensitivity_units(regression, f_m(regression, np.zeros(s.n)) or 1.0)
-    length = np.where(s.mirrored, math.sqrt(2), 1.0)  # an entry that stands at two places counts twice
+    # A parameter that fills two entries counts twice.
+    length = np.where(s.fills_two_entries, math.sqrt(2), 1.0)
     unseen = null_space(np.vstack([term.R for term in regression.terms]))
     N = np.linalg.qr((length / unit)[:, None] * unseen)[0]
     N[np.abs(N) < ZERO_ENTRY] = 0
@@ -265,7 +266,7 @@ class PriorSolution:
 
 
 def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
-    """Minimise |A pi - y|^2 + |B x - c|^2, pi = L x, in the metric of a prior.
+    """Minimise |A pi - y|^2 + |B x - c|^2, with pi = L x in units of the prior.
 
     Args:
         constraint: "none" for least squares, "psd" for GCO.

@@ -247,7 +247,7 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
     penalty = trace_penalty(vjm, parts.structure, 1.0)
-    s, readings = penalty.structure, grams(parts, block_diag(penalty.lift, np.eye(1)))
+    s, readings = penalty.structure, grams(parts, block_diag(penalty.split_to_whole, np.eye(1)))
     G = np.concatenate([[readings.total], readings.total - readings.held_out])
     rigid = np.array([_fit_joints_only(s, gram) for gram in G])
     strongest = _rigid_rate(s, readings.total, rigid[0])
@@ -308,7 +308,7 @@ def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
     diagonal, size = s.a == s.b, np.zeros(s.n_theta)
     size[s.a[diagonal]] = np.sqrt(np.diag(total)[:-1][diagonal])
     d = 1 / np.sqrt(size + rate / unit * penalty.diagonal)
-    scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
+    scale = (d[s.a] * d[s.b])[order] * np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)
     return _ScaledFolds(
         H=G[:, order][:, :, order] * np.outer(scale, scale),
         g=G[:, order, -1] * scale / unit,

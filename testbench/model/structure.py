@@ -140,7 +140,7 @@ class Structure(Displayed):
         return (self.n_compliance_rows + 1) // 7
 
     @cached_property
-    def mirrored(self) -> Mask:
+    def fills_two_entries(self) -> Mask:
         """Tell which parameters fill two places of C_theta, C[a, b] and C[b, a], (n,)."""
         return np.asarray(self.symmetric & (self.a != self.b))
 
@@ -257,7 +257,7 @@ class Structure(Displayed):
         Returns:
             S, (n_theta, n_theta).
         """
-        return self.matrix(np.where(self.mirrored, g / 2, g))
+        return self.matrix(np.where(self.fills_two_entries, g / 2, g))
 
     def keep(self, columns: Ids, name: str) -> "Structure":
         """Keep some parameters; the dropped ones become zero.
@@ -281,6 +281,7 @@ def labels_of(arm: Arm) -> tuple[str, ...]:
 
 
 def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -> list[int]:
+    """Return the indices of names, which must exist and differ; BenchError otherwise."""
     wanted = list(wanted)
     for name in wanted:
         if name not in names:

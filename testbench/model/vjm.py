@@ -545,7 +545,7 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
             f"structure {structure.name}: expected {len(u)} virtual joints, got {structure.n_theta}"
         )
     a, b = structure.a, structure.b
-    u_b, u_a = u[b], u[a] * structure.mirrored[:, None]
+    u_b, u_a = u[b], u[a] * structure.fills_two_entries[:, None]
     for row in J:
         yield row[a] * u_b + row[b] * u_a
 

@@ -173,8 +173,8 @@ CASTING_RANGES = {
     "trapezium": (0.7, 1.0),  # length of the top over that of the bottom
     "wall": (0.7, 1.4),  # thickness of each wall over a common one
     "thinning": (0.7, 1.0),  # thickness at the tip over that at the root
-    "turned": (-0.3, 0.3),  # section about the line [rad]
-    "beside": (-0.5, 0.5),  # offset of the line to y and z over the diameter of that tube
+    "section_angle": (-0.3, 0.3),  # section about the line [rad]
+    "line_offset": (-0.5, 0.5),  # offset of the line to y and z over the diameter of that tube
     "bow": (-0.05, 0.05),  # height of the line's arc to y and z over the length
     "pitch": (0.5, 1.0),  # from rib to rib on an open side over its width
     "rib": (0.3, 0.6),  # width of a rib over the pitch
@@ -328,8 +328,8 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         thickness=wide / DIAMETER_OVER_WALL,
         wall=rng.uniform(*CASTING_RANGES["wall"], 4),
         thinning=one("thinning"),
-        section_angle=one("turned"),
-        line_offset=wide * rng.uniform(*CASTING_RANGES["beside"], 2),
+        section_angle=one("section_angle"),
+        line_offset=wide * rng.uniform(*CASTING_RANGES["line_offset"], 2),
         bow=length * rng.uniform(*CASTING_RANGES["bow"], 2),
         open_side=int(rng.integers(4)) if rng.random() > CLOSED_SHARE else None,
         pitch=one("pitch"),

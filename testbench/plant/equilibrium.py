@@ -384,7 +384,7 @@ def solve_equilibrium(
     )
     true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
-    def settled(part: slice, row: ArmCopies) -> ArmEquilibrium:
+    def equilibrium_of_runs(part: slice, row: ArmCopies) -> ArmEquilibrium:
         """Find the equilibrium of the runs of one batch.
 
         Args:
@@ -398,7 +398,7 @@ def solve_equilibrium(
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
         return _solve_batch(poses, row)
 
-    return solve_in_batches(plant, runs, settled)
+    return solve_in_batches(plant, runs, equilibrium_of_runs)
 
 
 def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaws | None:
@@ -624,6 +624,7 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
 def _linear_equilibrium(
     plant: Plant, row: ArmCopies, q: Array, wrench: Array, point: Array
 ) -> ArmEquilibrium:
+    """Compute the equilibrium of the linear model: one step from the undeflected arm."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few truths are linear
 
     tool, markers = plant.tool, plant.markers.tolist()

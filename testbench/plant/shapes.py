@@ -111,6 +111,7 @@ def _shapes(model: mujoco.MjModel, wanted: Mask) -> list[Shape]:
 
 
 def _shape(model: mujoco.MjModel, g: int) -> Shape:
+    """Describe geom g of a MuJoCo model."""
     kind = GEOM_KINDS[int(model.geom_type[g])]
     return Shape(
         kind=kind,
@@ -271,6 +272,7 @@ def _frames(
     values: Array,
     bodies: Ids,
 ) -> BodyFrames:
+    """Compute the frames of bodies in all poses, pose by pose."""
     data = mujoco.MjData(model)
     positions = np.empty((len(values), len(bodies), 3))
     rotations = np.empty((len(values), len(bodies), 3, 3))

@@ -250,6 +250,7 @@ def _hang_payload(root: ET.Element, name: str, payload: Payload) -> None:
 
 
 def _place_tracker(root: ET.Element, name: str, position: Array) -> None:
+    """Add the head of a tracker to the MJCF."""
     x, y, z = position.tolist()
     _add_body(
         root,
@@ -429,6 +430,7 @@ def hidden_markers(site: Site, q: Array) -> list[tuple[str, str] | None]:
 
 
 def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str, str] | None:
+    """Find the first marker that a body hides from the station, and that body; None if there is none."""
     hit = np.empty(1, dtype=np.int32)
     beams = data.xpos[site.markers] - station
     lengths = np.sqrt((beams**2).sum(axis=1))

@@ -75,7 +75,7 @@ BISECTIONS = 24
 
 
 def distance_from_tubes(C: Array) -> float:
-    """Compute the distance of a compliance from the nearest tube, in the metric of that tube [1].
+    """Compute the distance of a compliance from the nearest tube, in units of that tube [1].
 
     It is the least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for
     tubes: the RMS relative error of the six compliances along the common axes of C and T. T^-1 has the

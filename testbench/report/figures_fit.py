@@ -11,6 +11,7 @@ Every figure draws rows of report.json and nothing else.
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np

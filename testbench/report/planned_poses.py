@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import evenly
+from testbench.data.dataset import select_evenly
 from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, marker_points, tool_points
@@ -140,7 +140,7 @@ class World:
 
     def _still(self) -> list[Layer]:
         numbers = [str(k + 1) for k in range(len(self.plan))] if len(self.plan) <= NUMBERED else []
-        some = evenly(np.arange(len(self.candidates)), SPECKS)
+        some = select_evenly(np.arange(len(self.candidates)), SPECKS)
         layers = [
             Layer("feasible poses", GREY, "specks", self.candidates[None, some], shown=False),
             Layer("way", NOMINAL, "lines", self.plan[None, :-1], self.plan[None, 1:], shown=False),

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset, evenly
+from testbench.data.dataset import Dataset, select_evenly
 from testbench.errors import Array, Ids
 from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
@@ -263,7 +263,7 @@ def largest_and_even(size: Array, rows: Ids, far: int = MAX_LARGE_ERRORS) -> Ids
         far: How many of the largest; of a path one, as its neighbours are as large.
     """
     largest = rows[np.argsort(-size[rows], kind="stable")[:far]]
-    return np.union1d(largest, evenly(rows, MAX_POSES - far))
+    return np.union1d(largest, select_evenly(rows, MAX_POSES - far))
 
 
 def of_all(shown: int, total: int, noun: str) -> str:

@@ -275,8 +275,13 @@ def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
     """Parameters, (datasets, n), of datasets that differ from an estimate's in their readings alone."""
     if estimate.penalty is not None:
         penalty = estimate.penalty
-        lifted = [penalty.lifted(regression) for regression in regressions]
-        return np.array([penalty.lift @ solve_clarabel(r, scale_program(r, penalty)).pi for r in lifted])
+        split_regressions = [penalty.regression_of_split(regression) for regression in regressions]
+        return np.array(
+            [
+                penalty.split_to_whole @ solve_clarabel(r, scale_program(r, penalty)).pi
+                for r in split_regressions
+            ]
+        )
     return np.array([minimum_norm(r).pi for r in regressions])
 
 

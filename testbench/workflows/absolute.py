@@ -328,21 +328,23 @@ def of_masses(mass_fit: MassFit) -> str:
     if not mass_fit.explained:
         return (
             "the masses of rigid.xml are used, because fitted masses would leave "
-            f"{mass_fit.residual:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter "
+            f"{mass_fit.residual:.3g} of {mass_fit.torque_deviation:.3g} N m of the torques' scatter "
             "unexplained: check the order of joints, the unit and the payload"
         )
     whose = (
-        "those of the motors against the weight" if mass_fit.motors else "those of the weight on the joints"
+        "those of the motors against the weight"
+        if mass_fit.motor_torques
+        else "those of the weight on the joints"
     )
     limited = (
-        f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.limited)}"
-        if mass_fit.limited
+        f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.at_bound)}"
+        if mass_fit.at_bound
         else ""
     )
     return (
         f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of their scatter of "
-        f"{mass_fit.spread:.3g} N m, fitted masses leave {mass_fit.residual:.3g} N m unexplained, those "
-        f"of rigid.xml {mass_fit.nominal_residual:.3g} N m{limited}"
+        f"{mass_fit.torque_deviation:.3g} N m, fitted masses leave {mass_fit.residual:.3g} N m unexplained, "
+        f"those of rigid.xml {mass_fit.nominal_residual:.3g} N m{limited}"
     )
 
 

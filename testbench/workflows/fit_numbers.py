@@ -264,7 +264,7 @@ def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequen
     """
     links, joints, structure = vjm.arm.links, vjm.arm.joints, estimate.structure
     share = {row.part: float(row.share_percent) for row in sag}
-    first, upper = 6 * len(links), structure.mirrored
+    first, upper = 6 * len(links), structure.fills_two_entries
     functionals = np.zeros((len(links), 6, 6, structure.n))
     rows = []
     for k, link in enumerate(links):

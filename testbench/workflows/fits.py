@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammainc
 
-from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, select_rows
+from testbench.data.dataset import MAX_SHOWN, Dataset, select_evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
 from testbench.files.read_pairs import SIGMA
 from testbench.identify.estimate import DeflectionErrors, Estimate, deflections, score
@@ -184,7 +184,7 @@ def _shown_runs(runs: MeasuredRuns) -> tuple[MeasuredRuns, Dataset]:
     if shown.runs <= MAX_SHOWN:
         return runs, shown
     note = f"intervals are computed for {MAX_SHOWN} of {shown.runs} runs"
-    every = evenly(np.arange(shown.runs), MAX_SHOWN)
+    every = select_evenly(np.arange(shown.runs), MAX_SHOWN)
     return replace(runs, notes=(*runs.notes, note)), select_rows(shown, every)
 
 

@@ -86,7 +86,7 @@ def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
     frames = ["readings are in the base's frame"]
     if registered.frame == "tracker":
         every = registered.registration.frames.items()
-        frames = [_frame_note(name, frame.rebased(registered.vjm.base)) for name, frame in every]
+        frames = [_frame_note(name, frame.at_new_base(registered.vjm.base)) for name, frame in every]
     fit = _fit_note(registered.registration, _sag(registered.vjm, registered.data))
     return (*frames, fit, *_target_notes(registered, registered.registration))
 
@@ -336,7 +336,7 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
         choice = next(word for word in words if word == frame)
     elif files := _frame_files(frame):
         to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
-        choice = {f"{STATION} {k}": one.rebased(to_world) for k, one in read_frames(files[0]).items()}
+        choice = {f"{STATION} {k}": one.at_new_base(to_world) for k, one in read_frames(files[0]).items()}
     else:
         raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
     registered = register_dataset(cell.vjm, data, choice)
@@ -384,7 +384,7 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
                 "rotation_sd_deg": math.degrees(frame.deviation),
             }
             for name, frame in (
-                (name, frame.rebased(registered.vjm.base)) for name, frame in registration.frames.items()
+                (name, frame.at_new_base(registered.vjm.base)) for name, frame in registration.frames.items()
             )
         ],
         "targets": [

@@ -47,7 +47,7 @@ def test_of_section_5_2_the_nearest_conservative_model_of_equal_fit_is_found(arm
     assert np.abs(filled.pi - plain.pi).max() > 0.1 * np.abs(plain.pi).max()  # and yet another model
     if s.n > 56:
         return  # the projections end after many more rounds
-    root_2 = np.where(s.mirrored, np.sqrt(2), 1)
+    root_2 = np.where(s.fills_two_entries, np.sqrt(2), 1)
     unit = sensitivity_units(plain.regression) / root_2  # pi = unit svec(X)
     rows = np.vstack([term.R for term in plain.regression.terms]) * unit
     seen = np.linalg.svd(rows)[2][: plain.regression.rank]

@@ -226,7 +226,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
         return rms(own_weight(straight, found)[-n:].T - new)
 
     assert error(found.weights) < 0.3 * sigma < 3 * sigma < error(weights)
-    assert found.motors == (sign == -1)
+    assert found.motor_torques == (sign == -1)
     assert ("those of the weight" in of_masses(found)) == (sign == 1)
 
 

@@ -474,7 +474,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
     """Errors of a new frame are in neither error: with them, more poses would seem to make an arm worse."""
     own = union_after(before[1].model(), ALONE)
     rows = absolute.position_rows(own, places[-20:])
-    left, first = absolute.realigned(own, rows), own.unknowns.starts["geometry"]
+    left, first = absolute.without_frame_and_mount(own, rows), own.unknowns.starts["geometry"]
     A = rows.reshape(-1, rows.shape[2])
     b = A[:, first:] @ rng.standard_normal(A.shape[1] - first)
     fitted = np.linalg.lstsq(A[:, :first], b, rcond=None)[0]

@@ -192,11 +192,11 @@ def test_a_frame_of_something_else_is_as_sure_as_draws_of_the_frame_are_there(rn
     frame = Frame(*(own[0] for own in frames(rng, 1)), root @ root.T)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec([1.0, -2.0, 0.5]).as_matrix(), [2.0, -1.0, 3.0]
-    there = frame.rebased(pose)
+    there = frame.at_new_base(pose)
     moves = []
     for phi, shift in zip(root.T[:, :3], root.T[:, 3:], strict=True):
         turned = frame.rotation @ Rotation.from_rotvec(phi).as_matrix()
-        moved = Frame(turned, frame.translation + shift).rebased(pose)
+        moved = Frame(turned, frame.translation + shift).at_new_base(pose)
         turn = Rotation.from_matrix(there.rotation.T @ moved.rotation).as_rotvec()
         moves.append(np.r_[turn, moved.translation - there.translation])
     expected = np.array(moves).T @ np.array(moves)

@@ -252,6 +252,8 @@ def with_shared_pattern(
 
 @dataclass(frozen=True)
 class _Trial:
+    """Hold the held-out errors of one choice of unknowns."""
+
     active: ActiveUnknowns
     scales: ErrorScales
     #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block, and
@@ -264,6 +266,7 @@ class _Trial:
 def _evaluate(
     active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
 ) -> _Trial:
+    """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
     S = gram_of_active(active, reduced.gram)
     scales = learn_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
@@ -400,6 +403,7 @@ def predictive_deviance(G: Array, v: Array, others: NormalSolution) -> float:
 
 
 def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> SelectionStep:
+    """Decide whether a candidate is kept, from the held-out errors before and after it."""
     count = max(before.blocks[:, 0].sum(), 1.0)
     saved = (before.blocks[:, 1] - after.blocks[:, 1]) / count
     old, new = (max(x.blocks[:, 1].sum(), 1e-300) / count for x in (before, after))
@@ -447,15 +451,15 @@ class MassFit:
     poses: int  #: Poses with measured torques.
     nominal_residual: float  #: RMS residual of the given masses over all joints [N m, N].
     residual: float  #: RMS residual of the fitted masses [N m, N].
-    spread: float  #: RMS deviation of the torques without those of the wrenches [N m, N].
-    limited: tuple[str, ...]  #: Links and tool with a parameter at its bound.
+    torque_deviation: float  #: RMS deviation of the torques without those of the wrenches [N m, N].
+    at_bound: tuple[str, ...]  #: Links and tool with a parameter at its bound.
     #: Whether torques are the motors' against the weight, or the weight's on the joints.
-    motors: bool = False
+    motor_torques: bool = False
 
     @property
     def explained(self) -> bool:
         """Tell whether gravity explains the torques."""
-        return self.residual <= MAX_UNEXPLAINED * self.spread
+        return self.residual <= MAX_UNEXPLAINED * self.torque_deviation
 
 
 def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
@@ -477,8 +481,8 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassF
     A, known, torque = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
     carries, carried = (_fit(weights, names, A, sign * torque - known) for sign in (1, -1))
-    best = min(carries, replace(carried, motors=True), key=lambda fit: fit.residual)
-    return best if best.explained else replace(best, weights=weights, limited=())
+    best = min(carries, replace(carried, motor_torques=True), key=lambda fit: fit.residual)
+    return best if best.explained else replace(best, weights=weights, at_bound=())
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
@@ -514,15 +518,15 @@ def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
         w = np.minimum(1, HUBER_THRESHOLD * sigma / np.maximum(np.abs(left), 1e-300)) / sigma**2
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
         left = _off_mean(y_0 - A @ x, w)
-    limited = (np.abs(x) > MAX_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
+    at_bound = (np.abs(x) > MAX_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
     p = np.vstack([weights.parameters[:1], (prior + sd * x).reshape(-1, 4)])
     return MassFit(
         weights=Weights(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
         poses=y.shape[1],
         nominal_residual=_rms(before),
         residual=_rms(_scatter(left)),
-        spread=_rms(spread),
-        limited=tuple(name for name, on in zip(names, limited, strict=True) if on),
+        torque_deviation=_rms(spread),
+        at_bound=tuple(name for name, on in zip(names, at_bound, strict=True) if on),
     )
 
 

@@ -109,12 +109,12 @@ class ActiveUnknowns:
 
 
 def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | None) -> ActiveUnknowns:
-    """Select the columns of some kinds of errors, and of the structure of a metric.
+    """Select the columns of some kinds of errors and of compliances.
 
     Args:
         unknowns: All unknowns.
         kinds: Names of the errors.
-        elastic: Metric of the compliances; None for none.
+        elastic: Units of the compliances' prior; None for no compliances.
 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
@@ -165,7 +165,7 @@ def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
 
 
 def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
-    """Compute the Gram matrices of a choice, compliances in the metric of their prior.
+    """Compute the Gram matrices of a choice, compliances in units of their prior.
 
     Args:
         active: The choice, c columns.
@@ -287,7 +287,7 @@ def learn_scales(
         x = _in_cone(free, active.n_rigid, active.elastic)
         if x is free.x:
             return scales
-        # where the evidence has no slope, with SPARE_EQUATIONS imagined equations
+        # where the evidence has no slope, with SPARE_EQUATIONS pseudo-observations
         left, v = S @ np.r_[x, -1.0], np.r_[x, -1.0]
         spent = np.einsum("kij,ij->k", S[:, :-1, :-1], free.covariance) / scales.factor**2
         factor = np.sqrt(
@@ -345,7 +345,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         DEFAULT_SCALES[kind] for kind, _ in groups
     ]
 
-    def imagined(z: Array) -> tuple[Array, Array, Array]:
+    def pseudo_observations(z: Array) -> tuple[Array, Array, Array]:
         """Compute -log density of `count` pseudo-observations under a size e^z, and its derivatives."""
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
@@ -353,7 +353,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
     bands = [np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in WAVES]
     neighbours = np.concatenate([band[1:] - band[:-1] for band in bands]) / STUDENT_SCALE
     return (
-        Hyperprior(np.eye(m), np.log(usual_), imagined),
+        Hyperprior(np.eye(m), np.log(usual_), pseudo_observations),
         Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),
     )
 
@@ -370,7 +370,7 @@ class StepSolution:
     """Hold the most probable unknowns."""
 
     x: Array  #: Values of the selected unknowns in SI units, (c,).
-    root: Array  #: Root of the posterior's precision, compliances in the metric, (c, c).
+    root: Array  #: Root of the posterior's precision, compliances in units of the prior, (c, c).
     estimate: Estimate | None  #: Compliances; None for a rigid arm.
     degrees_of_freedom: float  #: Degrees of freedom that the unknowns use.
     cone_pressure: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
@@ -442,7 +442,7 @@ def _solve_compliances(
     )
     estimate = solve(regression, constraint, weighted_prior)
     pressure = _cone_pressure(regression, weighted_prior, estimate)
-    # Posterior precision: likelihood and prior of the compliances, in the metric.
+    # Posterior precision: likelihood and prior of the compliances, in units of the prior.
     L, B = elastic.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     B = B @ np.linalg.solve(weighted_prior.scaling.L, L)
     below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
@@ -469,7 +469,7 @@ def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regressi
 
     Args:
         T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
-        elastic: Metric of the compliances.
+        elastic: Units of the compliances' prior.
         equations: Number of equations.
     """
     r = len(T) - 1 - len(elastic.expected)
@@ -615,7 +615,7 @@ def first_fit(
     Args:
         state: The start.
         series: The readings.
-        joints: Metric of the joint compliances.
+        joints: Units of the joint compliances' prior.
         constraint: "psd" for GCO, "none" for least squares.
 
     Returns:

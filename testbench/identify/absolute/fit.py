@@ -110,7 +110,7 @@ class Calibration(Displayed):
     active: ActiveUnknowns  #: Unknowns of the fit.
     #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
     information: Array
-    #: Upper triangular root of the posterior's precision, R^T R, compliances in the metric, (c, c).
+    #: Upper triangular root of the posterior's precision, R^T R, compliances in units of the prior, (c, c).
     root: Array
     noise: Noise  #: Noise of readings about the model.
     chosen: SelectedModel  #: Selection of the errors.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from testbench.data.dataset import Series, evenly, evenly_spaced, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_evenly, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import (
     EQUATION_KINDS,
@@ -49,8 +49,9 @@ def deviations_root(precision: Array, L: Array) -> Array:
     """Compute a root W of the covariance W^T W of the unknowns in SI units.
 
     Args:
-        precision: Upper triangular root of the posterior's precision, compliances in the metric, (c, c).
-        L: SI units of the compliances, the last unknowns, per unit of the metric, (e, e).
+        precision: Upper triangular root of the posterior's precision, compliances in units of the prior,
+            (c, c).
+        L: SI units of the compliances, the last unknowns, per unit of the prior, (e, e).
 
     Returns:
         W, (c, c).
@@ -157,7 +158,7 @@ def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_S
     Args:
         residual: Residuals r, (rows, m, 3) [m].
         covariance: Their covariances C, (rows, m, 3, 3) [m^2].
-        quantile: Of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
+        quantile: Quantile of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
 
     Returns:
         (rows, m).
@@ -274,7 +275,7 @@ def further_information(
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
             count = min(readings.rows, -(-FURTHER_ROWS // len(series)))
-            rows = evenly(np.arange(readings.rows), count)
+            rows = select_evenly(np.arange(readings.rows), count)
             q = readings.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]

@@ -531,14 +531,19 @@ def find_pattern(
 
 
 def _pattern_information(
-    precision: Array, pull: Array, individual: Array, whole: Array
+    precision: Array, product: Array, individual: Array, whole: Array
 ) -> _PatternInformation:
-    solved = np.linalg.solve(precision + np.diag(1 / individual), np.column_stack([precision, pull]))
-    alone, none = (
-        _log_integral(precision + np.diag(1 / d), pull) - np.log(d).sum() / 2 for d in (whole, individual)
+    """Eliminate the individual error of a joint from the information of its readings.
+
+    `precision`, (2 k, 2 k), is that of the joint's waves, `product`, (2 k,), that times the most probable
+    waves; `individual` and `whole`, (2 k,), are variances of waves without and with a pattern.
+    """
+    solved = np.linalg.solve(precision + np.diag(1 / individual), np.column_stack([precision, product]))
+    with_pattern, without = (
+        _log_integral(precision + np.diag(1 / d), product) - np.log(d).sum() / 2 for d in (whole, individual)
     )
     return _PatternInformation(
-        precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone - none
+        precision - precision @ solved[:, :-1], product - precision @ solved[:, -1], with_pattern - without
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Series, evenly, select, select_rows, series_of
+from testbench.data.dataset import Dataset, Series, select, select_evenly, select_rows, series_of
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.evidence import first_fit
@@ -280,7 +280,7 @@ def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
         Moves of targets, then of trackers; none when there are too few readings. In their numbers `before`
         and `after`, 2 k is the unloaded reading of run k and 2 k + 1 the loaded one.
     """
-    series = tuple(_series_in_time(select_rows(data, evenly(np.arange(data.runs)))))
+    series = tuple(_series_in_time(select_rows(data, select_evenly(np.arange(data.runs)))))
     steps = [step_places(readings, MIN_POSES) for readings in series]
     if not vjm.arm.joints or not any(map(len, steps)):
         return []

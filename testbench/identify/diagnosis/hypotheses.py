@@ -97,6 +97,7 @@ LoadChanges = Iterator[Change[LoadedRuns]]
 
 
 def _equal(submission: Submission) -> Iterator[Change[Submission]]:
+    """Find loaded readings that equal their unloaded ones."""
     data = submission.data
     loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.seen
     still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
@@ -118,6 +119,7 @@ def _count_text(issue: Issue) -> str:
 
 
 def _repeated(submission: Submission) -> Iterator[Change[Submission]]:
+    """Find a run whose loaded readings are those of another pose."""
     data = submission.data
     read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
     _, first, group = np.unique(read, axis=0, return_index=True, return_inverse=True)
@@ -153,6 +155,7 @@ def _against_words(issue: Issue, _: Arm) -> str:
 
 
 def _near_frame(submission: Submission) -> Iterator[Change[Submission]]:
+    """Find a frame of a tracker that is too near the base."""
     registration = submission.registered.registration
     if registration is None or submission.registered.frame != "tracker" or submission.declared:
         return
@@ -274,6 +277,7 @@ def _markers(observations: Observations) -> KinematicChanges:
 
 
 def _best_exchange(observations: Observations) -> tuple[int, ...]:
+    """Find the exchange of two targets that lowers the loss most, as an order of the targets."""
     frame, m = fit(observations).frame, len(observations.markers)
     x = (
         tool_points(observations.vjm, observations.q, observations.markers) @ frame.rotation.T
@@ -371,6 +375,7 @@ def _joint_coupling_words(issue: Issue, _: Arm) -> str:
 
 
 def _joint_order(observations: Observations) -> KinematicChanges:
+    """Try the most probable orders of the joints in the file."""
     names = [joint.name for joint in observations.vjm.arm.joints]
     for order in likely_joint_orders(observations):
         where = tuple(names[k] for k in np.argsort(order))
@@ -559,6 +564,7 @@ def _touched_tracker(loads: LoadedRuns) -> LoadChanges:
 
 
 def _level(loads: LoadedRuns) -> LoadChanges:
+    """Try a wrong factor of the loads of each load level."""
     data, groups = loads.data, load_levels(loads.data)
     for mask in groups if len(groups) > 1 and loads.model is not None else ():
         force = float(np.linalg.norm(data.wrench[mask, :3], axis=1).mean())
@@ -569,6 +575,7 @@ def _level(loads: LoadedRuns) -> LoadChanges:
 
 
 def _force_axes(loads: LoadedRuns) -> LoadChanges:
+    """Try wrenches in the tool's axes, and wrenches with permuted or reversed axes."""
     data, w = loads.data, loads.data.wrench.reshape(-1, 2, 3)
 
     def undone(other: Array) -> LoadedRuns:
@@ -611,6 +618,7 @@ def _rows_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]]]:
 
 
 def _run_load(loads: LoadedRuns) -> LoadChanges:
+    """Try a wrong factor of the load of each run."""
     if (residual_model := loads.model) is not None:
         expected = (residual_model.readings.A @ residual_model.pi).ravel()
         for name, rows in _rows_of_runs(loads):

@@ -51,7 +51,7 @@ class NuisanceModel:
     """Hold the linearised errors that the model may have in addition to a step, with their prior."""
 
     active: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
-    prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
+    prior: Array  #: Prior precision of the unknowns, compliances in units of the prior, (c, c).
     state: ArmState  #: The arm that the equations are linearised about.
     noise: Noise  #: Noise of the readings about the arm.
 
@@ -191,6 +191,7 @@ class _Unexplained:
 
 
 def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence[_Sums]) -> _Unexplained:
+    """Factorise the precision of all possible errors, and project the residuals on the rest."""
     AA, c = np.sum([part.AA for part in sums], axis=0), len(linear.active.columns)
     H = AA[:c, :c] + linear.prior
     size = np.sqrt(np.diag(H))
@@ -203,6 +204,7 @@ def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence
 
 
 def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
+    """Find the step of greatest gain in a series, of the targets or of the tracker, as an issue."""
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     # Score of a step at every place, of targets and of the tracker; the greatest is taken.
     target, tracker = rest.score_moves(behind, turns=turns)
@@ -225,6 +227,7 @@ def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, 
 
 
 def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
+    """Sum the whitened equations of a series between the places of possible steps."""
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
     numbers = 3 * series.rows * (len(series.markers) + 1) * linear.active.unknowns.size

@@ -143,7 +143,7 @@ def _lent(ls: Estimate, gco: Estimate) -> Estimate:
     if ls.regression.rank == ls.structure.n:
         return ls
     free = free_directions(ls.regression, ls.pi)
-    twice = np.where(ls.structure.mirrored, 2.0, 1.0)  # entries that stand at two places of C
+    twice = np.where(ls.structure.fills_two_entries, 2.0, 1.0)  # entries that stand at two places of C
     w: Array = free.N.T @ (twice * (gco.pi / free.unit - free.x))
     pi = ls.pi + free.unit * (free.N @ w)
     return replace(ls, pi=pi, C_theta=ls.structure.matrix(pi))
