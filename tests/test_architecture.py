@@ -35,7 +35,7 @@ DOORS = {
     **dict.fromkeys(("markdown_it", "markupsafe"), "report/page.py"),
     "pyarrow": ("runs", "files/table.py", "report/table.py", "workflows/load_dataset.py"),
     "python_calamine": "files/text.py",
-    "distributed": "runs/cluster.py",
+    "distributed": "runs/engine.py",
     "joblib": "runs/engine.py",
     "trimesh": "files/robot/meshes.py",
     "fast_simplification": "plant/shapes.py",
@@ -44,7 +44,7 @@ DOORS = {
 UNTYPED = """
     runs/manifest.py studies/paper/factorised.py report/join.py report/report.py
     report/table.py studies/run.py
-    studies/study.py runs/cluster.py
+    studies/study.py
     runs/engine.py runs/store.py runs/rows.py report/page.py report/schema.py
     report/recording/world.py
 """

@@ -31,26 +31,29 @@ from testbench.files.beside import (
 )
 from testbench.files.columns import listed
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
-from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
 from testbench.files.mapping import LOAD, FileLayout, Log, Map, Named, read_map, without_load
 from testbench.files.names import (
     BRACKETS,
     DEFLECTION,
     KNOWN_EXPORTS,
+    MAX_CODES,
     NUMBER,
     ROTATIONS,
     SI,
     STATE_OF_CELL,
     STATE_OF_WORD,
     STATES,
+    THOUSANDS,
     XYZ,
     Place,
     Unit,
     column_meaning,
+    explained,
     find_unit,
     joint_family,
     joints_of,
     looks_like,
+    masses_in,
     places,
     plain,
     series_names,

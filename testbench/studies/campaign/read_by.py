@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.design.criteria import criterion_of
-from testbench.design.gauges import Gauges, choose_gauges, gauge_rows
+from testbench.design.exchange import Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import Array
