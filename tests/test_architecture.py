@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -131,6 +132,21 @@ def test_no_module_imports_itself_through_others():
             break
         graph = {module: needed for module, needed in graph.items() if module not in free}
     assert graph == {}
+
+
+def given(node):
+    """Names that a statement of a module gives."""
+    if isinstance(node, ast.Assign | ast.AnnAssign):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        return [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+    return [node.name] if hasattr(node, "name") else []
+
+
+def test_no_module_gives_a_name_twice():
+    """The second would be meant where the first is: of two modules that became one, a constant of both."""
+    for path in modules().values():
+        names = Counter(name for node in tree(path).body for name in given(node))
+        assert not [f"{place(path)}: {name}" for name, count in names.items() if count > 1]
 
 
 def reaches(start):

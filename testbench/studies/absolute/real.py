@@ -239,7 +239,7 @@ LOOKS = {
     ALL: Look(colours.GCO, 3, prior=True),
     CHOSEN: CHOICE,
 }
-ERRORS = (
+ERROR_COLUMNS = (
     "name split judged poses draws error.n error.mean_mm error.rms_mm error.p95_mm error.max_mm "
     "error.coverage_95"
 )
@@ -527,7 +527,11 @@ def report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
             "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
             "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
             "errors": Table(
-                columns(ERRORS), [*judged, *f.by_number], "every error", headline="error.mean_mm", looks=LOOKS
+                columns(ERROR_COLUMNS),
+                [*judged, *f.by_number],
+                "every error",
+                headline="error.mean_mm",
+                looks=LOOKS,
             ),
         },
         body=["models", "joints", "effects", "errors", READ],
