@@ -1,7 +1,6 @@
 """Folders of stiffness models, as `testbench identify` leaves them."""
 
-from testbench.workflows.arm_models import write_stiffness
-from testbench.workflows.fits import MeasuredRuns, fit_models
+from testbench.workflows.fits import MeasuredRuns, fit_models, write_stiffness
 
 
 def identified(cell, model, runs, folder):

@@ -24,8 +24,7 @@ from judge_arms import lines
 from threadpoolctl import threadpool_limits
 
 from testbench.design.criteria import criterion_of
-from testbench.design.exchange import greedy
-from testbench.design.gauges import Gauges, choose_places, gauge_rows
+from testbench.design.exchange import Gauges, choose_places, gauge_rows, greedy
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import BenchError

@@ -25,10 +25,10 @@ from testbench.runs import manifest as files
 from testbench.runs.manifest import DOCUMENT
 from testbench.runs.whole import claim_folder
 from testbench.workflows.arm_check import refuse_warnings
-from testbench.workflows.arm_models import FITS, write_stiffness
+from testbench.workflows.arm_models import FITS
 from testbench.workflows.cell import build_cell
 from testbench.workflows.fit_numbers import identifiability, numbers, residuals_by_model
-from testbench.workflows.fits import fit_models
+from testbench.workflows.fits import fit_models, write_stiffness
 from testbench.workflows.model_names import first_mention
 from testbench.workflows.models import asked_models
 from testbench.workflows.options import Force, of_flag, plain, takes

@@ -32,26 +32,24 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 from testbench.design.criteria import Criterion, check_criterion, criterion_of, mean_square
 from testbench.design.exchange import (
     Feasibility,
+    GaugePlan,
+    Gauges,
+    PlacedGauges,
     PoseSearch,
     Relaxed,
     ascend_poses,
+    choose_gauges,
+    choose_places,
+    gauge_rows,
     greedy,
+    most_informative_gauges,
+    placed_gauges,
     refine_plan,
     relax,
     select_poses,
     sensitivity,
 )
 from testbench.design.forecast import Forecast, forecast
-from testbench.design.gauges import (
-    GaugePlan,
-    Gauges,
-    PlacedGauges,
-    choose_gauges,
-    choose_places,
-    gauge_rows,
-    most_informative_gauges,
-    placed_gauges,
-)
 from testbench.design.rows import (
     DesignProblem,
     Specification,

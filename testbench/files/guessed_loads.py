@@ -6,14 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.files.guess import Entry, not_these, reasons, unit_of
-from testbench.files.loads import MAX_CODES, THOUSANDS, explained, masses_in
 from testbench.files.mapping import HOLE
 from testbench.files.names import (
     BRACKETS,
+    MAX_CODES,
     NUMBER,
     STATE_OF_CELL,
     STATE_OF_WORD,
+    THOUSANDS,
     column_meaning,
+    explained,
+    masses_in,
     number_of,
     places,
     squeeze,

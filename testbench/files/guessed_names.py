@@ -16,7 +16,6 @@ from testbench.files.guess import Entry, unit_of
 from testbench.files.guessed_columns import place_columns
 from testbench.files.guessed_lines import line_entries
 from testbench.files.guessed_loads import mass_columns
-from testbench.files.loads import masses_in
 from testbench.files.names import (
     NUMBER,
     STATE_OF_CELL,
@@ -27,6 +26,7 @@ from testbench.files.names import (
     column_meaning,
     joint_family,
     looks_like,
+    masses_in,
     number_of,
     plain,
     squeeze,

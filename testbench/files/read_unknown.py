@@ -11,7 +11,6 @@ from testbench.files.guess import Entry
 from testbench.files.guessed_loads import MASS
 from testbench.files.guessed_names import marked
 from testbench.files.layouts import Fitting, fitting
-from testbench.files.loads import masses_in
 from testbench.files.mapping import FileLayout
 from testbench.files.names import (
     STATES,
@@ -22,6 +21,7 @@ from testbench.files.names import (
     joint_family,
     joints_of,
     looks_like,
+    masses_in,
     places,
     state_of,
 )

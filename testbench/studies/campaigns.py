@@ -17,6 +17,7 @@ from testbench.report.table import rows as as_rows
 from testbench.runs.spread import span
 from testbench.studies.campaign.trial import Fits
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
+from testbench.workflows.advice import fit_row
 from testbench.workflows.campaign import Campaign
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import (
@@ -36,7 +37,7 @@ from testbench.workflows.fit_numbers import (
 )
 from testbench.workflows.model_names import IN_PAPER, in_words
 from testbench.workflows.models import DEFAULT, has_failed
-from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
+from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow, FitRow, dataset_row, error_row
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")

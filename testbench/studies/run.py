@@ -30,8 +30,7 @@ from testbench.report.scene import PageContent, typical_first
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, Trials
 from testbench.runs import manifest as files
-from testbench.runs.cluster import check_address, check_certificates, on_cluster
-from testbench.runs.engine import Backend, on_cores, run_study
+from testbench.runs.engine import Backend, check_address, check_certificates, on_cluster, on_cores, run_study
 from testbench.runs.interrupt import RESULTS_KEPT
 from testbench.runs.manifest import digests
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, middle

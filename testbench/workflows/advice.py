@@ -1,14 +1,15 @@
-"""Advice on an estimate, in sentences: what filled free directions, doubts of the fit, outliers."""
+"""An estimate as the row of a table, and advice on it: what filled free directions, doubts, outliers."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from testbench.identify.conic import TIE_BREAK
+from testbench.identify.conic import TIE_BREAK, total_trace
 from testbench.identify.estimate import Estimate, ModelAverage
 from testbench.identify.metric import WeightedPrior
 from testbench.identify.solve import COMPLETED_METHOD, NO_OUTLIERS, REJECTION_THRESHOLD
 from testbench.model.structure import PAPER_GCO
+from testbench.workflows.rows import FitRow
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 MAX_REJECTED = 1 / 3  #: Share of rejected readings beyond which it is doubted that they are outliers.
@@ -17,6 +18,44 @@ NEAREST = (
     "in directions that no reading determines, least squares chooses the conservative model nearest to the "
     "solution of minimum norm"
 )
+
+
+def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
+    """Make the row of a fit; unknowns are compliances, laws of joints aside.
+
+    Args:
+        name: Name of the model.
+        estimate: The estimate.
+        seconds: Time of the fit [s]; None if not measured.
+        prior: Whether it was fitted with a prior.
+
+    Returns:
+        The row.
+    """
+    certificate, regression = estimate.certificate, estimate.compliance_regression
+    return FitRow(
+        name=name,
+        structure=regression.structure.name,
+        method=estimate.method,
+        constraint=estimate.constraint,
+        prior=prior,
+        status=estimate.status,
+        parameters=regression.structure.n,
+        rank=regression.rank,
+        unique=regression.rank == regression.structure.n,
+        conservative=estimate.conservative,
+        min_eigenvalue=estimate.min_eigenvalue,
+        f_m=estimate.f_m,
+        f_m_floor=estimate.f_m_floor,
+        duality_gap=None if certificate is None else certificate.duality_gap,
+        f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
+        trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
+        held_by_trace_weight=estimate.bounded_by_tie_break,
+        trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
+        total_trace_rad_per_Nm=total_trace(regression.structure, estimate.pi[: regression.structure.n]),
+        solve_seconds=seconds,
+        advice=advice(estimate),
+    )
 
 
 def advice(estimate: Estimate) -> tuple[str, ...]:

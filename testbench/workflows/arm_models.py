@@ -10,7 +10,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
@@ -31,23 +31,17 @@ from testbench.errors import (
 )
 from testbench.identify.absolute.align import EQUATION_KINDS, Noise
 from testbench.identify.absolute.state import ArmState, Mount, Unknowns
-from testbench.identify.metric import WeightedPrior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.registration import Frame
 from testbench.model.kinematics import JointErrors, build_vjm
 from testbench.model.laws import STRUT, joint_laws, model_for, with_laws
-from testbench.model.load import Load, Weights, resultant, weights_with_note
+from testbench.model.load import Load, Weights, resultant
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.runs import manifest as files
 from testbench.runs.manifest import ARM_FILES, DOCUMENT, MAX_ROOT, POSTERIOR, arm_files, input_error
+from testbench.runs.rows import finite
 from testbench.runs.whole import reading, whole_folder
-from testbench.workflows.advice import advice
-from testbench.workflows.cell import Cell
-
-if TYPE_CHECKING:  # who only reads a model needs no fits
-    from testbench.workflows.fits import IdentifyResult
-    from testbench.workflows.read_runs import MeasuredRuns
 
 FITS = "models.json"  #: All fits of `testbench identify`, beside the recommended one.
 MAX_BYTES = 50_000_000  #: Largest model.json [byte].
@@ -412,7 +406,7 @@ def _document(model: ArmModel) -> dict[str, object]:
         },
         "columns": model.columns.tolist(),
         "spread": {
-            "degrees_of_freedom": _finite(posterior.student_dof),
+            "degrees_of_freedom": finite(posterior.student_dof),
             "heavy_rows": posterior.prior_rows,
             "pull": posterior.cone_distance,
             "on_boundary": posterior.on_boundary,
@@ -452,67 +446,6 @@ def copy_arm(arm: Arm, folder: Path) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         with open_file(path / name, MAX_MESH_BYTES) as source, (folder / name).open("wb") as copy:
             shutil.copyfileobj(source, copy)
-
-
-def write_stiffness(
-    cell: Cell, identified: "IdentifyResult", runs: "MeasuredRuns", data: Mapping[str, str], folder: Path
-) -> None:
-    """Write the recommended model into a folder that exists.
-
-    Args:
-        cell: The arm with its model and its truth.
-        identified: The fits.
-        runs: The measured runs.
-        data: SHA-256 of every file of readings, by name.
-        folder: The folder.
-    """
-    fits, estimate, used = identified.fits, identified.taken, runs.used
-    model, notes = cell.model(estimate), weights_with_note(cell.arm)[1]
-    doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
-    about = origin_of(
-        f"{fits.recommended}: {estimate.method}", data, doubts, loads_about_tool(cell.vjm, used)
-    )
-    fit = {
-        "conservative": estimate.conservative,
-        "prior": None if estimate.weighted_prior is None else _prior(estimate.weighted_prior),
-        "runs": {
-            "runs": used.runs,
-            "poses": len(np.unique(used.pose)),
-            "held_back": [] if runs.check is None else np.unique(runs.check.pose).tolist(),
-            "rejected": len(estimate.rejected),
-            "sigma_m": used.sigma,
-            "sigma_rotation_rad": used.sigma_rotation,
-        },
-        "unseen": {
-            "directions": estimate.compliance_regression.structure.n - estimate.compliance_regression.rank,
-            "without_bound": len(model.posterior.unobservable),
-            "stiffer": list(fits.unchecked.stiffer),
-            "softer": list(fits.unchecked.softer),
-            "words": list(advice(estimate)),
-        },
-        "notes": [*notes, *fits.notes],
-    }
-    write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
-
-
-def _prior(weighted_prior: WeightedPrior) -> object:
-    uncertainty = weighted_prior.uncertainty
-    return {
-        "name": weighted_prior.scaling.prior,
-        "learnt": weighted_prior.hyperparameter_effect is not None,
-        "uncertainty": float(uncertainty.relative),
-        "scale_uncertainty": _finite(uncertainty.scale),
-        "coupling": None if uncertainty.link_coupling is None else float(uncertainty.link_coupling),
-        "misfit": float(weighted_prior.misfit),
-        "scales": [
-            {"name": scale.name, "factor": float(scale.factor), "deviation": _finite(scale.deviation)}
-            for scale in weighted_prior.scales
-        ],
-    }
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None
 
 
 def origin_of(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> ModelOrigin:

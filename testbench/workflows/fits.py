@@ -6,6 +6,7 @@ Mistakes in readings have their doubts in `identify.diagnosis.hypotheses`.
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.special import gammainc
@@ -21,7 +22,7 @@ from testbench.identify.hierarchy import (
     undetermined_parts,
 )
 from testbench.identify.method import Method
-from testbench.identify.metric import LearntScale, scale_by_prior
+from testbench.identify.metric import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.observability import set_aside
 from testbench.identify.posterior import intervals
 from testbench.identify.regression import (
@@ -32,9 +33,12 @@ from testbench.identify.regression import (
     with_poses,
 )
 from testbench.model.laws import law_sizes, law_unit, model_for
+from testbench.model.load import weights_with_note
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
+from testbench.workflows.advice import advice, fit_row
+from testbench.workflows.arm_models import loads_about_tool, origin_of, write_files
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
     EstimatorFailed,
@@ -48,7 +52,7 @@ from testbench.workflows.models import (
     reduce_runs,
 )
 from testbench.workflows.read_runs import MeasuredRuns
-from testbench.workflows.rows import MM, error_row, fit_row
+from testbench.workflows.rows import MM, error_row
 
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
@@ -355,3 +359,60 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:
             for k, marker in enumerate(data.markers)
         ),
     )
+
+
+def write_stiffness(
+    cell: Cell, identified: IdentifyResult, runs: MeasuredRuns, data: Mapping[str, str], folder: Path
+) -> None:
+    """Write the recommended model into a folder that exists.
+
+    Args:
+        cell: The arm with its model and its truth.
+        identified: The fits.
+        runs: The measured runs.
+        data: SHA-256 of every file of readings, by name.
+        folder: The folder.
+    """
+    fits, estimate, used = identified.fits, identified.taken, runs.used
+    model, notes = cell.model(estimate), weights_with_note(cell.arm)[1]
+    doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
+    about = origin_of(
+        f"{fits.recommended}: {estimate.method}", data, doubts, loads_about_tool(cell.vjm, used)
+    )
+    fit = {
+        "conservative": estimate.conservative,
+        "prior": None if estimate.weighted_prior is None else _prior(estimate.weighted_prior),
+        "runs": {
+            "runs": used.runs,
+            "poses": len(np.unique(used.pose)),
+            "held_back": [] if runs.check is None else np.unique(runs.check.pose).tolist(),
+            "rejected": len(estimate.rejected),
+            "sigma_m": used.sigma,
+            "sigma_rotation_rad": used.sigma_rotation,
+        },
+        "unseen": {
+            "directions": estimate.compliance_regression.structure.n - estimate.compliance_regression.rank,
+            "without_bound": len(model.posterior.unobservable),
+            "stiffer": list(fits.unchecked.stiffer),
+            "softer": list(fits.unchecked.softer),
+            "words": list(advice(estimate)),
+        },
+        "notes": [*notes, *fits.notes],
+    }
+    write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
+
+
+def _prior(weighted_prior: WeightedPrior) -> object:
+    uncertainty = weighted_prior.uncertainty
+    return {
+        "name": weighted_prior.scaling.prior,
+        "learnt": weighted_prior.hyperparameter_effect is not None,
+        "uncertainty": float(uncertainty.relative),
+        "scale_uncertainty": finite(uncertainty.scale),
+        "coupling": None if uncertainty.link_coupling is None else float(uncertainty.link_coupling),
+        "misfit": float(weighted_prior.misfit),
+        "scales": [
+            {"name": scale.name, "factor": float(scale.factor), "deviation": finite(scale.deviation)}
+            for scale in weighted_prior.scales
+        ],
+    }

@@ -15,7 +15,7 @@ from testbench.data.dataset import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import AbsoluteSetup
 from testbench.design.criteria import criterion_of
-from testbench.design.exchange import Feasibility, PoseSearch, greedy
+from testbench.design.exchange import Feasibility, Gauges, PoseSearch, greedy
 from testbench.design.forecast import (
     Forecast,
     forecast_on,
@@ -23,7 +23,6 @@ from testbench.design.forecast import (
     unbounded_predictions,
     without_bound,
 )
-from testbench.design.gauges import Gauges
 from testbench.design.planning import (
     ChosenPoses,
     Plan,

@@ -11,7 +11,7 @@ from testbench.model.structure import Constraint
 from testbench.runs.spread import Number, Share, Spread
 
 if TYPE_CHECKING:
-    from testbench.identify.estimate import DeflectionErrors, Estimate
+    from testbench.identify.estimate import DeflectionErrors
 
 MM, UM = 1e3, 1e6
 
@@ -75,47 +75,6 @@ class FitRow:
     total_trace_rad_per_Nm: Number = None  #: Of all blocks, in scaled units.
     solve_seconds: Number = None  #: Wall time of the estimator.
     advice: tuple[str, ...] = ()  #: What the estimate says of itself.
-
-
-def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bool = False) -> FitRow:
-    """Make the row of a fit; unknowns are compliances, laws of joints aside.
-
-    Args:
-        name: Name of the model.
-        estimate: The estimate.
-        seconds: Time of the fit [s]; None if not measured.
-        prior: Whether it was fitted with a prior.
-
-    Returns:
-        The row.
-    """
-    from testbench.identify.conic import total_trace  # here: reports need the rows without the methods
-    from testbench.workflows.advice import advice
-
-    certificate, regression = estimate.certificate, estimate.compliance_regression
-    return FitRow(
-        name=name,
-        structure=regression.structure.name,
-        method=estimate.method,
-        constraint=estimate.constraint,
-        prior=prior,
-        status=estimate.status,
-        parameters=regression.structure.n,
-        rank=regression.rank,
-        unique=regression.rank == regression.structure.n,
-        conservative=estimate.conservative,
-        min_eigenvalue=estimate.min_eigenvalue,
-        f_m=estimate.f_m,
-        f_m_floor=estimate.f_m_floor,
-        duality_gap=None if certificate is None else certificate.duality_gap,
-        f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
-        trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
-        held_by_trace_weight=estimate.bounded_by_tie_break,
-        trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
-        total_trace_rad_per_Nm=total_trace(regression.structure, estimate.pi[: regression.structure.n]),
-        solve_seconds=seconds,
-        advice=advice(estimate),
-    )
 
 
 NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that failed.

@@ -14,9 +14,8 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.design import absolute
 from testbench.design import rows as plans
 from testbench.design.criteria import CRITERIA, criterion_of
-from testbench.design.exchange import Feasibility, PoseSearch, exchange, greedy
+from testbench.design.exchange import Feasibility, Gauges, PoseSearch, exchange, gauge_rows, greedy
 from testbench.design.forecast import forecast, forecast_on, linear_fit
-from testbench.design.gauges import Gauges, gauge_rows
 from testbench.design.planning import (
     COLLISION_DETOUR,
     _measuring_order,

@@ -21,9 +21,8 @@ from test_bench import DRAWS
 
 from testbench.cli.program import program
 from testbench.errors import BenchError
-from testbench.runs import cluster
-from testbench.runs.cluster import on_cluster
-from testbench.runs.engine import RETRIES, WorkersLost, do_chunk, on_cores, run_study
+from testbench.runs import engine
+from testbench.runs.engine import RETRIES, WorkersLost, do_chunk, on_cluster, on_cores, run_study
 from testbench.runs.store import PARTS, TrialPlan, open_store, part_seeds, write_parquet
 
 HERE = Path(__file__).resolve().parent
@@ -332,7 +331,7 @@ def test_problems_on_a_cluster_are_told(tmp_path, secure, monkeypatch):
     there = partial(on_cluster, address=address)
     with pytest.raises(BenchError, match=r"^seeds \d+ to \d+: arm\.toml: line 3"):
         study(tmp_path, there, work=trial_work.bad_trials)
-    versions = cluster.numeric_versions()
+    versions = engine.numeric_versions()
     for found, said in (
         ({**versions, "numpy": "0.1"}, rf"expected numpy {versions['numpy']}, as on this machine, got 0\.1"),
         (

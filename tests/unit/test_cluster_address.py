@@ -9,8 +9,7 @@ import pytest
 from run_here import here
 
 from testbench.errors import BenchError
-from testbench.runs.cluster import check_address, on_cluster
-from testbench.runs.engine import on_cores
+from testbench.runs.engine import check_address, on_cluster, on_cores
 from testbench.studies.campaign.gravity_calibration import STUDY
 from testbench.studies.run import app, choose_backend
 from testbench.workflows.options import Common

@@ -18,8 +18,11 @@ from testbench.design.criteria import (
 )
 from testbench.design.exchange import (
     Feasibility,
+    Gauges,
     PoseSearch,
     ascend_poses,
+    choose_gauges,
+    choose_places,
     exchange,
     greedy,
     refine_plan,
@@ -27,7 +30,6 @@ from testbench.design.exchange import (
     sensitivity,
 )
 from testbench.design.forecast import forecast
-from testbench.design.gauges import Gauges, choose_gauges, choose_places
 from testbench.design.planning import (
     CandidateSet,
     choose_greedily,

@@ -232,7 +232,7 @@ LOOKS = {
     ALL: Look(colours.GCO, 3, prior=True),
     CHOSEN: CHOICE,
 }
-ERRORS = (
+ERROR_COLUMNS = (
     "name split judged poses draws error.n error.mean_mm error.rms_mm error.p95_mm error.max_mm "
     "error.coverage_95"
 )
@@ -468,7 +468,7 @@ def _report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
             "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
             "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
             "errors": Table(
-                columns(ERRORS),
+                columns(ERROR_COLUMNS),
                 [*f.ladder, *f.by_number],
                 "every error",
                 headline="error.mean_mm",

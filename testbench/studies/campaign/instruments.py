@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.design.criteria import criterion_of
-from testbench.design.gauges import Gauges, choose_gauges, gauge_rows
+from testbench.design.exchange import Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import Array

@@ -22,6 +22,7 @@ from testbench.identify.posterior import CONFIDENCE, intervals
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
 from testbench.studies.study import plain_models, without_cone
+from testbench.workflows.advice import fit_row
 from testbench.workflows.campaign import Truth
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
@@ -34,7 +35,7 @@ from testbench.workflows.models import (
     wrong_prior,
 )
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
+from testbench.workflows.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row
 
 R = TypeVar("R")
 

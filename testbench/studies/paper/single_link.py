@@ -34,12 +34,13 @@ from testbench.studies.paper.factorised import every_order, order_range
 from testbench.studies.paper.verdicts import EQ_22, EQ_23, comparison, statement_row, verdict_table
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Study
+from testbench.workflows.advice import fit_row
 from testbench.workflows.campaign import FullPose, at_tool, random_wrenches
 from testbench.workflows.campaign import measure_markers as read
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import Model, fit_model
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
+from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"
