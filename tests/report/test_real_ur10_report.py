@@ -37,6 +37,7 @@ from testbench.studies.absolute.real import (
 from testbench.studies.study import amid_errors
 from testbench.workflows.absolute import PositionErrors
 from testbench.workflows.cell import build_cell
+from testbench.workflows.model_names import in_words
 
 SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}
@@ -122,7 +123,7 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
         np.testing.assert_allclose(layer.at[:, 0], tool + rotation @ cell.vjm.markers[0], atol=1e-9)
         np.testing.assert_allclose((layer.to - layer.at)[:, 0], scale * off)
         np.testing.assert_allclose(line.values, 1e3 * np.linalg.norm(off, axis=1))
-        assert (layer.name, layer.colour) == (f"error of {name}", LOOKS[name].colour)
+        assert (layer.name, layer.colour) == (f"error of {in_words(name)}", LOOKS[name].colour)
         assert (line.name, line.look) == (name, LOOKS[name])
     assert poses.first == np.linalg.norm(errors[SHARED], axis=1).argmax()
     assert f"{JOINTS} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
