@@ -191,19 +191,20 @@ def _inset(axes: Axes, scene: Scene, inset: PoseGroup, k: int) -> None:
     plane = [(1, 2), (0, 2), (0, 1)][narrow]
     _poses(axes, scene, inset, k, plane)
     axes.set_title(inset.name)
-    right, up = (float(np.ptp(points[np.isfinite(points).all(axis=1)][:, axis])) for axis in plane)
-    upright = up > right
+    shown = points[np.isfinite(points).all(axis=1)][:, list(plane)]
+    middle_of = (shown.min(axis=0) + shown.max(axis=0)) / 2
     for layer in inset.layers:
         if layer.kind == "dots" and layer.labels and layer.shown:
             at = layer.at[min(k, len(layer.at) - 1)][:, list(plane)]
             for place_, words in zip(at, layer.labels, strict=True):
+                left = place_[0] <= middle_of[0]
                 axes.annotate(
                     words,
                     place_,
-                    xytext=(7, 0) if upright else (0, -6),  # beside the path
+                    xytext=(7 if left else -7, -6),  # beside the path, inwards
                     textcoords="offset points",
-                    ha="left" if upright else "center",
-                    va="center" if upright else "top",
+                    ha="left" if left else "right",
+                    va="top",
                     fontsize=MIN_LETTER_SIZE,
                     bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0},
                 )

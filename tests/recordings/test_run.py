@@ -293,7 +293,9 @@ def test_a_run_without_a_scene_opens_on_its_figures_drawn_anew(chart, tmp_path):
     assert [(bar[0, 0], bar[1, 0]) for bar in bars] == [
         pytest.approx((round_, share * wide - round_)) for share in (0.5, 1.0)
     ]
-    assert columns(chunks, "/figures/chart_0/key_0")["Points2D:labels"] == [["MLS56"]]
+    key = columns(chunks, "/figures/chart_0/key_0")
+    assert key["Points2D:labels"] == [["MLS56"]]
+    assert [key["Points2D:colors"][0][0] >> shift & 255 for shift in (24, 16, 8)] == [0xC8, 0x83, 0x04]
 
 
 def test_names_beside_an_axis_stand_apart_however_many_they_are(seen, tmp_path):

@@ -15,7 +15,7 @@ from reports import check_forest
 from testbench.plant.shapes import corners, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
-from testbench.report.figure import SOFT, forest, headed, log_ticks, page, say
+from testbench.report.figure import SOFT, forest, headed, labelled, log_ticks, page, say
 from testbench.report.run_figure import outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
@@ -197,6 +197,11 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
     ]
     assert "largest error" in keys
     assert not set(sizes) & set(keys)  # a path has no colour of its own
+
+
+@pytest.mark.parametrize(("unit", "shown"), [("um", "µm"), ("urad/(N m)", "µrad/(N m)"), ("mm", "mm")])
+def test_axes_write_micrometres_as_they_are_written(unit, shown):
+    assert labelled(TableColumn("a", "sum of rms", unit)) == f"sum of rms [{shown}]"
 
 
 def test_the_bent_arm_is_in_the_key_where_one_is_drawn(figure, seen):

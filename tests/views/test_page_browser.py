@@ -56,11 +56,20 @@ def test_faults_of_a_page_are_seen(open_page, write, width):
 
 RAMP = [[0, 0, 255], [0, 255, 0], [255, 0, 0]]
 LINES = [
-    {"name": "A", "colour": "#008800", "values": [1.0, 3.0, 2.0], "ends": [[0.5, 2.5, 1.5], [1.5, 3.5, 2.5]]},
-    {"name": "B", "colour": "#c28400", "values": [0.1, 0.2, 0.3], "ends": None},
+    {
+        "name": "A",
+        "words": "first model",
+        "colour": "#008800",
+        "values": [1.0, 3.0, 2.0],
+        "ends": [[0.5, 2.5, 1.5], [1.5, 3.5, 2.5]],
+    },
+    {"name": "B", "words": "second model", "colour": "#c28400", "values": [0.1, 0.2, 0.3], "ends": None},
 ]
 CHART = {"title": "t", "across": "run", "labels": ["1", "2", "3"], "lines": LINES, "note": ""}
-TIPS = ("a: A 1.000 (0.500 to 1.500), B 0.100", "b: A 3.000 (2.500 to 3.500), B 0.200")
+TIPS = (
+    "a: first model 1.000 (0.500 to 1.500), second model 0.100",
+    "b: first model 3.000 (2.500 to 3.500), second model 0.200",
+)
 CHOOSE = "(group, pose) => (window.chosen = [group, pose])"
 PIXEL = """(pane, k) => {
   const own = map.panes[pane], [x, y] = [own.places[3 * k], own.places[3 * k + 1]];
@@ -120,7 +129,7 @@ def test_the_difference_of_two_maps_has_the_colour_of_the_one_that_errs_less(ope
     looks = page.evaluate("[-1, 1].map((x) => map.panes.at(-1).look(x)[0])")
     assert values == pytest.approx(np.subtract(LINES[1]["values"], LINES[0]["values"]))
     assert looks == [LINES[1]["colour"], LINES[0]["colour"]]
-    assert "B errs less in 3 of 3 places" in page.locator(".pane").last.inner_text()
+    assert "second model errs less in 3 of 3 places" in page.locator(".pane").last.inner_text()
 
 
 DRAWN = """(svg) => {
@@ -181,6 +190,18 @@ def test_a_column_is_drawn_by_its_own_numbers_with_their_intervals_in_the_colour
         assert (y1, y2, shade) == (y, y, colour)
         assert texts[2 * k : 2 * k + 2] == [f"model {name}", f"{v:g}"]
         assert [at for _, at in drawn["texts"][2 * k : 2 * k + 2]] == [y, y]
+
+
+@pytest.mark.look
+@pytest.mark.parametrize(("stepwise", "order"), [(False, "CBA"), (True, "ABC")])
+def test_rows_of_a_column_are_sorted_the_winner_first_but_steps_keep_their_order(
+    open_page, write, stepwise, order
+):
+    table = table_of([[(v, v, v)] for v in (5.0, 1.0, 3.0)], ["error"], stepwise=stepwise)
+    table["rows"][2]["marked"] = True
+    page = open_page(write(scripted(f"place.append(drawColumn({json.dumps(table)}, 1, 600))"))).page
+    texts = [text for text, _ in page.evaluate(f"({DRAWN})(place.firstChild)")["texts"]]
+    assert "".join(texts[::2]) == order
 
 
 @pytest.mark.look
