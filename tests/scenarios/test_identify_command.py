@@ -15,6 +15,7 @@ import testbench as tb
 from testbench.data.dataset import select
 from testbench.model.load import Load, displacement, secant
 from testbench.model.vjm import chain
+from testbench.workflows.model_names import in_words
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml"}
@@ -205,7 +206,7 @@ def test_what_the_page_draws_are_the_models_and_the_numbers_of_the_report(made, 
     one = np.linalg.norm(off[report["recommended"]], axis=2).argmax(axis=1)  # the target of its largest error
     runs_of = np.arange(len(order))
     for name, line in zip(shown, drawn["runs"][0]["lines"], strict=True):
-        start, end = layer_of(runs, f"error of {name}")
+        start, end = layer_of(runs, f"error of {in_words(name)}")
         np.testing.assert_allclose(start[:, 0], read[runs_of, one], atol=1e-4)
         np.testing.assert_allclose((end - start)[:, 0] / A, off[name][runs_of, one], atol=2e-4 / A)
         left = [report["residuals"][k]["residual_mm"][name] for k in order]
