@@ -9,7 +9,7 @@ from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.diagnosis.gravity import DOWN, angle, by_own_weight, mounted_under, rotation_of_down
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.metric import cad_prior
-from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 
 ONLY = CalibrationOptions(only=frozenset({"joint springs"}), orders=5)
