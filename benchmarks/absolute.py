@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dgeqrf
 
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.metric import cad_prior
-from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 
 ARM, SEED = "kr500_l480", 3

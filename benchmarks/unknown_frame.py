@@ -29,7 +29,7 @@ from testbench.model.vjm import Vjm, tool_pose
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
-from testbench.workflows.absolute import by_trackers
+from testbench.workflows.absolute_campaign import by_trackers
 from testbench.workflows.campaign import Scenario, draw_poses, measure_markers, poses_with_weight
 from testbench.workflows.cell import Cell, build_cell
 

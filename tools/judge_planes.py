@@ -29,11 +29,11 @@ from testbench.identify.absolute.fit import SELECTABLE_ERRORS, CalibrationOption
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.runs.rows import trial_rng
-from testbench.workflows.absolute import (
+from testbench.workflows.absolute import position_errors
+from testbench.workflows.absolute_campaign import (
     AbsoluteCampaign,
     moved_along_normal,
     poses_on_planes,
-    position_errors,
     simulate_distances,
     simulate_series,
 )

@@ -46,7 +46,7 @@ from testbench.workflows.plan_input import (
 )
 
 if TYPE_CHECKING:
-    from testbench.workflows.absolute import AbsoluteCampaign
+    from testbench.workflows.absolute_campaign import AbsoluteCampaign
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
@@ -124,7 +124,7 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
 
 def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     # here: few runs are absolute
-    from testbench.workflows.absolute import simulate_distances, simulate_series
+    from testbench.workflows.absolute_campaign import simulate_distances, simulate_series
 
     console = plain_console()
     masses = masses_in_turn(cell.arm, asked.file, asked.payload_kg, asked.loads)
@@ -165,7 +165,7 @@ def _campaign(
     cell: Cell, asked: SimulateOptions, flags: AbsoluteReadingOptions, masses: Sequence[float]
 ) -> "AbsoluteCampaign":
     """What is measured where these masses hang, one after the other [kg]."""
-    from testbench.workflows.absolute import AbsoluteCampaign  # here: few runs are absolute
+    from testbench.workflows.absolute_campaign import AbsoluteCampaign  # here: few runs are absolute
 
     geometry = GeometryErrors(*[asked.geometry_mm / 1e3] * 2) if asked.geometry_mm else None
     gear = GearErrors(sigma=flags.gear_urad / 1e6) if flags.gear_urad else None
@@ -207,7 +207,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     else:
         data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
     if trackers:
-        from testbench.workflows.absolute import by_trackers  # here: few runs have several trackers
+        from testbench.workflows.absolute_campaign import by_trackers  # here: few runs have several trackers
 
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)

@@ -31,7 +31,7 @@ from testbench.report.scene import (
     workspace,
 )
 from testbench.runs.rows import Row
-from testbench.workflows.absolute import names_of, unit_normal
+from testbench.workflows.absolute_campaign import names_of, unit_normal
 from testbench.workflows.campaign_flags import Mounted
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import ErrorPlaces

@@ -53,7 +53,8 @@ from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers, rerea
 from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
-from testbench.workflows.absolute import FRAME_POSES, by_trackers, evenly_spaced_rows
+from testbench.workflows.absolute import FRAME_POSES, evenly_spaced_rows
+from testbench.workflows.absolute_campaign import by_trackers
 from testbench.workflows.campaign import (
     FullPose,
     Scenario,

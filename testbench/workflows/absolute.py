@@ -1,23 +1,19 @@
 """Absolute readings in, a calibrated arm out; and how far it is from readings that it never saw.
 
-Absolute readings of a true arm: what is measured, what trackers read, and the truth to judge by.
-
-Arm, geometry, gears and springs are MuJoCo's; nothing here is shared with the model that is fitted.
+Quantities of a calibration that readings do not determine, and what they hide behind, in sentences.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, Dataset, Series, select_rows
-from testbench.errors import Array, BenchError, Ids, InputError, Mask, sheet_of, stem_of
+from testbench.data.dataset import Series, select_rows
+from testbench.errors import Array, BenchError, Ids, InputError, sheet_of, stem_of
 from testbench.files.read_series import read_series
 from testbench.identify.absolute.align import (
     OUTLIER_WEIGHT,
@@ -32,9 +28,19 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.choose import MassFit, fit_weights
 from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate, check_row_order
-from testbench.identify.absolute.posterior import inside_ellipsoid, locate_series, predict, with_known_frame
+from testbench.identify.absolute.posterior import (
+    FURTHER_ROWS,
+    AddedInformation,
+    StructuralDirections,
+    inside_ellipsoid,
+    locate_series,
+    predict,
+    structural_directions,
+    with_known_frame,
+)
 from testbench.identify.absolute.state import (
     LEVEL_DEVIATION,
+    Unknowns,
     nominal_state,
     torque_scale,
     undetermined_frames,
@@ -44,36 +50,25 @@ from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.metric import cad_prior
+from testbench.identify.observability import (
+    ObservedQuantity,
+    UndeterminedQuantity,
+    undetermined_quantities,
+)
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READING_LOSS
 from testbench.model.load import read_weights
-from testbench.model.vjm import Vjm, chain, marker_points, tool_points, translation_rows
-from testbench.plant.build import Plant
-from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
-from testbench.plant.equilibrium import solve_equilibrium
-from testbench.plant.tracker import (
-    DistanceMeter,
-    LaserTracker,
-    PlaneProbe,
-    Tracker,
-    place_block,
-    precision,
-    read_orientations,
-    read_positions,
-)
-from testbench.plant.true_arms import disturb
+from testbench.model.structure import TEMPLATE
+from testbench.model.vjm import Vjm
 from testbench.runs.manifest import digest
-from testbench.runs.rows import Row, trial_rng
-from testbench.workflows.campaign import LoadedPoses, poses_with_weight
-from testbench.workflows.campaign_flags import Mounted, check_markers
-from testbench.workflows.cell import Cell, clear_poses
-from testbench.workflows.plan_input import Place
+from testbench.runs.rows import Row
 
 # --- Absolute readings in, a calibrated arm out; and how far it is from readings that it never saw ----------
 
 T = TypeVar("T")
 FRAME_POSES = 50
 """Rows that tell frame and mount of a series that the calibration has not seen, half of a short one."""
+FURTHER = 50  #: Further poses of which a calibration tells what they bring.
 DRIFT = 45e-6
 """How far geometry has moved along an axis and about one between two series [m, rad]: 32e-6 of each, by the
 evidence of two of a UR10, four months apart, 166 nats above none. A single series tells nothing of it."""
@@ -445,530 +440,269 @@ def distance_statistics(mm: Array) -> Row:
     return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))
 
 
-# --- Absolute readings of a true arm: what is measured, what trackers read, and the truth to judge by -------
+# --- Quantities of a calibration that readings do not determine, and what they hide behind, in sentences ----
 
-MAX_POSES = 20_000
-MAX_TOUCH_BATCHES, POSES_PER_BATCH, NEWTON_STEPS = 200, 2000, 8
-"""Most draws of poses for a plane, poses of each, and steps that take them onto it."""
-Mass = Annotated[float, Field(ge=0, le=10_000)]
-
-REAL_ARM = Disturbances(
-    own_weight=True, geometry=TYPICAL.geometry, sensor_offset=TYPICAL.sensor_offset, gear=GearErrors()
-)
-"""What absolute readings show of an arm: own weight, typical errors of geometry and joint offsets, gears."""
-NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over the arm's reach [1].
-LOWEST, HIGHEST = 0.8, 2.0  #: Its height over the base [m].
-MOUNT = 2e-3, 5e-3
-"""How far the mount of the targets is from where the arm's folder has it, standard deviations [m, rad]."""
-TILT = 0.02  #: How far from upright it stands, about each horizontal axis, standard deviation [rad].
+FREE_DEVIATION = 0.01
+"""Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
+and not so much that rounding would hide the rest."""
+SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
+STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
+ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
+MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 
 
-class AbsoluteCampaign(BaseModel):
-    """Describe series of absolute readings of one true arm; each has its own poses."""
-
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-    series: int = Field(default=1, ge=1, le=50)  #: Set-ups.
-    poses: int = Field(default=200, ge=1, le=MAX_POSES)  #: Of each series.
-    #: What hangs in a pose, one after the other, a row each [kg]; 0 for own weight alone.
-    masses: tuple[Mass, ...] = Field(default=(0.0,), min_length=1)
-    #: How many poses of a series see all the masses, the first of them only the others; None for all.
-    loaded_poses: int | None = Field(default=None, ge=0)
-    targets: int = Field(default=1, ge=1)  #: So many of the arm's markers are read.
-    orientations: bool = False  #: Whether the orientation of the mount is read too.
-    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)  #: Of one position along one axis [m].
-    sigma_rotation: float = Field(default=50e-6, ge=1e-9, le=0.1)  #: Of one orientation about an axis [rad].
-    noise: bool = True  #: Whether readings are noisy.
-    #: Where the trackers stand, a series each and then from the first again [m]; None for anywhere around.
-    trackers: tuple[Place, ...] | None = Field(default=None, min_length=1)
-    share_frame: bool = False  #: Whether all series have one tracker that stays where it is.
-    share_target: bool = False  #: Whether all series have one mount that stays on the tool.
-    #: Scatter of every joint's angle from one approach of a pose to the next, standard deviation [rad, m].
-    repeatability: float = Field(default=0.0, ge=0, le=0.01)
-    outliers: float = Field(default=0.0, ge=0, le=0.5)  #: Share of positions that are outliers [1].
-    outlier_size: float = Field(default=2e-3, ge=0, le=1)  #: How far they are off, in any direction [m].
-    disturbances: Disturbances = REAL_ARM  #: What the true arm does.
-
-    @model_validator(mode="after")
-    def _loads_differ(self) -> "AbsoluteCampaign":
-        if len(set(self.masses)) < len(self.masses):
-            raise BenchError(f"masses: expected different ones, got {self.masses}")
-        return self
-
-
-@dataclass(frozen=True)
-class PlacedFrame:
-    """Place a frame in another: x there = rotation @ x here + position."""
-
-    rotation: Array  #: (3, 3).
-    position: Array  #: (3,) [m].
-
-
-@dataclass(frozen=True)
-class Truth:
-    """Hold the true arm and how it was measured."""
-
-    arm: Plant  #: The arm that was measured.
-    stations: tuple[PlacedFrame, ...]  #: The world in the tracker's frame, of every series.
-    mounts: tuple[PlacedFrame, ...]  #: The mount of the targets in the tool's frame, of every series.
-    markers: Array  #: Targets on their mount, (m, 3) [m].
-    outliers: tuple[Mask, ...]  #: Which positions of every series are outliers, (rows, m).
-
-    @property
-    def C_theta(self) -> Array:
-        """Return the true aggregated joint compliance, (n_theta, n_theta), Eq. (17)."""
-        return self.arm.arm.C_theta
-
-    @property
-    def gears(self) -> Gears | None:
-        """Return joint errors that depend on the pose."""
-        return self.arm.gears
-
-    @property
-    def theta_0(self) -> Array:
-        """Compute constants of the virtual joints that make up the true geometry, (n_theta,) [m, rad].
-
-        Exact without loads: slides and hinges of a link, one after the other, take the next frame to where it
-        truly is; a joint's is its offset. Deflections add to them to first order. Stations, mounts and gears
-        are apart.
-        """
-        from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-        plant = self.arm
-        names = [*(link.name for link in plant.arm.links[1:]), plant.arm.tool]
-        parts = []
-        for link, name, error in zip(plant.arm.links, names, plant.frame_errors, strict=True):
-            frame = Rotation.from_quat(plant.model.body(name).quat, scalar_first=True)
-            beam = Rotation.from_matrix(link.frame).inv() * frame
-            turn = beam * Rotation.from_rotvec(error[3:]) * beam.inv()
-            parts += [link.frame.T @ error[:3], turn.as_euler("XYZ")]
-        return np.concatenate([*parts, plant.joint_offset])
-
-
-def _seen(truth: Truth, series: int, tool: Array, rotation: Array) -> tuple[Array, Array]:
-    """Targets and mount in the tracker's frame, of poses of the tool in the world."""
-    station, mount = truth.stations[series], truth.mounts[series]
-    turned = station.rotation @ rotation
-    at = tool @ station.rotation.T + station.position
-    on_tool = mount.position + truth.markers @ mount.rotation.T
-    return at[:, None] + on_tool @ turned.swapaxes(1, 2), turned @ mount.rotation
-
-
-def simulate_series(
-    cell: Cell, absolute_campaign: AbsoluteCampaign | None = None, seed: int = 1, q: Array | None = None
-) -> tuple[tuple[Series, ...], Truth]:
-    """Draw an arm, set-ups and poses, settle the arm in each pose, and read its targets.
-
-    A series does not depend on how many there are; what is switched off leaves all else as it was.
+def unobservable(
+    unknowns: Unknowns, information: Array, prior: Array, further: AddedInformation
+) -> tuple[str, ...]:
+    """Say what readings leave unknown of a calibration, in few sentences.
 
     Args:
-        cell: The arm; its plant has the true compliances.
-        absolute_campaign: What to measure; None for 200 poses of one target under own weight alone.
-        seed: Root of all randomness.
-        q: Poses of every series, (poses, n) [rad, m]; None for random ones that the arm can take.
+        unknowns: Whose columns they are.
+        information: Of the readings, no prior, (size, size).
+        prior: Covariance, (size, size), zero of what is taken to be zero.
+        further: What further poses would tell, `further_information`.
 
     Returns:
-        The series, and the truth.
+        The sentences.
     """
-    absolute_campaign = AbsoluteCampaign() if absolute_campaign is None else absolute_campaign
-    _check(cell, absolute_campaign)
-    arm = disturb(cell.plant, absolute_campaign.disturbances, trial_rng(seed))
-    chances = [trial_rng(seed, 1 + k).spawn(6) for k in range(absolute_campaign.series)]
-    turn = _turns(absolute_campaign, absolute_campaign.poses if q is None else len(q))
-    truth = Truth(
-        arm=arm,
-        stations=_of_all(
-            [_station(cell, absolute_campaign, k, own[0]) for k, own in enumerate(chances)],
-            absolute_campaign.share_frame,
-        ),
-        mounts=_of_all([_mount(own[1]) for own in chances], absolute_campaign.share_target),
-        markers=cell.plant.model.body_pos[cell.plant.markers[: absolute_campaign.targets]],
-        outliers=tuple(
-            own[2].random((len(turn), absolute_campaign.targets)) < absolute_campaign.outliers
-            for own in chances
-        ),
+    on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
+    L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
+    every = structural_directions(unknowns, L, further)
+    d, every_one = np.diag(L), (information, *further.by_joint, further.whole_space)
+    plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
+    M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
+    found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
+    names = [joint.name for joint in unknowns.vjm.arm.joints]
+    return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
+
+
+def structure_words(found: StructuralDirections, joints: Sequence[str], compliances: int) -> Iterator[str]:
+    """Say what no pose could show.
+
+    Args:
+        found: Directions that no pose shows.
+        joints: Names of the joints.
+        compliances: Number of directions of compliances.
+
+    Yields:
+        Sentences.
+    """
+    if found.n_geometry:
+        shared = [
+            f"{name} ({count})" for name, count in zip(joints, found.between_links, strict=True) if count > 0
+        ]
+        left = found.n_geometry - sum(found.between_links)
+        yield (
+            f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any "
+            "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
+            f"to the link before or after it. Such directions per joint: {', '.join(shared)}"
+            f"{f'; {left} concern several links' if left else ''}"
+        )
+    if found.inactive_joints:
+        idle = " and ".join(joints[j] for j in found.inactive_joints)
+        yield f"No pose can determine the joint errors of {idle}, because they move no target"
+    if found.n_elastic:
+        yield (
+            f"{found.n_elastic} of {compliances} directions of compliance cannot be determined by any "
+            "pose, because they move no target under these loads"
+        )
+
+
+def sentences(found: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> tuple[str, ...]:
+    """Write one sentence per advice for what is not seen, one for errors of a joint among themselves.
+
+    Args:
+        found: Hidden quantities.
+        joints: Names of the joints.
+
+    Returns:
+        The sentences.
+    """
+    behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.confounded_with]
+    said = [
+        _words(hidden_quantity, joints)
+        for hidden_quantity in behind
+        if not _among_themselves(hidden_quantity)
+    ]
+    said += [
+        _mutual(own, joints)
+        for own in _grouped(
+            [hidden_quantity for hidden_quantity in behind if _among_themselves(hidden_quantity)]
+        )
+    ]
+    unseen = [hidden_quantity for hidden_quantity in found if not hidden_quantity.confounded_with]
+    for advice in dict.fromkeys(hidden_quantity.joint_to_turn for hidden_quantity in unseen):
+        said.append(
+            _unseen(
+                [hidden_quantity for hidden_quantity in unseen if hidden_quantity.joint_to_turn == advice],
+                joints,
+            )
+        )
+    return tuple(said)
+
+
+def _words(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
+    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remains"
+    if not hidden_quantity.confounded_with:
+        return f"{hidden_quantity.name} is not determined ({left}){_advice(hidden_quantity, joints)}"
+    behind = " and ".join(
+        filter(None, [", ".join(hidden_quantity.confounded_with[:-1]), hidden_quantity.confounded_with[-1]])
     )
-    found = []
-    for k, (*_, strays, poses, scatter, noise) in enumerate(chances):
-        here = clear_poses(cell, None, absolute_campaign.poses, poses) if q is None else q
-        pose = np.cumsum(turn == 0) - 1
-        rows = poses_with_weight(cell, here[pose], pose + 1, np.array(absolute_campaign.masses)[turn])
-        off = absolute_campaign.repeatability * scatter.standard_normal(here.shape)
-        position, rotation = _seen(truth, k, *_settled(arm, rows, turn, off[pose]))
-        position = position + _off(absolute_campaign, truth.outliers[k], strays)
-        clean = _series(cell, absolute_campaign, k, rows, (position, rotation))
-        found.append(_noisy(clean, noise) if absolute_campaign.noise else clean)
-    return tuple(found), truth
-
-
-def simulate_distances(
-    cell: Cell,
-    absolute_campaign: AbsoluteCampaign,
-    mounted: Sequence[Mounted],
-    seed: int = 1,
-    q: Array | None = None,
-) -> tuple[tuple[Series, ...], Truth]:
-    """Read the distances of markers from fixed points and planes, of the arm of `simulate_series`.
-
-    Args:
-        cell: The arm; its plant has the true compliances.
-        absolute_campaign: What to measure: one series of all markers.
-        mounted: Distance meters and plane probes, each of one marker.
-        seed: Root of all randomness.
-        q: Poses, (poses, n) [rad, m]; None for random ones that the arm can take, on the planes if there are
-            some.
-
-    Returns:
-        A series per instrument, with one mount, and the truth.
-
-    Raises:
-        BenchError: When an instrument reads no distances, or the arm lacks its marker.
-    """
-    check_markers(cell, mounted)
-    if any(own.fixed is None for own in mounted):
-        raise BenchError("--instrument: expected ballbar, bar, wire or plane with --absolute")
-    planes = [own for own in mounted if isinstance(own.instrument, PlaneProbe)]
-    if q is None and planes:
-        q = poses_on_planes(cell, planes, absolute_campaign.poses, trial_rng(seed, 4))
-    every = {"noise": False, "targets": len(cell.arm.markers), "series": 1, "orientations": False}
-    (exact,), truth = simulate_series(cell, absolute_campaign.model_copy(update=every), seed, q)
-    [station], rng = truth.stations, trial_rng(seed, 3)
-    world = (exact.position - station.position) @ station.rotation
-    used = [name for name in cell.arm.markers if name in {own.marker for own in mounted}]
-    bare = replace(exact, markers=tuple(used), position=np.zeros((exact.rows, len(used), 3)))
-    found = []
-    for own, face, name in zip(mounted, _true_faces(mounted, rng), names_of(mounted), strict=True):
-        places = world[:, cell.arm.markers.index(own.marker)]
-        series = distances_of(own, bare, _read_distances(own, face, places, exact.pose, rng))
-        if own.direction is not None:  # beside a face nothing is read
-            series = select_rows(series, np.asarray(series.seen.any(axis=1)))
-        if not series.rows:
-            raise BenchError(f"--instrument: no pose brings {own.marker} near {name}; expected poses on it")
-        found.append(replace(series, name=name, frame=own.block or name))
-    return tuple(found), truth
-
-
-Face = tuple[Array, Array]  #: A point of a plane [m] and its unit normal [1], (3,) each.
-
-
-def names_of(mounted: Sequence[Mounted]) -> list[str]:
-    """Name fixed points and planes by their place among all instruments, from 1."""
-    return [f"{'point' if own.direction is None else 'plane'} {k}" for k, own in enumerate(mounted, 1)]
-
-
-def blocks_of(mounted: Sequence[Mounted]) -> list[list[int]]:
-    """Group planes by the block whose faces they are.
-
-    Args:
-        mounted: Distance meters and plane probes.
-
-    Returns:
-        Places of the planes of every block; a plane alone is a block by itself.
-
-    Raises:
-        BenchError: When a named block has one face.
-    """
-    blocks: dict[str, list[int]] = {}
-    for k, (own, name) in enumerate(zip(mounted, names_of(mounted), strict=True)):
-        if own.direction is not None:
-            blocks.setdefault(own.block or name, []).append(k)
-    for name, members in blocks.items():
-        if len(members) == 1 and mounted[members[0]].block:
-            raise BenchError(f"--instrument: block {name!r} has one face; expected two or more, or no block")
-    return [*blocks.values()]
-
-
-def _true_faces(mounted: Sequence[Mounted], rng: np.random.Generator) -> list[Face | None]:
-    """Place the faces of all planes, those of a block together; None for other instruments."""
-    faces: list[Face | None] = [None] * len(mounted)
-    for members in blocks_of(mounted):
-        stated = [(np.asarray(mounted[k].fixed), unit_normal(mounted[k])) for k in members]
-        probes = [own for k in members if isinstance(own := mounted[k].instrument, PlaneProbe)]
-        shift, tilt = max(own.fixed_point_sigma for own in probes), max(own.tilt for own in probes)
-        for k, face in zip(members, place_block(stated, shift, tilt, rng), strict=True):
-            faces[k] = face
-    return faces
-
-
-def _read_distances(
-    own: Mounted, face: Face | None, places: Array, pose: Ids, rng: np.random.Generator
-) -> Array:
-    """Read one marker, at these places in the world, (rows, 3) [m], by one instrument of distances, (rows,).
-
-    The face is that of a plane as it truly is.
-    """
-    assert own.fixed is not None
-    if isinstance(own.instrument, PlaneProbe):
-        assert face is not None
-        return own.instrument.read_absolute(face, places, pose, rng)
-    assert isinstance(own.instrument, DistanceMeter)
-    return own.instrument.read_absolute(own.fixed, places, rng)
-
-
-def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
-    """Put what one instrument of distances reads into a series.
-
-    Args:
-        own: The instrument.
-        bare: Poses, loads and markers.
-        read: Distances or heights, (rows,) [m]; NaN for lost ones.
-
-    Returns:
-        The series; its other markers are lost.
-    """
-    assert own.fixed is not None
-    normal: tuple[float, float, float] | None = None
-    tilt, zero = NOMINAL_TILT, 0.0
-    if isinstance(own.instrument, PlaneProbe):
-        x, y, z = unit_normal(own).tolist()
-        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
-        sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
-    else:
-        assert isinstance(own.instrument, DistanceMeter)
-        sigma, zero = own.instrument.sigma, own.instrument.zero_sigma
-    seen = np.isfinite(read)[:, None] & np.equal(bare.markers, own.marker)
-    return replace(
-        bare,
-        sigma=sigma,
-        precision=None if seen.all() else seen[..., None, None] * np.eye(3) / sigma**2,
-        distance=np.where(seen, read[:, None], 0.0),
-        fixed=tuple(own.fixed.tolist()),
-        fixed_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED),
-        normal=normal,
-        tilt=tilt,
-        zero_sigma=zero,
+    return (
+        f"{hidden_quantity.name} cannot be separated from {behind} "
+        f"(correlation {hidden_quantity.correlation:.2f}, {left}){_advice(hidden_quantity, joints)}"
     )
 
 
-def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.random.Generator) -> Array:
-    """Draw poses in which the rigid arm touches plane faces, one after the other.
-
-    Random poses whose marker is near the face are moved onto it by Newton's method. Those are kept that are
-    within the joint limits, on the face, clear of collision, and have the tool in front of the face.
-
-    Args:
-        cell: The arm.
-        planes: Plane probes.
-        count: Number of poses of all planes.
-        rng: Source of the poses.
-
-    Returns:
-        Actuated joints, (count, n) [rad, m].
-
-    Raises:
-        BenchError: When too few are found.
-    """
-    found = np.empty((count, cell.arm.n_joints))
-    for k, own in enumerate(planes):
-        found[k :: len(planes)] = touch(cell, own, len(range(k, count, len(planes))), rng)
-    return found
-
-
-def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least: int | None = None) -> Array:
-    """Draw poses in which the rigid arm touches one face.
-
-    Args:
-        cell: The arm.
-        own: The plane probe.
-        count: Number of poses.
-        rng: Source of the poses.
-        least: Number that suffices where no more are found; None for `count`.
-
-    Returns:
-        Actuated joints, `least` to `count` of them, (poses, n) [rad, m].
-
-    Raises:
-        BenchError: When fewer are found.
-    """
-    from testbench.plant.site import collisions  # here: few commands need it
-
-    assert isinstance(own.instrument, PlaneProbe)
-    assert own.fixed is not None
-    normal = unit_normal(own)
-    arm, points, kept = cell.arm, marker_points(cell.vjm, (own.marker,)), list[Array]()
-    for _ in range(MAX_TOUCH_BATCHES):
-        q = arm.draw_poses(rng, POSES_PER_BATCH)
-        off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
-        q = q[np.linalg.norm(off, axis=1) <= own.instrument.radius]
-        for _ in range(NEWTON_STEPS):
-            off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
-            q = moved_along_normal(cell, own, q, off @ normal)
-        where = chain(cell.vjm, q)
-        off = where.points(points)[:, 0] - own.fixed
-        on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)
-        on &= (where.position - own.fixed) @ normal > -1e-6
-        on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
-        clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
-        kept.extend(q[on][clear])
-        if len(kept) >= count:
-            break
-    if len(kept) >= (count if least is None else least):
-        return np.reshape(kept[:count], (-1, arm.n_joints))
-    face = f"the plane at {', '.join(f'{x:g}' for x in own.fixed)} m"
-    raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch {face}; is it in reach?")
-
-
-def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Array:
-    """Move poses by the shortest step of the joints that lowers the marker by a height over the plane.
-
-    Args:
-        cell: The arm; a linear step by its rigid model.
-        own: The plane probe.
-        q: Poses, (poses, n) [rad, m].
-        height: Heights, (poses,) [m].
-
-    Returns:
-        The poses, (poses, n) [rad, m].
-    """
-    rows = translation_rows(chain(cell.vjm, q), marker_points(cell.vjm, (own.marker,)))
-    slope = np.einsum("x,xnr->rn", unit_normal(own), rows[:, cell.vjm.joint_slice])
-    return cell.arm.with_dependent_joints(q - slope * (height / (slope**2).sum(axis=1))[:, None])
-
-
-def unit_normal(own: Mounted) -> Array:
-    """Return the unit normal of the plane of a probe, as it is stated, (3,)."""
-    normal = np.asarray(own.direction, dtype=float)
-    return np.asarray(normal / np.linalg.norm(normal)) + 0.0  # no component is -0
-
-
-def _of_all(placed_frames: list[PlacedFrame], shared: bool) -> tuple[PlacedFrame, ...]:
-    """One of every series; the first of all where it is shared."""
-    return tuple(placed_frames[:1] * len(placed_frames) if shared else placed_frames)
-
-
-def _station(
-    cell: Cell, absolute_campaign: AbsoluteCampaign, k: int, rng: np.random.Generator
-) -> PlacedFrame:
-    """The world in the tracker's frame: facing anywhere, and never quite upright."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-    azimuth, heading = rng.uniform(-np.pi, np.pi, 2)
-    distance, height = cell.vjm.reach * rng.uniform(NEAREST, FARTHEST), rng.uniform(LOWEST, HIGHEST)
-    tilt = Rotation.from_rotvec([*(TILT * rng.standard_normal(2)), 0.0])
-    around = np.array([distance * np.cos(azimuth), distance * np.sin(azimuth), height])
-    place = cell.vjm.base[:3, 3] + around
-    if absolute_campaign.trackers is not None:
-        place = np.array(absolute_campaign.trackers[k % len(absolute_campaign.trackers)])
-    R = (tilt * Rotation.from_rotvec([0.0, 0.0, heading])).as_matrix()
-    return PlacedFrame(R, -R @ place)
-
-
-def _mount(rng: np.random.Generator) -> PlacedFrame:
-    """The mount of the targets in the tool's frame."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-    shift, turn = (deviation * rng.standard_normal(3) for deviation in MOUNT)
-    return PlacedFrame(Rotation.from_rotvec(turn).as_matrix(), shift)
-
-
-def _check(cell: Cell, absolute_campaign: AbsoluteCampaign) -> None:
-    have = cell.arm.markers
-    if absolute_campaign.targets > len(have):
-        raise BenchError(f"targets: expected at most {len(have)}, as {cell.arm.name} has {', '.join(have)}")
-    if not cell.arm.joints:
-        raise BenchError(f"{cell.arm.name}: expected an arm with joints")
-
-
-def _turns(absolute_campaign: AbsoluteCampaign, poses: int) -> Ids:
-    """Which of the masses hangs in every row, (rows,): pose by pose, those of a pose one after the other."""
-    loaded = poses if absolute_campaign.loaded_poses is None else absolute_campaign.loaded_poses
-    rows = np.where(np.arange(poses) < loaded, len(absolute_campaign.masses), 1)
-    return np.asarray(np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows))
-
-
-def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Array, Array]:
-    """The tool of every row at rest in the world; in a pose each load is hung on the arm as the last left it.
-
-    A row has the `turn`-th load of its pose, its joints are `off` what is commanded, (rows, n) [rad, m].
-    """
-    tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
-    for k in range(turn.max() + 1):
-        own = np.flatnonzero(turn == k)  # poses of several loads come first
-        before = None if rest is None else select_rows(rest, slice(len(own)))
-        q = rows.q[own] + off[own]
-        rest = solve_equilibrium(arm, q, rows.wrench[own], rows.point[own], before=before)
-        tool[own], rotation[own] = rest.tool, rest.rotation
-    return tool, rotation
-
-
-def _off(absolute_campaign: AbsoluteCampaign, outliers: Mask, rng: np.random.Generator) -> Array:
-    """How far outliers are off, (rows, m, 3) [m]."""
-    direction = rng.standard_normal((*outliers.shape, 3))
-    direction *= absolute_campaign.outlier_size / np.linalg.norm(direction, axis=-1, keepdims=True)
-    return np.asarray(np.where(outliers[..., None], direction, 0.0))
-
-
-def _series(
-    cell: Cell, absolute_campaign: AbsoluteCampaign, k: int, rows: LoadedPoses, seen: tuple[Array, Array]
-) -> Series:
-    """A series without noise, of what the tracker sees."""
-    position, rotation = seen
-    return Series(
-        name=f"series {k + 1}",
-        markers=cell.arm.markers[: absolute_campaign.targets],
-        frame=f"tracker {1 if absolute_campaign.share_frame else k + 1}",
-        target=f"mount {1 if absolute_campaign.share_target else k + 1}",
-        row=np.arange(len(rows.q)) + 1,
-        pose=rows.pose,
-        q=rows.q,
-        wrench=rows.wrench + 0.0,  # no load is 0, not -0
-        point=rows.point,
-        position=position,
-        sigma=absolute_campaign.sigma,
-        rotation=rotation if absolute_campaign.orientations else None,
-        sigma_rotation=absolute_campaign.sigma_rotation if absolute_campaign.orientations else None,
+def _advice(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
+    """What would show it; nothing where that was not asked for."""
+    if hidden_quantity.joint_to_turn is None:
+        return ""
+    if hidden_quantity.joint_to_turn < 0:
+        return f": {FURTHER_ROWS} more poses hardly help; another load may help"
+    return (
+        f": turn {joints[hidden_quantity.joint_to_turn]} more"
+        if hidden_quantity.joint_to_turn < len(joints)
+        else ": turn several joints together"
     )
 
 
-def _noisy(series: Series, rng: np.random.Generator) -> Series:
-    """The series as the tracker reads it."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-    tracker = Tracker(series.sigma, series.sigma_rotation)
-    read = replace(series, position=read_positions(tracker, series.position, rng))
-    if series.rotation is None:
-        return read
-    turned = read_orientations(tracker, series.rotation, rng)
-    return replace(read, rotation=Rotation.from_rotvec(turned).as_matrix())
+def _joint(name: str) -> str:
+    """The joint of a periodic error, nothing for other quantities."""
+    return name.split(ERROR)[0] if ERROR in name else ""
 
 
-def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: float | None = None) -> Dataset:
-    """Read an arm by trackers at several places in turn, one pose each.
-
-    Positions are in the frame of the tracker that read them, which has its origin there, an upright z axis
-    and any direction, with the covariance of every deflection; stations from 1 where there are several.
-
-    Args:
-        clean: Readings without noise, in world axes.
-        trackers: Places of the trackers, (3,) each [m].
-        seed: Root of all randomness.
-        sigma: Standard deviation of a reading along an axis [m]; None for that of `clean`.
-
-    Returns:
-        Readings in the frames of the trackers.
-    """
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-    pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
-    station = pose % len(trackers)
-    rng, noise = trial_rng(seed, 2), trial_rng(seed, 1)
-    before, after = np.empty_like(clean.before), np.empty_like(clean.after)
-    for k, (place, angle) in enumerate(zip(trackers, rng.uniform(-np.pi, np.pi, len(trackers)), strict=True)):
-        R = Rotation.from_rotvec([0.0, 0.0, -angle]).as_matrix()
-        for own, true in ((before, clean.before), (after, clean.after)):
-            own[station == k] = (true[station == k] - np.array(place)) @ R.T
-    tracker = LaserTracker((0.0, 0.0, 0.0))
-    instrument = tracker if sigma is None else Tracker(sigma)
-    before, after = (read_positions(instrument, x, noise) for x in (before, after))
-    P = None
-    if sigma is None:
-        P = precision(tracker, before, after)
-        sigma = float(np.sqrt(np.trace(np.linalg.inv(P), axis1=2, axis2=3).mean() / 6))
-    return replace(
-        clean,
-        before=before,
-        after=after,
-        sigma=sigma,
-        precision=P,
-        station=station + 1 if len(trackers) > 1 else None,
+def _among_themselves(hidden_quantity: UndeterminedQuantity) -> bool:
+    """Whether a joint's error hides behind others of the same joint alone."""
+    return bool(_joint(hidden_quantity.name)) and all(
+        _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.confounded_with
     )
+
+
+def _grouped(found: Sequence[UndeterminedQuantity]) -> list[list[UndeterminedQuantity]]:
+    """By joint and advice, in their order."""
+    keys = dict.fromkeys(
+        (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) for hidden_quantity in found
+    )
+    return [
+        [
+            hidden_quantity
+            for hidden_quantity in found
+            if (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) == key
+        ]
+        for key in keys
+    ]
+
+
+def _mutual(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
+    if len(own) == 1:
+        return _words(own[0], joints)
+    orders = ", ".join(
+        hidden_quantity.name.split(ERROR)[1].removeprefix("orders ").removeprefix("order ")
+        for hidden_quantity in own
+    )
+    joint = _joint(own[0].name)
+    return f"{joint}'s errors of orders {orders} cannot be separated ({_left(own)}){_advice(own[0], joints)}"
+
+
+def _unseen(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
+    if len(own) == 1:
+        return _words(own[0], joints)
+    names: list[str] = []
+    for group in _grouped(own):
+        if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
+            names += [hidden_quantity.name for hidden_quantity in group]
+        else:
+            names.append(f"{len(group)} bands of orders in the errors of {_joint(group[0].name)}")
+    return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
+
+
+def _left(own: Sequence[UndeterminedQuantity]) -> str:
+    shares = [f"{100 * share:.0f}" for share in sorted(hidden_quantity.share for hidden_quantity in own)]
+    return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
+
+
+def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:
+    """List all quantities, in the order of the columns."""
+    return (*_set_ups(unknowns), *_lengths(unknowns), *_bands(unknowns), *_springs(unknowns))
+
+
+def _of(unknowns: Unknowns, name: str, columns: Ids) -> ObservedQuantity:
+    """One whose numbers are columns themselves."""
+    return ObservedQuantity(name, np.eye(unknowns.size)[columns])
+
+
+def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    every = np.eye(unknowns.size)
+    keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
+    for kind, name in keys:
+        columns = np.arange(unknowns.size)[unknowns.columns(f"{kind} {name}")]
+        own = np.setdiff1d(columns, unknowns.unused_rotations)
+        rows, words = every[own], f"the {kind} of {name}"
+        if kind == "frame" and name in unknowns.normals:
+            # Planes show shifts along their normals, and turns about the axes across these.
+            words, normals = f"the plane of {name}", np.array(unknowns.normals[name])
+            across = np.concatenate([np.linalg.svd(normal[None])[2][1:] for normal in normals])
+            rows = np.concatenate([_span(normals) @ rows[:3], _span(across) @ rows[3:]])
+        elif kind == "frame" and name in unknowns.fixed:
+            words = f"the fixed point of {name}"
+        yield ObservedQuantity(words, rows, belongs_to_arm=False)
+
+
+def _span(vectors: Array) -> Array:
+    """Find an orthonormal basis of what some vectors, (k, 3), span."""
+    _, size, basis = np.linalg.svd(vectors)
+    return np.asarray(basis[: int((size > 1e-6).sum())])  # of unit vectors; a turn of 1e-6 rad is none
+
+
+def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
+    arm, first = unknowns.vjm.arm, unknowns.starts["geometry"]
+    for k in range(1, arm.n_joints):
+        link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.beam_axes[k]
+        own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
+        shift, turn = own[:3], own[3:]
+        across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's
+        along, other = (shift, turn) if joint.prismatic else (turn, shift)
+        kinds = ("shift", "turn") if joint.prismatic else ("turn", "shift")
+        yield ObservedQuantity(f"{joint.name}'s offset", axis[None] @ along)
+        yield ObservedQuantity(f"{link}'s {kinds[0]}", across @ along)
+        yield ObservedQuantity(f"{link}'s {kinds[1]}", other)
+
+
+def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    errors, first = unknowns.errors, unknowns.starts["errors"]
+    orders = np.tile(errors.orders, 2)
+    kinds, bands = np.array(errors.kinds), errors.bands
+    for j, joint in enumerate(unknowns.vjm.arm.joints):
+        own = first + j * errors.size
+        for band in np.unique(bands[bands >= 0]) if not joint.prismatic else ():
+            at = np.flatnonzero(bands == band)
+            low, high = orders[at].min(), orders[at].max()
+            name = f"error of order {low}" if low == high else f"error of orders {low} to {high}"
+            yield _of(unknowns, f"{joint.name}'s {name}", own + at)
+        for kind in kinds[bands < 0]:
+            name = f"{joint.name}'s {SINGLE[kind]}"
+            yield _of(unknowns, name, own + np.flatnonzero(kinds == kind))
+
+
+def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.starts["elastic"]
+    links = 6 * len(arm.links)
+    kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.a, structure.b, strict=True)])
+    for k, link in enumerate(arm.links):
+        for name in (STRETCH, TWIST, BENDING, COUPLING):
+            own = np.flatnonzero((structure.a // 6 == k) & (structure.a < links) & (kind == name))
+            if len(own):
+                yield _of(unknowns, f"{link.name}'s {name}", first + own)
+    for k in np.flatnonzero(structure.a >= links).tolist():
+        name = arm.joints[structure.a[k] - links].name
+        yield _of(unknowns, f"{name}'s compliance", first + np.array([k]))
+
+
+def _kind(a: int, b: int) -> str:
+    """What an entry of a link's compliance stands for."""
+    a, b = min(a, b), max(a, b)
+    if (a, b) not in TEMPLATE:
+        return COUPLING
+    return {(0, 0): STRETCH, (3, 3): TWIST}.get((a, b), BENDING)

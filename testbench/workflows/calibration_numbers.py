@@ -29,12 +29,16 @@ from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import JointErrors
 from testbench.runs.rows import Row
-from testbench.workflows.absolute import Calibrated, distance_statistics, hidden_geometry
+from testbench.workflows.absolute import FREE_DEVIATION as LOOSE_FRAME
+from testbench.workflows.absolute import (
+    FURTHER,
+    Calibrated,
+    distance_statistics,
+    hidden_geometry,
+    unobservable,
+)
 from testbench.workflows.arm_models import loads_about_tool, origin_of, write_files
 from testbench.workflows.fit_numbers import rounded
-from testbench.workflows.identifiability import FREE_DEVIATION as LOOSE_FRAME
-from testbench.workflows.identifiability import unobservable
-from testbench.workflows.plan import FURTHER
 from testbench.workflows.rows import MM, UM
 
 # --- Numbers of a calibrated arm with their 95 % intervals, by name and in the units of people --------------

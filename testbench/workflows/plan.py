@@ -51,10 +51,10 @@ from testbench.plant.site import build_site, contacts
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
-from testbench.workflows.absolute import Calibrated, blocks_of, distances_of, names_of, touch
+from testbench.workflows.absolute import FREE_DEVIATION, FURTHER, Calibrated, unobservable
+from testbench.workflows.absolute_campaign import blocks_of, distances_of, names_of, touch
 from testbench.workflows.campaign_flags import Mounted, check_markers
 from testbench.workflows.cell import Cell
-from testbench.workflows.identifiability import FREE_DEVIATION, unobservable
 from testbench.workflows.plan_input import (
     REASONS,
     Candidates,
@@ -72,8 +72,7 @@ WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02
 """Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
 NAMED = 5  #: Tasks that a message names; more are counted.
-#: Further poses of which a calibration tells what they bring, and candidates for them.
-FURTHER, FURTHER_CANDIDATES = 50, 120
+FURTHER_CANDIDATES = 120  #: Candidates for further poses of a calibration.
 FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up of absolute readings.
 
 

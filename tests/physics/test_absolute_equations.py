@@ -57,7 +57,8 @@ from testbench.model.kinematics import joint_error_basis as errors_of
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
-from testbench.workflows.absolute import DRIFT, REAL_ARM, AbsoluteCampaign, simulate_series, with_drift
+from testbench.workflows.absolute import DRIFT, with_drift
+from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import functionals
 
 PAIRS = AbsoluteCampaign(

@@ -19,7 +19,7 @@ from testbench.model.vjm import chain
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import Cell
 
 WEIGHT = Disturbances(own_weight=True)

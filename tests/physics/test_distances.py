@@ -31,13 +31,8 @@ from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, place_block
 from testbench.report.readings import draw_calibration
-from testbench.workflows.absolute import (
-    AbsoluteCampaign,
-    calibrate_with_masses,
-    position_errors,
-    simulate_distances,
-    simulate_series,
-)
+from testbench.workflows.absolute import calibrate_with_masses, position_errors
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_distances, simulate_series
 from testbench.workflows.calibration_numbers import remaining_errors
 from testbench.workflows.campaign_flags import AXES, Mounted
 from testbench.workflows.cell import Cell

@@ -34,7 +34,7 @@ from testbench.studies.absolute.simulated import check, true_state
 from testbench.studies.campaign.coverage import draw_conservative
 from testbench.studies.intervals import bootstrap, resampler
 from testbench.workflows import calibration_numbers
-from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.campaign import FullPose, Scenario, simulate, simulate_full_pose
 from testbench.workflows.cell import clear_poses
 from testbench.workflows.fits import fit_models

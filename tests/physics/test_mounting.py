@@ -15,7 +15,7 @@ from testbench.identify.diagnosis.gravity import (
 )
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.metric import cad_prior
-from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 
 ONLY = CalibrationOptions(only=frozenset({"joint springs"}), orders=5)

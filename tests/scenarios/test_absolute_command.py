@@ -6,7 +6,7 @@ from run_here import fine
 
 from testbench.files.read_series import read_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
-from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 
 FLAGS = ("--poses", 15, "--series", 2, "--geometry-mm", 0.5, "--gear-urad", 20, "--sigma-um", 10, "--seed", 7)
 ASKED = AbsoluteCampaign(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.errors import InputError
 from testbench.report.table import rows as as_rows
-from testbench.workflows.absolute import by_trackers
+from testbench.workflows.absolute_campaign import by_trackers
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.read_runs import read_frames, registration_notes, registration_row, to_base
 

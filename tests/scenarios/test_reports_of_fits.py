@@ -14,7 +14,7 @@ from testbench.model.load import Load
 from testbench.report.fitted_runs import seen
 from testbench.report.table import find
 from testbench.workflows import calibration_numbers, fit_numbers
-from testbench.workflows.absolute import AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import named_models, with_priors
 

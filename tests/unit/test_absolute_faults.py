@@ -23,12 +23,8 @@ from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.metric import cad_prior
 from testbench.model.load import read_weights
-from testbench.workflows.absolute import (
-    AbsoluteCampaign,
-    calibrate_with_masses,
-    raise_explanation,
-    simulate_series,
-)
+from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import numbers, remaining_errors
 from testbench.workflows.cell import build_cell
 

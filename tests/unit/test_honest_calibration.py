@@ -21,7 +21,8 @@ from testbench.model.load import read_weights
 from testbench.model.structure import all153
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers
-from testbench.workflows.absolute import AbsoluteCampaign, calibrate_with_masses, simulate_series
+from testbench.workflows.absolute import calibrate_with_masses
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import remaining_errors
 
 ROOT = Path(__file__).resolve().parents[2]

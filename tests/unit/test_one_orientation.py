@@ -14,12 +14,8 @@ from testbench.identify.absolute.fit import CalibrationOptions
 from testbench.identify.absolute.state import level_frame, nominal_state, undetermined_frames
 from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
-from testbench.workflows.absolute import (
-    AbsoluteCampaign,
-    calibrate_with_masses,
-    position_errors,
-    simulate_series,
-)
+from testbench.workflows.absolute import calibrate_with_masses, position_errors
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 
 HOME = (0.3, -1.4, 1.6, 0.4, 0.5, 0.2)
 SPRINGS = CalibrationOptions(only=frozenset({"joint springs"}), orders=1)

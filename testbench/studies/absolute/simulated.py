@@ -53,7 +53,7 @@ from testbench.runs.spread import MIN_PERCENTILE_TRIALS, span, spread
 from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import FEW, READ, headline
 from testbench.studies.study import Run, Study, amid_errors
-from testbench.workflows.absolute import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
+from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.workflows.calibration_numbers import Part, functionals
 from testbench.workflows.campaign import true_cell
 from testbench.workflows.cell import Cell, build_cell, clear_poses
