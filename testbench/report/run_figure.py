@@ -491,10 +491,10 @@ def error_map(place_map: PlaceMap, title: str, arm: Silhouette | None = None) ->
     unit = "mm, logarithmic" if isinstance(norm, LogNorm) else "mm"
     bar = figure.colorbar(
         ScalarMappable(norm, SIZES),
-        ax=panes,
+        ax=panes[:, -1],  # each of these measures the bar again
         label=f"{what.lower()} [{unit}]",
-        fraction=0.03,
-        pad=0.02,
+        fraction=0.03 * count,
+        pad=0.02 * count,
         extend=extend,
     )
     if isinstance(norm, LogNorm):
