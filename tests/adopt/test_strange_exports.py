@@ -487,7 +487,7 @@ REFUSED = {
     "spherical": (
         table(["Point", "Hz [deg]", "V [deg]", "D [mm]", *DEG], [["p1", *numbers(Q[0][:3]), *numbers(Q[0])]]),
         None,
-        r"export.csv: line 1: no column looks like a position",
+        r"export.csv: line 1: no column looks like a position; .*; angles and a distance are no coordinates",
     ),
     "short tons or metric ones": (weighs("ton", 0.1), None, "expected a unit of mass or force, got 'ton'"),
     "a table of two states, one unknown": (
