@@ -258,6 +258,8 @@ def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[s
 
 TILT, FIXED = np.radians(0.5), 1e-3
 """Standard deviations of a gauge's direction [rad] and of a fixed point [m] if the file states none."""
+FAR = 1.0
+"""Travel that no gauge has, though a touch probe may count it from the base [m]."""
 MAX_TILT, MAX_FIXED, MAX_ZERO = np.radians(10), 0.1, 10.0
 """Largest of these, and of a constant in distances, that are accepted [rad, m, m]: beyond them a unit is
 wrong."""
@@ -316,6 +318,12 @@ def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
     length = np.linalg.norm(np.where(gauge[:, None], direction, 1.0), axis=1)
     table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected a direction, got 0, 0, 0")
     direction = np.where(gauge[:, None], direction / np.maximum(length, 1e-300)[:, None], (1.0, 0.0, 0.0))
+    far = np.asarray((np.abs(travel) > FAR).any(axis=0) & gauge)
+    everywhere = np.linalg.matrix_rank(direction[gauge]) == len(XYZ)
+    problem = (
+        "expected travels of gauges, got readings as large as positions, along x, y and z; for positions "
+    )
+    table.refuse(far & everywhere, "", f"{problem}say axis, before and after in [columns] of a map")
     tilt = _deviation(columns, "tilt", gauge, (TILT, MAX_TILT), notes)
     fixed_sigma = _deviation(columns, "fixed_sigma", meter, (FIXED, MAX_FIXED), notes)
     number = np.where(gauge, travel, np.where(meter, distance, np.nan)).T

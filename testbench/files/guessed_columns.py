@@ -48,28 +48,6 @@ POSITION = re.compile("positions?", re.IGNORECASE)
 LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
 AXES = re.compile(r"[(\[]?\bx *[/,; |] *y *[/,; |] *z\b[)\]]?", re.IGNORECASE)  #: Of a cell, as "P1 (x/y/z)".
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
-UNREADABLE = (
-    (
-        re.compile("(d|delta|δ|defl(ection)?|disp(lacement)?|verschiebung|auslenkung)[xyz]"),
-        "deflections alone do not show where the targets are: add the unloaded positions, as before_x_mm",
-    ),
-    (
-        re.compile(
-            r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*"
-            r"|direction[xyz]|reading|travel"
-        ),
-        "a gauge's readings are travel_before_mm and travel_after_mm, with direction_x, direction_y and "
-        "direction_z of the face; the map's [scale] converts volts or counts to mm "
-        "(docs/formats.md, Gauges and distances)",
-    ),
-    (
-        re.compile(".*(wire|ballbar).*|(fixed|anchor|outlet|ball)[xyz]"),
-        "distances to a fixed point are distance_before_mm and distance_after_mm, with fixed_x_mm, "
-        "fixed_y_mm and fixed_z_mm; the map's [scale] converts counts to mm "
-        "(docs/formats.md, Gauges and distances)",
-    ),
-)
-"""Names of columns that hold no positions, and what to do."""
 DEVIATION = re.compile("d(elta)?[xyz]|δ[xyz]")  #: Of a deflection, or of a deviation from a drawn place.
 MOVED = "every row is loaded: X is taken as unloaded, and dX as loaded minus unloaded"
 COUNTED = "0 means unloaded, 1 or d means loaded, because another column names the targets"
@@ -263,9 +241,9 @@ def _unlike(table: TableCells, what: str) -> InputError:
         return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
     hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
-    for pattern, words in UNREADABLE:
-        if any(pattern.fullmatch(plain(name)) for name in table.names):
-            hint = words
+    for own in KNOWN_EXPORTS["unreadable"]:
+        if any(re.fullmatch(own["names"], plain(name)) for name in table.names):
+            hint = own["hint"]
     return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
 
 

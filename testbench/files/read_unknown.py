@@ -136,7 +136,9 @@ def _lies(path: Path, arm: Arm) -> bool:
     if len(lines) > MAX_QUANTITIES:
         return False
     rows = even_rows(lines, ["\t"] if how.startswith(SHEET) else DELIMITERS[:4])
-    return bool(joint_family([row[0] for row in rows], arm))
+    first = [row[0] for row in rows]
+    joints = joint_family(first, arm)
+    return bool(joints) and all(first.count(first[k]) == 1 for k in joints)
 
 
 def sheets_of(path: Path, arm: Arm, layout: str | None = None) -> list[str]:

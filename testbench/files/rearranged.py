@@ -170,46 +170,53 @@ def stack_columns(
         InputError: If no pattern has columns, or those of one differ in other words than those of another, or
             have several units.
     """
-    names, stacked = [_joined(name) for name in table.names], dict[str, dict[tuple[str, ...], int]]()
-    words = {"marker": {*map(squeeze, markers)}, "": {*map(squeeze, loads)}}
-
-    def says(hole: str, text: str) -> bool:
-        if hole == DIRECTION:
-            return SIGNED_AXIS.fullmatch(text) is not None
-        return squeeze(text) in words.get(hole, words[""]) or (hole != "marker" and is_decimal(text))
-
-    holes = dict.fromkeys(hole for pattern in patterns for hole in HOLE.findall(pattern))
-    for pattern in dict.fromkeys(patterns):
-        literal, own = HOLE.split(pattern)[::2], HOLE.split(pattern)[1::2]
-        parts = [re.escape(_joined(text)) for text in literal]
-        groups = [r"([+-]?[xyz][+-]?)" if hole == DIRECTION else "(.+?)" for hole in own]
-        inner = re.compile("".join(a + b for a, b in zip(parts, [*groups, ""], strict=True)))
-        every = {match.groups(): k for k, name in enumerate(names) if (match := inner.fullmatch(name))}
-        found = {texts: k for texts, k in every.items() if all(map(says, own, texts))}
-        first = next(iter(stacked.values()), found)
-        if found and {*found} != {*first}:
+    words = {"marker": {*map(squeeze, markers)}, "mass": {*map(squeeze, loads)}}
+    every = {pattern: _matching(table, pattern, words) for pattern in patterns}
+    stacked = {pattern: found for pattern, found in every.items() if found}
+    if not stacked:
+        problem = f"expected columns {patterns[0]!r} of several loads, as numbers or in [words], got none"
+        raise table.header_error(problem)
+    first = next(iter(stacked.values()))
+    for pattern, found in stacked.items():
+        if {*found} != {*first}:
             both = (", ".join(" ".join(texts) for texts in keys) for keys in (first, found))
-            problem = "expected columns {!r} of {}, got {}".format(pattern, *both)
-            raise table.header_error(problem)
+            raise table.header_error("expected columns {!r} of {}, got {}".format(pattern, *both))
         units = {unit.name if (unit := table.units[k]) else "none" for k in found.values()}
         if len(units) > 1:
             problem = f"expected one unit of all columns {pattern!r}, got {', '.join(sorted(units))}"
             raise table.header_error(problem)
-        if found:
-            stacked[pattern] = found
-    if not stacked:
-        problem = f"expected columns {patterns[0]!r} of several loads, as numbers or in [words], got none"
-        raise table.header_error(problem)
-    keys = list(next(iter(stacked.values())))
-    columns = {without_holes(pattern): [found[key] for key in keys] for pattern, found in stacked.items()}
+    # One cell per stacked column for each place: a load, a target, or the components of a direction.
     labels = dict[str, list[str]]()
-    for hole, texts in zip(holes, zip(*keys, strict=True), strict=True):
+    holes = HOLE.findall(next(iter(stacked)))
+    for hole, texts in zip(holes, zip(*first, strict=True), strict=True):
         if hole == DIRECTION:
             vectors = [_direction(text) or {} for text in texts]
             labels |= {part: [vector[part] for vector in vectors] for part in vectors[0]}
         else:
             labels[hole] = [*texts]
+    columns = {without_holes(pattern): [found[key] for key in first] for pattern, found in stacked.items()}
     return table.stacked(columns, labels)
+
+
+def _matching(
+    table: TableCells, pattern: str, words: Mapping[str, Collection[str]]
+) -> dict[tuple[str, ...], int]:
+    """The columns whose names fit a pattern with places, by what stands in these; of known words only."""
+    literal, holes = HOLE.split(pattern)[::2], HOLE.split(pattern)[1::2]
+    groups = [r"([+-]?[xyz][+-]?)" if hole == DIRECTION else "(.+?)" for hole in holes]
+    parts = [re.escape(_joined(text)) for text in literal]
+    inner = re.compile("".join(a + b for a, b in zip(parts, [*groups, ""], strict=True)))
+
+    def says(hole: str, text: str) -> bool:
+        if hole == DIRECTION:
+            return SIGNED_AXIS.fullmatch(text) is not None
+        own = hole.partition("_")[0]
+        return squeeze(text) in words[own] or (own == "mass" and is_decimal(text))
+
+    every = {
+        match.groups(): k for k, name in enumerate(table.names) if (match := inner.fullmatch(_joined(name)))
+    }
+    return {texts: k for texts, k in every.items() if all(map(says, holes, texts))}
 
 
 def _joined(text: str) -> str:

@@ -362,12 +362,7 @@ def find_header(
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
     rows, others = _without_summaries(lines, rows, delimiter, 0 if layout.sections else len(names))
-    # lines of words, which name the rows below them
-    sections = list[str]()
-    if layout.sections:
-        titles = {k: own for k in said if (own := _title(lines[k], delimiter, len(names)))}
-        rows = [k for k in rows if k not in titles]
-        sections = [next((titles[k] for k in range(row, -1, -1) if k in titles), "") for row in rows]
+    rows, sections = _below_titles(lines, said, rows, delimiter, len(names) * layout.sections)
     # a line of units below the header
     units = units_in(lines[rows[0]], delimiter, len(names)) if rows else None
     if units:
@@ -434,6 +429,17 @@ def _is_statistic(line: str, delimiter: str) -> bool:
     return STATISTIC.match(begins) is not None and bool(
         STATISTIC.fullmatch(_first_word(line, delimiter).casefold())
     )
+
+
+def _below_titles(
+    lines: Sequence[str], said: Sequence[int], rows: list[int], delimiter: str, count: int
+) -> tuple[list[int], list[str]]:
+    """The rows without lines of words, and the nearest such line above each; with 0 columns all, and none."""
+    if not count:
+        return rows, []
+    titles = {k: own for k in said if (own := _title(lines[k], delimiter, count))}
+    kept = [k for k in rows if k not in titles]
+    return kept, [next((titles[k] for k in range(row, -1, -1) if k in titles), "") for row in kept]
 
 
 def _without_summaries(

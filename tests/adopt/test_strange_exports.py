@@ -150,6 +150,12 @@ READ = {
             ";",
         ),
     ),
+    "circles of single joints": (
+        table(
+            ["Circle", *DEG, *MM],
+            [[f"A{k % 6 + 1}", *numbers(Q[k]), *numbers(X[k, 0])] for k in range(N)],
+        ),
+    ),
     # logs of robots
     "Kawasaki": (points(), log(six("JT{} [deg]"))),
     "KUKA, trace": (points(), log(six("AxisAct[{}]"))),
@@ -435,6 +441,19 @@ def test_gauges_are_read_to_the_last_digit(name, tmp_path):
     np.testing.assert_allclose(found.wrench[:, 2], -WEIGHT, rtol=0, atol=1e-9)
 
 
+def test_positions_whose_axis_is_called_direction_are_no_gauges(tmp_path):
+    rows = [
+        [NAMES[k], f"P{m + 1}", *numbers(Q[k]), "100", *numbers([X[k, m, i], X[k, m, i] + DOWN[i]]), "XYZ"[i]]
+        for k in range(N)
+        for m in range(3)
+        for i in range(3)
+    ]
+    header = ["Pose", "Target", *DEG, "Load [kg]", "unloaded [mm]", "loaded [mm]", "Direction"]
+    (file := tmp_path / "axes.csv").write_text(table(header, rows))
+    with pytest.raises(InputError, match="got readings as large as positions, along x, y and z"):
+        pairs(file)
+
+
 def test_data_map_shows_the_runs_of_gauges(tmp_path):
     (file := tmp_path / "gauges.csv").write_text(GAUGES["wide, a row per state"])
     said = fine("data", "map", ARM.name, file)
@@ -468,7 +487,7 @@ REFUSED = {
     "spherical": (
         table(["Point", "Hz [deg]", "V [deg]", "D [mm]", *DEG], [["p1", *numbers(Q[0][:3]), *numbers(Q[0])]]),
         None,
-        r"export.csv: line 1: no column looks like a position",
+        r"export.csv: line 1: no column looks like a position; .*; angles and a distance are no coordinates",
     ),
     "short tons or metric ones": (weighs("ton", 0.1), None, "expected a unit of mass or force, got 'ton'"),
     "a table of two states, one unknown": (

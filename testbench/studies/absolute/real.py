@@ -44,6 +44,7 @@ from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute import (
     FRAME_POSES,
+    FURTHER,
     File,
     PositionErrors,
     evenly_spaced_rows,
@@ -52,7 +53,7 @@ from testbench.workflows.absolute import (
 )
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.plan import FURTHER, best_of, union_after
+from testbench.workflows.plan import best_of, union_after
 from testbench.workflows.plan_settings import PlanSettings
 from testbench.workflows.rows import MM, UM
 
