@@ -126,7 +126,7 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
         assert (layer.name, layer.colour) == (f"error of {in_words(name)}", LOOKS[name].colour)
         assert (line.name, line.look) == (name, LOOKS[name])
     assert poses.first == np.linalg.norm(errors[SHARED], axis=1).argmax()
-    assert f"{JOINTS} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
+    assert f"{in_words(JOINTS)} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
     assert (chart.title, [*chart.labels]) == ("Error at each position (mm)", [*"abcde"])
 
 

@@ -26,7 +26,7 @@ from testbench.report.recording.stream import snake
 from testbench.runs import command
 from testbench.runs import manifest as files
 from testbench.studies import find_study, run
-from testbench.workflows.model_names import row_words
+from testbench.workflows.model_names import in_words
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {
@@ -197,7 +197,7 @@ def check_recording(out, report="report.json"):
     entities = {chunk.entity_path for chunk in chunks}
     for chart in drawn_in(out / "report.html")["runs"]:
         for line in chart["lines"]:
-            end = f"/{snake(chart['title'])}/{snake(row_words(line['name']))}"
+            end = f"/{snake(chart['title'])}/{snake(in_words(line['name']).removeprefix('the '))}"
             [path] = [entity for entity in entities if entity.endswith(end)]
             shown, drawn = series(chunks, path), np.array(line["values"], dtype=float)
             np.testing.assert_allclose(np.sort(shown), np.sort(drawn), rtol=1e-3)

@@ -87,7 +87,15 @@ LEAST_NORM = 1e-2  #: Share of the largest norm of a term that weighs as one les
 
 
 def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> dict[str, Sequence[Estimate]]:
-    """Fit GCO, least squares, and least squares with other free directions."""
+    """Fit GCO, least squares, and least squares with other free directions.
+
+    Args:
+        regressions: Reduced datasets of one structure.
+        joints: Fits of joints alone to the same datasets, which are one of the methods.
+
+    Returns:
+        An estimate of every dataset, by method.
+    """
     gco = [solve(regression, "psd") for regression in regressions]
     ls = [solve(_weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
