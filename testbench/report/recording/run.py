@@ -506,22 +506,21 @@ def _panes(pen: Pen, figures: Mapping[str, Figure], *, alone: bool) -> list[rrb.
         figures: By name.
         alone: Whether they have a tab to themselves, and not a column beside the tables.
     """
-    chosen: list[tuple[str, Axes, list[str]]] = []
-    across = _across if alone else lambda _: 1
+    every: list[tuple[str, Axes, list[str]]] = []
     for name, figure in figures.items():
-        every = panes_of(figure.axes)
-        heads = [text.rpartition(" ")[0] for text in rows_of(every[0])] if every else []
-        for k, axes in enumerate(every):
+        panes = panes_of(figure.axes)
+        heads = [text.rpartition(" ")[0] for text in rows_of(panes[0])] if panes else []
+        for k, axes in enumerate(panes):
             rows = rows_of(axes)
             bare = k > 0 and len(rows) == len(heads) and not any(" " in own for own in rows)
             names = [f"{head} {own}" for head, own in zip(heads, rows, strict=True)] if bare else rows
-            more = [*chosen, (f"figures/{snake(name)}_{k}", axes, names)]
-            down = -(-len(more) // across(len(more)))
-            needed = max(least_height(own, texts) for _, own, texts in more) + TITLE_HIGH
-            if chosen and (len(more) > MOST_PANES or down * needed > TAB_HIGH):
-                return _written(pen, chosen, across(len(chosen)), alone=alone)
-            chosen = more
-    return _written(pen, chosen, across(len(chosen)), alone=alone)
+            every.append((f"figures/{snake(name)}_{k}", axes, names))
+    for count in range(min(len(every), MOST_PANES), 0, -1):
+        chosen, across = every[:count], _across(count) if alone else 1
+        needed = max(least_height(axes, names) for _, axes, names in chosen) + TITLE_HIGH
+        if count == 1 or -(-count // across) * needed <= TAB_HIGH:
+            return _written(pen, chosen, across, alone=alone)
+    return []
 
 
 def _written(
@@ -529,7 +528,7 @@ def _written(
 ) -> list[rrb.View]:
     """Write panes, each as large as its place in the tab: so many side by side."""
     wide = ANSWER_WIDE / across if alone else SIDE_WIDE
-    high = TAB_HIGH / max(1, -(-len(chosen) // across)) - TITLE_HIGH
+    high = TAB_HIGH / -(-len(chosen) // across) - TITLE_HIGH
     return [write_pane(pen, path, axes, (wide, high), names) for path, axes, names in chosen]
 
 
