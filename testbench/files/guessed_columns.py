@@ -9,20 +9,24 @@ from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError
 from testbench.files.columns import listed
 from testbench.files.guess import (
+    MASS,
     PLACE,
     SCATTER,
     Entry,
     angle_of,
     angle_unit,
+    by_states,
     length_of,
     length_unit,
+    line_entries,
     lost_words,
+    mass_columns,
+    mass_entries,
     not_these,
     reasons,
+    refuse_twice,
     unit_of,
 )
-from testbench.files.guessed_lines import line_entries
-from testbench.files.guessed_loads import MASS, by_states, mass_columns, mass_entries, refuse_twice
 from testbench.files.layouts import Ordered, numbered
 from testbench.files.names import (
     DEFLECTION,

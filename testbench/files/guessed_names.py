@@ -12,10 +12,8 @@ import numpy as np
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import Array
-from testbench.files.guess import Entry, unit_of
+from testbench.files.guess import Entry, line_entries, mass_columns, unit_of
 from testbench.files.guessed_columns import place_columns
-from testbench.files.guessed_lines import line_entries
-from testbench.files.guessed_loads import mass_columns
 from testbench.files.names import (
     NUMBER,
     STATE_OF_CELL,

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from testbench.arm.folder import Arm
 from testbench.errors import InputError
-from testbench.files.guess import Entry
-from testbench.files.guessed_loads import MASS
+from testbench.files.guess import MASS, Entry
 from testbench.files.guessed_names import marked
 from testbench.files.layouts import Fitting, fitting
 from testbench.files.mapping import FileLayout
