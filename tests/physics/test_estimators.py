@@ -267,13 +267,13 @@ def weighed_rows(regression):
 def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_gco(kr500):
     structure = all153(kr500.arm)
     clean = hung(kr500, SEEDS[0], 8)
-    found = fits.without_prior([reduce(kr500.vjm, structure, noisy(clean, 50e-6))])
-    [ls], [gco], [lent] = found.ls, found.gco, found.lent
+    found = fits.methods([reduce(kr500.vjm, structure, noisy(clean, 50e-6))], [])
+    [ls], [gco], [lent], [equal] = (found[name] for name in (fits.SQUARES, fits.GCO, fits.LENT, fits.EQUAL))
     A, _ = weighed_rows(ls.regression)
     assert ls.regression.rank < structure.n
     np.testing.assert_allclose(A @ lent.pi, A @ ls.pi, atol=1e-9 * np.abs(A @ ls.pi).max())
     # here a conservative model fits as well: GCO has the fit of least squares, and the rest from `lent`
-    assert not found.binds[0]
+    assert equal.conservative
     moved = [deflections(kr500.vjm, own, clean.judge) for own in (ls, gco, lent)]
     size = np.abs(moved[1]).max()
     assert np.abs(moved[2] - moved[1]).max() < 1e-3 * size
@@ -285,9 +285,9 @@ def test_where_no_equal_fit_is_sought_there_is_none(kr500):
     ls, taken = [], []
     for structure, poses in ((mgco68(kr500.arm), (8, 12)), (all153(kr500.arm), (4, 12, 20))):
         clean = [hung(kr500, seed, count) for seed in SEEDS for count in poses]
-        found = fits.without_prior([reduce(kr500.vjm, structure, noisy(own, 50e-6)) for own in clean])
-        ls += found.ls
-        taken += map(fits.added, found.ls, found.gco)
+        found = fits.methods([reduce(kr500.vjm, structure, noisy(own, 50e-6)) for own in clean], [])
+        ls += found[fits.SQUARES]
+        taken += map(fits.added, found[fits.SQUARES], found[fits.GCO])
     skipped = [own for own, share in zip(ls, taken, strict=True) if share > fits.TAKEN]
     assert 3 < len(skipped) < len(ls) - 3
     assert not any(complete_conservatively(own.regression).conservative for own in skipped)

@@ -87,8 +87,16 @@ there is a model of equal fit.
 LEAST_NORM = 1e-2  #: Share of the largest norm of a term that weighs as one less: a term may fit exactly.
 
 
-def _methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> dict[str, Sequence[Estimate]]:
-    """Fit GCO, least squares, and least squares with other free directions."""
+def methods(regressions: Sequence[Regression], joints: Sequence[Estimate]) -> dict[str, Sequence[Estimate]]:
+    """Fit GCO, least squares, and least squares with other free directions.
+
+    Args:
+        regressions: Reduced datasets of one structure.
+        joints: Fits of joints alone to the same datasets, which are one of the methods.
+
+    Returns:
+        An estimate per dataset, by method.
+    """
     gco = [solve(regression, "psd") for regression in regressions]
     ls = [solve(_weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
@@ -288,7 +296,7 @@ def _rows(
             ]
             regressions = [reduce(cell.vjm, structure, runs) for runs in data]
             own = [replace(estimator, structure=structure) for estimator in estimators]
-            fits = Fits({**_methods(regressions, joints), **fitted(cell, own, cases)})
+            fits = Fits({**methods(regressions, joints), **fitted(cell, own, cases)})
             yield from _compared(cell, cases, fits, expected(cell.vjm, clean, grid, regressions))
 
 
