@@ -108,13 +108,13 @@ def test_plans_for_each_fit_are_judged_on_both_grounds_beside_random_poses_and_j
     found, trials = both
     for row in found.numbers["grounds"]:
         key = {"at the tasks": "tasks_mm", "over the workspace": "workspace_mm"}[row.judged]
-        ours, p_value, joints = (
+        ours, chance, joints = (
             pick(trials, "ground", plan, fit, key=key, ground=row.ground)
             for plan, fit in (("test", row.fit), ("random", row.fit), ("test", "Joints"))
         )
-        assert (row.planned_mm, row.random_mm) == (spread(ours), spread(p_value))
-        assert row.over_random == np.median(ours) / np.median(p_value)
-        assert (row.planned_better, row.better_than_joints) == (sum(ours < p_value), sum(ours < joints))
+        assert (row.planned_mm, row.random_mm) == (spread(ours), spread(chance))
+        assert row.over_random == np.median(ours) / np.median(chance)
+        assert (row.planned_better, row.better_than_joints) == (sum(ours < chance), sum(ours < joints))
 
 
 def test_promises_are_counted_case_by_case(both):
@@ -156,10 +156,10 @@ def test_plans_are_judged_beside_the_strongest_of_the_others_at_the_tasks(winner
     ("planned", "chance", "fewest"),
     [((9e-4, 1e-3), (1, 2e-3), (8, 12)), ((1, 2e-3), (1, 1), (12, None)), ((1, 1), (1, 1), (None, None))],
 )
-def test_the_number_of_poses_is_the_least_that_is_enough_in_all_trials(both, planned, p_value, fewest):
+def test_the_number_of_poses_is_the_least_that_is_enough_in_all_trials(both, planned, chance, fewest):
     trials = both[1]
     for name, n, factor in zip(
-        ("test", "test", "random", "random"), 2 * POSES, planned + p_value, strict=True
+        ("test", "test", "random", "random"), 2 * POSES, planned + chance, strict=True
     ):
         meant, own = (trials["plan"] == name) & (trials["poses"] == n), trials["tasks_mm"]
         trials = trials.add(tasks_mm=np.where(meant, factor * own, own))
