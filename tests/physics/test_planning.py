@@ -155,8 +155,8 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
-    p_value = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(13)]
-    assert forecast_errors(plan, plans.task_rows(spec)).overall < min(p_value)
+    chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(13)]
+    assert forecast_errors(plan, plans.task_rows(spec)).overall < min(chance)
 
 
 @pytest.mark.parametrize(

@@ -427,8 +427,8 @@ def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(fo
     before, half = np.linalg.norm(own.before, axis=1), own.half_width.max(axis=1)
     widened = own.half_width * (1.2 * before / half)[:, None]
     said = report(replace(found, found=replace(own, half_width=widened)))
-    p_value = NormalDist().cdf(1.959964 / 1.2 / 2)
-    assert said.numbers["chance"] == pytest.approx(p_value, rel=1e-5)
+    chance = NormalDist().cdf(1.959964 / 1.2 / 2)
+    assert said.numbers["chance"] == pytest.approx(chance, rel=1e-5)
     assert (said.badge.verdict, said.numbers["harmful"]) == ("likely", False)
 
 
