@@ -342,6 +342,16 @@ def test_two_arms_ask_for_a_tip_and_limits_in_another_unit_are_said(tmp_path):
     assert "limits beyond 1440 deg, whose numbers may be degrees, not radians: joint_a1" in words
 
 
+def test_joints_that_mimic_each_other_in_a_circle_are_refused(tmp_path):
+    text = heavy_urdf(tmp_path).read_text()
+    for joint, other in (("joint_a3", "joint_a4"), ("joint_a4", "joint_a3")):
+        start = f'name="{joint}" type="revolute">'
+        text = text.replace(start, f'{start}<mimic joint="{other}"/>')
+    (tmp_path / "circle.urdf").write_text(text)
+    said = "it mimics itself: joint_a3 mimics joint_a4 mimics joint_a3"
+    assert said in is_refused(do("new", tmp_path / "mine", "--from", tmp_path / "circle.urdf"))
+
+
 def test_limits_that_no_axis_can_have_are_said_with_their_numbers(tmp_path):
     """Not as limits that the file does not state: those of a slide in mm are lost."""
     text = heavy_urdf(tmp_path).read_text()

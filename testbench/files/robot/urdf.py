@@ -269,13 +269,17 @@ def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] |
 def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[str]) -> list[Coupling]:
     """Read mimic joints, q = multiplier q_other + offset; a locked joint stands at zero."""
     moving = {name for name, e in joints.items() if e.get("type") in MOVING} - set(locked)
+    followed = {name: m.get("joint", "") for name in moving if (m := joints[name].find("mimic")) is not None}
     couplings = []
     for name, e in joints.items():
         if name not in moving or (mimic := e.find("mimic")) is None:
             continue
         other = mimic.get("joint", "")
-        if other == name:
-            raise InputError(file, place_of(e), "it mimics itself")
+        chain = [name]
+        while chain[-1] in followed and len(chain) <= len(followed):
+            chain.append(followed[chain[-1]])
+            if chain[-1] == name:
+                raise InputError(file, place_of(e), f"it mimics itself: {' mimics '.join(chain)}")
         terms = {name: 1.0}
         if other in moving or other not in joints:  # one that is not there is refused where an arm has it
             terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0], e)[0])
