@@ -18,6 +18,7 @@ from testbench.studies import run
 from testbench.studies.campaign.gravity_calibration import WITH_PRIOR, CalibrationSettings, calibrate, results
 from testbench.workflows.campaign import Scenario
 from testbench.workflows.cell import build_cell
+from testbench.workflows.model_names import row_words
 
 APP = app_of_study("gravity_calibration")
 ROWS = 'table[data-table="0"] tbody tr'
@@ -53,7 +54,8 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
     assert {name: row[errs] for name, row in told.items()} == {name: models[name] for name in told}
     assert len(told) == 6
     for name in report["map"]["compared"]:
-        [pane] = [text for text in page.locator(".pane").all_inner_texts() if text.split("\n")[0] == name]
+        panes = page.locator(".pane").all_inner_texts()
+        [pane] = [text for text in panes if text.split("\n")[0] == row_words(name)]
         assert f"worst: {report['map']['worst'][name]['error_mm']:.3g} mm" in pane
 
     arm = page.locator("#scene canvas")
