@@ -428,7 +428,8 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     rows = [row for row in Row(found.numbers).cells["levels"] if row.theirs != EQUAL]
     others = [name for name in dict.fromkeys(row.theirs for row in rows) if name not in LOOKS]
     looks = LOOKS | {name: look(f"own {k}", "own") for k, name in enumerate(others, 1)}
-    shown = columns("level theirs ratio")
+    level, theirs, ratio = columns("level theirs ratio")
+    shown = (level, theirs, replace(ratio, heading="GCO's error over the other's"))
     looks = {shown[1].text(name): own for name, own in looks.items()}
     places = [name for name in (*NAMES, FREE) if any(row.level.endswith(f": {name}") for row in rows)]
     panes = {
