@@ -724,7 +724,7 @@ def _seen(run: Run[CompensationSettings]) -> PageContent:
     drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)
     chart = RunChart("How far the tool is off at each point, arm undisturbed (mm)", 0, "point", labels, lines)
     return PageContent(
-        scene=Scene(true, f"Errors, and how the undisturbed arm bends, x {M:g}.", [drawn]), runs=[chart]
+        scene=Scene(true, f"Errors and bending of the undisturbed arm x {M:g}.", [drawn]), runs=[chart]
     )
 
 

@@ -337,9 +337,10 @@ def of_masses(mass_fit: MassFit) -> str:
         else ""
     )
     return (
-        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of their scatter of "
-        f"{mass_fit.torque_deviation:.3g} N m, fitted masses leave {mass_fit.residual:.3g} N m unexplained, "
-        f"those of rigid.xml {mass_fit.nominal_residual:.3g} N m{limited}"
+        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}; "
+        f"standard deviation of these torques: {mass_fit.torque_deviation:.3g} N m; "
+        f"unexplained with the fitted masses: {mass_fit.residual:.3g} N m; "
+        f"unexplained with the masses of rigid.xml: {mass_fit.nominal_residual:.3g} N m{limited}"
     )
 
 
