@@ -162,7 +162,7 @@ class Language(Strict):
             numbers = {"main"} if target_syntax.holds == "joints" else {"position", "orientation"}
             if "target" not in groups or not ("named" in groups or numbers <= groups.keys()):
                 raise ValueError(
-                    f"expected the group target in the pattern, and the group named or {' and '.join(numbers)}"
+                    f"expected a group target in the pattern, and a group named or {' and '.join(numbers)}"
                 )
         return self
 

@@ -329,9 +329,9 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
 
 
 OF_EIGENVALUES = (
-    "Eigenvalues of the compliance of each link, and compliance of each joint. A translation is divided "
-    f"by {LEVER_LENGTH:g} m, to compare it with rotations. Red crosses: negative; such a part would move against "
-    "its load."
+    "Eigenvalues of the compliance of each link, and compliance of each joint. A translation is "
+    f"divided by {LEVER_LENGTH:g} m, to compare it with rotations. Red crosses: negative; such a part would "
+    "move against its load."
 )
 
 

@@ -195,7 +195,7 @@ def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
 
 
 def _inset(axes: Axes, scene: Scene, inset: PoseGroup, k: int) -> None:
-    """Draw what is seen from near in a pose, along the axis in which it is narrowest; its labels are the title."""
+    """Draw what is seen from near, along the axis in which it is narrowest; its labels stand in the title."""
     points = np.concatenate([layer.at.reshape(-1, 3) for layer in inset.layers])
     narrow = int((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).argmin())
     plane = [(1, 2), (0, 2), (0, 1)][narrow]
