@@ -84,13 +84,13 @@ def _path(
             (BEFORE, f"{CORRECTED}, by the model"), (MEASURED, GCO), (off, back), sizes, strict=True
         )
     )
-    path = draw.Layer("path asked", TASK, "lines", asked[None, :-1], asked[None, 1:])
+    path = draw.Layer("intended path", TASK, "lines", asked[None, :-1], asked[None, 1:])
     half = M * np.where(np.isfinite(compensated.half_width[some]), compensated.half_width[some], np.nan)
     spans = half[:, None, :] * np.eye(3)  # along each axis of the world
     low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
     spread = draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high)
-    drawn_off = draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None])
-    tool = draw.Layer("tool asked", TASK, "dots", asked[:, None])
+    drawn_off = draw.Layer("offset of the tool", MEASURED, "arrows", asked[:, None], off[:, None])
+    tool = draw.Layer("intended tool position", TASK, "dots", asked[:, None])
     left = [spread, path, after]
     for verdict, colour in (("pass", GCO), ("fail", MEASURED)):
         if judged := [k for k, row in enumerate(rows) if row.verdict == verdict]:

@@ -717,7 +717,7 @@ def _seen(run: Run[CompensationSettings]) -> PageContent:
         rigid=rigid_frames(true.room, work.q),
         bent=elastic_frames(true.plant, work.q, M * (bent.theta - rest.theta)),
         layers=[
-            Layer("tool asked, all points", TASK, "dots", where[None, :, 0]),
+            Layer("intended tool position, all points", TASK, "dots", where[None, :, 0]),
             *load_arrows(tip, work.load.wrench[:, :3], true.vjm.reach),
         ],
     )

@@ -283,7 +283,7 @@ def of_held(calibration: Calibration) -> list[str]:
                 unseen = "heights do not show where the base is along it or how it is turned about its normal"
                 normals = calibration.active.unknowns.normals[series.frame]
                 if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
-                    unseen = f"it is a face of block {series.frame}, which is found as a whole"
+                    unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
             words.append(f"{series.name}: {place}; {unseen}")
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
