@@ -161,7 +161,9 @@ class Language(Strict):
             groups = re.compile(target_syntax.pattern).groupindex
             numbers = {"main"} if target_syntax.holds == "joints" else {"position", "orientation"}
             if "target" not in groups or not ("named" in groups or numbers <= groups.keys()):
-                raise ValueError(f"expected the groups target, and named or {' and '.join(numbers)}")
+                raise ValueError(
+                    f"expected a group target in the pattern, and a group named or {' and '.join(numbers)}"
+                )
         return self
 
     @property

@@ -637,7 +637,7 @@ def _notes(encoding: str, header: TableHeader) -> tuple[str, ...]:
     found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
     if header.no_readings:
         words = ", ".join(dict.fromkeys(map(printable, header.no_readings)))
-        found += [f"rows that are no readings are left out: {words}"]
+        found += [f"rows that are not readings are left out: {words}"]
     return (*found, *["the line below the header holds units"] * any(header.units))
 
 

@@ -77,7 +77,9 @@ def register_dataset(
     # Directions and fixed points are in base axes: nothing is registered.
     if data.lines.any():
         if frame not in ("auto", "base"):
-            raise BenchError("frame: expected base axes for directions of gauges and distances")
+            raise BenchError(
+                "frame: expected auto or base, because directions of gauges and distances are in base axes"
+            )
         none = np.zeros(len(data.markers), dtype=bool)
         why = "directions of gauges and distances are in base axes"
         return RegisteredDataset(vjm, resolve_lines(vjm, _at_markers(vjm, data)), None, "base", none, why)

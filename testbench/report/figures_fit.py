@@ -189,7 +189,7 @@ def _symlog_ticks(ends: Sequence[float]) -> tuple[list[float], list[str]]:
     """Place powers of ten from the least to the greatest, zero, and one below it where something is."""
     low, high, *below = ends
     first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
-    powers = range(last, first - 1, -2)
+    powers = range(last, first - 1, -3 if below else -2)  # half of the axis is below zero: fewer have room
     ticks = [0.0, *sorted(10.0**k for k in powers)]
     if below:
         ticks = [-(10.0 ** math.floor(math.log10(-below[0]))), *ticks]
@@ -329,9 +329,9 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
 
 
 OF_EIGENVALUES = (
-    "Eigenvalues of the compliance of each link, and compliance of each joint; a translation counts as the "
-    f"rotation on an arm of {LEVER_LENGTH:g} m. Red crosses: negative; such a part would move against its "
-    "load."
+    "Eigenvalues of the compliance of each link, and compliance of each joint. A translation is "
+    f"divided by {LEVER_LENGTH:g} m, to compare it with rotations. Red crosses: negative; such a part would "
+    "move against its load."
 )
 
 
@@ -471,7 +471,7 @@ def coverage_figure(rows: Sequence[Row]) -> Figure:
     answer = "How often intervals hold the truth"
     if learnt:
         shares = dict.fromkeys(f"{share:.0f}" for share in (min(learnt), max(learnt)))
-        answer = f"Intervals of 95 % by a learnt prior hold {' to '.join(shares)} % of the deflections"
+        answer = f"The 95 % intervals with a learnt prior contain {' to '.join(shares)} % of the deflections"
     reading = (
         "Above the line intervals are too wide, below it too narrow. Whiskers: two standard errors over "
         "datasets."

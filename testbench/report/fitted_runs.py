@@ -130,14 +130,20 @@ def _runs(
 
 def _said(row: Row, names: list[str], joints: str) -> str:
     left = ", ".join(f"{in_words(name)} {row.residual_mm[name]:.3f} mm" for name in names)
-    return f"Pose {row.pose}, moves {row.moved_mm:.3f} mm. Residual at the worst target: {left}. {joints}."
+    return (
+        f"Pose {row.pose}, deflection {row.moved_mm:.3f} mm. Residual at the worst target: {left}. "
+        f"Joints at {joints}."
+    )
 
 
 def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> PoseGroup:
     """Show the arm all over the workspace."""
     half, q = errors.errors(taken), np.array(errors.q)
     sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)
-    words = [f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes]
+    words = [
+        f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). Joints at {joints}."
+        for moved, mm, joints in sizes
+    ]
     tool = Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])
     first = int(np.nan_to_num(half).argmax())
     words[first] = f"{NEXT}: here the model is least sure. {words[first]}"

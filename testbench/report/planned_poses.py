@@ -224,7 +224,9 @@ def _said(cell: Cell, row: Row, q: Sequence[float] | Array) -> str:
     moved = row[f"expected_{what}_mm"]
     low, high = row.expected_error_p05_mm, row.expected_error_p95_mm
     error = f"{row.expected_error_mm:.3f} mm (90 % interval {low:.3f} to {high:.3f} mm)"
-    return f"{load}Expected {what} {moved:.2f} mm, error {error}. {cell.arm.pose_text(np.array(q))}."
+    return (
+        f"{load}Expected {what} {moved:.2f} mm, error {error}. Joints at {cell.arm.pose_text(np.array(q))}."
+    )
 
 
 def _chart(group: int, rows: Sequence[Row], note: str = "") -> RunChart:

@@ -56,7 +56,7 @@ def draw_correction(cell: Cell, corrected_program: CorrectedProgram, said: Repor
     scale, groups = _path(cell, corrected_program, rows, some, [line.values for line in errors])
     stretch, net = draw.ellipsoid_layer(said.numbers["ellipsoids"], said.numbers["ellipsoid_force_n"])
     groups[0] = replace(groups[0], layers=[*groups[0].layers, net])  # from near it would hide the path
-    title = f"Offsets of the path, and how the arm bends, x {scale:g}. Ellipsoids x {stretch:g}."
+    title = f"Errors of the path and bending of the arm x {scale:g}. Ellipsoids x {stretch:g}."
     return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
 
 
@@ -84,13 +84,13 @@ def _path(
             (BEFORE, f"{CORRECTED}, by the model"), (MEASURED, GCO), (off, back), sizes, strict=True
         )
     )
-    path = draw.Layer("path asked", TASK, "lines", asked[None, :-1], asked[None, 1:])
+    path = draw.Layer("intended path", TASK, "lines", asked[None, :-1], asked[None, 1:])
     half = M * np.where(np.isfinite(compensated.half_width[some]), compensated.half_width[some], np.nan)
     spans = half[:, None, :] * np.eye(3)  # along each axis of the world
     low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
     spread = draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high)
-    drawn_off = draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None])
-    tool = draw.Layer("tool asked", TASK, "dots", asked[:, None])
+    drawn_off = draw.Layer("offset of the tool", MEASURED, "arrows", asked[:, None], off[:, None])
+    tool = draw.Layer("intended tool position", TASK, "dots", asked[:, None])
     left = [spread, path, after]
     for verdict, colour in (("pass", GCO), ("fail", MEASURED)):
         if judged := [k for k, row in enumerate(rows) if row.verdict == verdict]:
@@ -186,7 +186,7 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
         f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "
         f"{made.map.force:,.0f} N move it up to "
         f"{MM * made.map.force * tool.displacement_per_force[k, 0]:.3f} mm, "
-        f"{direction_words(tool.softest[k])}. {made.model.arm.pose_text(made.asked.q[k])}."
+        f"{direction_words(tool.softest[k])}. Joints at {made.model.arm.pose_text(made.asked.q[k])}."
         for k in some
     ]
     return draw.PoseGroup(
@@ -223,7 +223,7 @@ def _places(made: Predicted) -> draw.PoseGroup:
     sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
     words = [
         f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_bound(half)}. "
-        f"{made.model.arm.pose_text(q)}."
+        f"Joints at {made.model.arm.pose_text(q)}."
         for size, half, direction, q in sizes
     ]
     way_of = draw.Layer("softest direction", GCO, "lines", at - way, at + way)

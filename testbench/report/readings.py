@@ -155,7 +155,7 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
         (title, [draw.ModelLine(*own) for own in zip(data.markers, looks, mm[some].T, strict=True)])
         for title, mm in (
             ("How far loads moved each target (mm)", moved),
-            ("Unloaded reading beside the arm without sag (mm)", away),
+            ("Distance of the unloaded reading from the arm without sag (mm)", away),
         )
     )
     read = (
@@ -203,7 +203,7 @@ def _words(cell: Cell, data: Dataset, k: int) -> str:
     each = zip(data.markers, sizes, there, there | data.lost[k], strict=True)
     moved = [f"{name} {f'moves {mm:.3f} mm' if seen else 'lost'}" for name, mm, seen, meant in each if meant]
     force = float(np.linalg.norm(data.wrench[k, :3]))
-    return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.pose_text(data.q[k])}."
+    return f"{force:.5g} N: {', '.join(moved)}. Joints at {cell.arm.pose_text(data.q[k])}."
 
 
 def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
@@ -233,7 +233,8 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
         name="Readings",
         names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
         words=[
-            f"{b:.3f} mm from the nominal arm, {a:.3f} mm from the calibrated arm. {cell.arm.pose_text(q)}."
+            f"{b:.3f} mm from the nominal arm, {a:.3f} mm from the calibrated arm. "
+            f"Joints at {cell.arm.pose_text(q)}."
             for b, a, q in zip(*sizes, rows.q, strict=True)
         ],
         rigid=straight,

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import ListedColormap, LogNorm, Normalize, to_rgba
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
@@ -165,6 +166,7 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
             norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends)
             bar = part.colorbar(ScalarMappable(norm, SIZES), ax=[*sides], fraction=0.03, pad=0.02)
             bar.set_label(f"error of the path [{scale.words}]")
+            _plain_numbers(bar)
         _key(next(parts).subplots(), signs, across)
         more.append(f"{pose_group.name}: {seen.scene.title}")
     for part, chart in zip(parts, charts, strict=True):
@@ -176,6 +178,14 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
     return figure
 
 
+def _plain_numbers(bar: Colorbar) -> None:
+    """Write 0.1 and 1 beside a logarithmic color bar, not powers of ten."""
+    norm = bar.norm
+    if isinstance(norm, LogNorm):
+        log_ticks(bar.ax, "y", norm.vmin, norm.vmax)  # type: ignore[arg-type]
+        bar.ax.set_ylim(norm.vmin, norm.vmax)
+
+
 def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
     """Pose, words and plane of both panes: a typical pose beside the worst, or one from both sides."""
     if pose_group.worst is None or pose_group.near is not None:
@@ -185,29 +195,16 @@ def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
 
 
 def _inset(axes: Axes, scene: Scene, inset: PoseGroup, k: int) -> None:
-    """Draw what is seen from near in a pose, along the axis in which it is narrowest, with its labels."""
+    """Draw what is seen from near, along the axis in which it is narrowest; its labels stand in the title."""
     points = np.concatenate([layer.at.reshape(-1, 3) for layer in inset.layers])
     narrow = int((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).argmin())
     plane = [(1, 2), (0, 2), (0, 1)][narrow]
     _poses(axes, scene, inset, k, plane)
-    axes.set_title(inset.name)
-    shown = points[np.isfinite(points).all(axis=1)][:, list(plane)]
-    middle_of = (shown.min(axis=0) + shown.max(axis=0)) / 2
-    for layer in inset.layers:
-        if layer.kind == "dots" and layer.labels and layer.shown:
-            at = layer.at[min(k, len(layer.at) - 1)][:, list(plane)]
-            for place_, words in zip(at, layer.labels, strict=True):
-                left = place_[0] <= middle_of[0]
-                axes.annotate(
-                    words,
-                    place_,
-                    xytext=(7 if left else -7, -6),  # beside the path, inwards
-                    textcoords="offset points",
-                    ha="left" if left else "right",
-                    va="top",
-                    fontsize=MIN_LETTER_SIZE,
-                    bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0},
-                )
+    # A narrow pane has no room beside the path: a label there would cover the numbers of the axes.
+    labels = [
+        words for layer in inset.layers if layer.kind == "dots" and layer.shown for words in layer.labels
+    ]
+    axes.set_title("\n".join([inset.name, *labels]))
 
 
 def _poses(axes: Axes, scene: Scene, pose_group: PoseGroup, k: int, plane: tuple[int, int]) -> None:
@@ -497,9 +494,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Silhouette | None = None) ->
         pad=0.02 * count,
         extend=extend,
     )
-    if isinstance(norm, LogNorm):
-        log_ticks(bar.ax, "y", norm.vmin, norm.vmax)  # type: ignore[arg-type]
-        bar.ax.set_ylim(norm.vmin, norm.vmax)
+    _plain_numbers(bar)
     worst = {name: int(np.nanargmax(mm)) for name, mm in values.items() if np.isfinite(mm).any()}
     largest = {name: f"{values[name][k]:.3f} mm at {place(at[k])}" for name, k in worst.items()}
     circles = "; ".join(f"{in_words(name)} {where}" for name, where in largest.items())

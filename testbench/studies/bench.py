@@ -166,7 +166,7 @@ TASKS: Mapping[str, Task] = {
     "stations": Task("two trackers, disturbed arm, 12 poses", 12, disturbed=True, trackers=(NEAR, ASIDE)),
     "other-arms": Task("true arms of kinds held out of the family, 12 poses", 12, arms=OTHERS),
     "ur10": Task("a real UR10's own weight, poses of series C, judged on series A", 200, arm=REAL, version=2),
-    "wrong-prior": Task("a prior wrong in a part of it, 12 poses", 12, priors=WRONG),
+    "wrong-prior": Task("a prior that is partly wrong, 12 poses", 12, priors=WRONG),
 }
 """By name."""
 

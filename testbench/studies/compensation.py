@@ -717,14 +717,14 @@ def _seen(run: Run[CompensationSettings]) -> PageContent:
         rigid=rigid_frames(true.room, work.q),
         bent=elastic_frames(true.plant, work.q, M * (bent.theta - rest.theta)),
         layers=[
-            Layer("tool asked, all points", TASK, "dots", where[None, :, 0]),
+            Layer("intended tool position, all points", TASK, "dots", where[None, :, 0]),
             *load_arrows(tip, work.load.wrench[:, :3], true.vjm.reach),
         ],
     )
     drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)
     chart = RunChart("How far the tool is off at each point, arm undisturbed (mm)", 0, "point", labels, lines)
     return PageContent(
-        scene=Scene(true, f"Errors, and how the undisturbed arm bends, x {M:g}.", [drawn]), runs=[chart]
+        scene=Scene(true, f"Errors and bending of the undisturbed arm x {M:g}.", [drawn]), runs=[chart]
     )
 
 

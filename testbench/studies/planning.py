@@ -578,7 +578,9 @@ def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
         tables={
             "criteria": criteria,
             "grounds": Table(
-                columns(GROUNDS), f.grounds, "Where planning pays: two grounds, a plan for every fit"
+                columns(GROUNDS),
+                f.grounds,
+                "Where planning lowers the error: two kinds of ground, and a plan for each fit",
             ),
             "kept": Table(
                 columns(KEPT),
@@ -735,8 +737,11 @@ def _write(run: Run[PlanningSettings]) -> PageContent:
     at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
     world = World(cell, settings.scope.ground.station, at[0], at[1], at[2])
     force = np.tile([0.0, 0.0, -GRAVITY * settings.scope.payload], (n, 1))
-    named = {f"Run {k}": f"{cell.arm.pose_text(own)}." for k, own in enumerate(q, start=1)}
-    rest = [f"Error {mm:.3f} mm. {cell.arm.pose_text(own)}." for own, mm in zip(places, left, strict=True)]
+    named = {f"Run {k}": f"Joints at {cell.arm.pose_text(own)}." for k, own in enumerate(q, start=1)}
+    rest = [
+        f"Error {mm:.3f} mm. Joints at {cell.arm.pose_text(own)}."
+        for own, mm in zip(places, left, strict=True)
+    ]
     plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force), ordered=True)
     over = "Error of the predicted deflection, median over the trials (mm)"
     return PageContent(

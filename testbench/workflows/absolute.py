@@ -283,7 +283,7 @@ def of_held(calibration: Calibration) -> list[str]:
                 unseen = "heights do not show where the base is along it or how it is turned about its normal"
                 normals = calibration.active.unknowns.normals[series.frame]
                 if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
-                    unseen = f"it is a face of block {series.frame}, which is found as a whole"
+                    unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
             words.append(f"{series.name}: {place}; {unseen}")
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
@@ -337,9 +337,10 @@ def of_masses(mass_fit: MassFit) -> str:
         else ""
     )
     return (
-        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of their scatter of "
-        f"{mass_fit.torque_deviation:.3g} N m, fitted masses leave {mass_fit.residual:.3g} N m unexplained, "
-        f"those of rigid.xml {mass_fit.nominal_residual:.3g} N m{limited}"
+        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}; "
+        f"standard deviation of these torques: {mass_fit.torque_deviation:.3g} N m; "
+        f"unexplained with the fitted masses: {mass_fit.residual:.3g} N m; "
+        f"unexplained with the masses of rigid.xml: {mass_fit.nominal_residual:.3g} N m{limited}"
     )
 
 

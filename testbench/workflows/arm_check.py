@@ -286,7 +286,7 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     volume = np.array(list(volumes.values()))
     mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE
     if volume.any() and not low <= mass / volume.sum() <= high:
-        inside = f"its {mass:.4g} kg are {mass / volume.sum():.0f} kg/m^3 in its collision shapes"
+        inside = f"the arm's {mass:.4g} kg give {mass / volume.sum():.0f} kg/m^3 in its collision shapes"
         yield f"{inside}, expected {low:g} to {high:g}"
 
 

@@ -626,7 +626,8 @@ PRIORS: Mapping[str, Wrong] = {
     UNPERTURBED: Wrong(lambda C, *_: C, "the folder's compliances"),
     "scaled": Wrong(
         lambda C, *_: C,
-        f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off along each axis, like all priors below",
+        f"compliances too large by a factor of {SCALE:g}, and their ratios between axes off by "
+        f"{100 * SHAPE:.0f} %, like all priors below",
     ),
     "link": Wrong(_one_link, f"one link {WRONG_FACTOR:g} times too soft or too stiff", far="link"),
     "joints": Wrong(_joints, f"all joints {WRONG_FACTOR:g} times too soft or too stiff", far="joints"),

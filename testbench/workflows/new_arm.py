@@ -401,9 +401,9 @@ CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
     "density": "{0:.4g} kg in the file give a density of {1:.0f} kg/m^3 in the shapes: check the masses",
-    "endless limits": "limits of {first} in the file, {2:g} to {3:g} rad, count as none: {deg[0]:.0f} to "
+    "endless limits": "limits of {first} in the file, {2:g} to {3:g} rad, are ignored: {deg[0]:.0f} to "
     "{deg[1]:.0f} deg is assumed",
-    "endless limits of a slide": "limits of {first} in the file, {2:g} to {3:g} m, count as none (are they "
+    "endless limits of a slide": "limits of {first} in the file, {2:g} to {3:g} m, are ignored (are they "
     "mm?): {0:g} to {1:g} m is assumed",
     "far limits of a slide": "limits beyond {0:g} m, whose numbers may be mm: {names}",
     "far limits": "limits beyond {deg[0]:.0f} deg, whose numbers may be degrees, not radians: {names}",

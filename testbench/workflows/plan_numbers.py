@@ -148,7 +148,9 @@ def _rests(f: Row) -> list[Row]:
         "share of the mean square error that the prior causes, %": seen.get("prior_share_percent"),
         "95 % half width of a deflection at the tasks, mm": f.get("half_width_95_mm"),
         f"fewest poses for an expected error of {TARGET:g} mm at the tasks": told.get("fewest"),
-        f"poses beyond which {MORE} more improve it by less than {100 * LITTLE:g} %": told.get("enough"),
+        f"number of poses after which {MORE} more lower the error by less than {100 * LITTLE:g} %": told.get(
+            "enough"
+        ),
         "error from periodic joint errors of higher orders, mm": f.get("beyond_mm"),
         "standard deviation of the arm's scale by the prior of its geometry, mm per m": scale.get(
             "before_mm_per_m"

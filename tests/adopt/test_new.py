@@ -359,7 +359,7 @@ def test_limits_that_no_axis_can_have_are_said_with_their_numbers(tmp_path):
     for numbers, said in (
         (
             'lower="0" upper="6500"',
-            "limits of joint_a1 in the file, 0 to 6500 m, count as none (are they mm?)",
+            "limits of joint_a1 in the file, 0 to 6500 m, are ignored (are they mm?)",
         ),
         ('lower="0" upper="650"', "limits beyond 50 m, whose numbers may be mm: joint_a1"),
     ):
@@ -369,7 +369,7 @@ def test_limits_that_no_axis_can_have_are_said_with_their_numbers(tmp_path):
         text.replace('lower="-2" upper="1.5"', 'lower="-1e16" upper="1e16"', 1)
     )
     words = " ".join(map(sentence, read_chain(tmp_path / "far.urdf").notes))
-    assert "limits of joint_a1 in the file, -1e+16 to 1e+16 rad, count as none: -360 to 360 deg" in words
+    assert "limits of joint_a1 in the file, -1e+16 to 1e+16 rad, are ignored: -360 to 360 deg" in words
     assert "no limits" not in words
 
 

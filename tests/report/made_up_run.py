@@ -36,7 +36,7 @@ def made_up_run(arm_6r):
     layers = [
         Layer("target as read", MEASURED, "dots", at, labels=("P1", "", "P3")),
         Layer("error of one", GCO, "arrows", at, at + 0.1),
-        Layer("path asked", GCO, "lines", at[:1, :2], at[:1, 1:]),
+        Layer("intended path", GCO, "lines", at[:1, :2], at[:1, 1:]),
         Layer("hidden", GCO, "specks", at[:1], shown=False),
     ]
     rigid = rigid_frames(arm_6r.room, q)

@@ -52,7 +52,7 @@ def test_coverage_is_drawn_at_every_level_with_its_error_beside_the_diagonal():
         assert all(low <= y <= high for line in lines if len(line) != 2 for y in line[:, 1])
     whiskers = [line.get_xydata().tolist() for line in figure.axes[1].get_lines()]
     assert [[95.0, 93.5], [95.0, 97.5]] in whiskers
-    assert figure.get_suptitle() == "Intervals of 95 % by a learnt prior hold 96 % of the deflections"
+    assert figure.get_suptitle() == "The 95 % intervals with a learnt prior contain 96 % of the deflections"
 
 
 @pytest.mark.study

@@ -181,7 +181,7 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
     low, high = bar.get_ylim()
     assert (low, high, bar.get_ylabel()) == (1.0, 4.0, "error of the path [mm]")
     for axes, tube in zip(panes, tubes, strict=True):
-        assert axes.get_title() == tube.name
+        assert axes.get_title() == f"{tube.name}\nat most 4.000 mm"
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")  # from above: it is flat
         [lines] = [own for own in axes.collections if isinstance(own, LineCollection)]
         np.testing.assert_allclose(lines.get_segments(), np.stack([path[0, :-1], path[0, 1:]], 1)[:, :, :2])
@@ -191,12 +191,20 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
         assert known
         assert all(shade == ends[mm] for mm, shade in known)
         assert (shades[-1] == SOFT) == np.isnan(tube.values[-1])
-        assert [text.get_text() for text in axes.texts] == ["at most 4.000 mm"]
     keys = [
         text.get_text() for own in found.axes if own.get_legend() for text in own.get_legend().get_texts()
     ]
     assert "largest error" in keys
     assert not set(sizes) & set(keys)  # a path has no colour of its own
+    wide = [replace(tube, values=0.02 * tube.values**4) for tube in tubes]  # on a logarithmic scale
+    insets = [replace(inset, layers=[tube, spot]) for inset, tube in zip(insets, wide, strict=True)]
+    whole = replace(whole, layers=wide)
+    found = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[whole, *insets])))
+    found.draw_without_rendering()
+    bar = found.axes[3]
+    assert bar.get_ylabel() == "error of the path [mm, logarithmic]"
+    assert {"0.1", "1"} <= {text.get_text() for text in bar.get_yticklabels()}
+    check_legible(found)
 
 
 @pytest.mark.parametrize(("unit", "shown"), [("um", "µm"), ("urad/(N m)", "µrad/(N m)"), ("mm", "mm")])

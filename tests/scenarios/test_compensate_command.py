@@ -305,7 +305,7 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
     drawn = drawn_in(out / "right_report" / "report.html")["scene"]
     [times, _] = times_of(drawn["title"])
     layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
-    asked, programmed = (path(layers[name]) for name in ("path asked", "uncorrected program"))
+    asked, programmed = (path(layers[name]) for name in ("intended path", "uncorrected program"))
     np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
 
 

@@ -653,7 +653,8 @@ def _seen(run: Run[AbsoluteSettings]) -> PageContent:
 
 STUDY = Study(
     name=NAME,
-    about="Calibrate simulated arms by absolute readings: what hides, how many poses, what loaded pairs add.",
+    about="Calibrate simulated arms by absolute readings: which quantities hide each other, how many poses "
+    "are enough, and what loaded readings add.",
     options=AbsoluteOptions,
     settings=_settings,
     seeds=(100, QUICK),

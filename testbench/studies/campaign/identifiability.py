@@ -320,7 +320,10 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     known = {m.name: look(m.structure, m.constraint, m.prior, m.filling) for m in Row(found.numbers).models}
     shown = (KNOWN["name"], *(replace(error, key=key) for key in panes))
     table = replace(models, columns=shown, rows=both, looks=known, headline="linear")
-    reading = "Filled: with a prior that is too soft and wrong in shape. Dotted: Joints-only."
+    reading = (
+        "Filled: with a prior whose compliances are too large, with wrong ratios between axes. "
+        "Dotted: Joints-only."
+    )
     counted = Row(found.numbers).cells["coverage"]
     return {
         "identifiability.png": forest(table, panes, found.question, reading, JOINTS),
@@ -332,8 +335,9 @@ PRESET = Preset(
     name="identifiability",
     page="docs/studies/identifiability.md",
     question="What do the poses of section 6 not determine, and how much does a CAD prior help?",
-    how="An arm is read under its payload in 8 poses. Models are judged in 200 other poses. The prior is "
-    "twice too soft and 30 % wrong in shape. Coverage is over datasets with other draws of noise.",
+    how="An arm is read under its payload in 8 poses. Models are judged in 200 other poses. The "
+    "compliances of the prior are too large by a factor of two, and their ratios between axes are off by 30 "
+    "%. Coverage is over datasets with other draws of noise.",
     options=PriorOptions,
     settings=_settings,
     seeds=(1000, 10),

@@ -292,7 +292,7 @@ def _tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
             rows=ranking,
         ),
         "claim": TrialTable(
-            "Errors with the compensator over those without, less 100 %",
+            "Increase of the error by the compensator, %",
             columns=CLAIM,
             where=family | {"sigma_um": noise, "case": {PLAIN_COMPENSATOR, STIFF}},
             rows=lambda held: merged(held.keep(*CLAIM.split()), "case", "name"),

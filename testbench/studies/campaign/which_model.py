@@ -266,7 +266,7 @@ def _tables(_: FamilySettings) -> Mapping[str, TrialTable]:
     return {
         "short": TrialTable("RMS error over the workspace, um", across="poses"),
         "cells": TrialTable(
-            f"The default's error over that of Joints-only, {POSES[0]} poses",
+            f"Error of the default divided by that of Joints-only, {POSES[0]} poses",
             down="true_arm",
             across="prior_error",
             value="over_joints",

@@ -72,7 +72,7 @@ class SixDofOptions:
     arm: ArmFlag = "arm_6r"
     per: Annotated[
         Literal["deflection", "reading"],
-        typer.Option(help="What the noise of 25 um and 250 urad is of."),
+        typer.Option(help="Whether the noise of 25 um and 250 urad is that of a deflection or of a reading."),
     ] = "deflection"
 
 
