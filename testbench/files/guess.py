@@ -13,6 +13,7 @@ from testbench.files.mapping import HOLE
 from testbench.files.names import (
     BRACKETS,
     KNOWN_EXPORTS,
+    LETTERS,
     MAX_CODES,
     NUMBER,
     STATE_OF_CELL,
@@ -288,9 +289,12 @@ def _masses(table: TableCells, k: int) -> dict[str, str]:
 
 
 def _weighs(table: TableCells, k: int) -> bool:
-    """Whether a column has a unit of mass, and some of its cells say that nothing hangs."""
+    """Whether a column has a unit of mass, and some of its cells say that nothing hangs.
+
+    An acceleration may be in g, a field in T.
+    """
     unit = unit_of(table, k)
-    if unit is None or unit.si != "kg":
+    if unit is None or unit.si != "kg" or unit.name in LETTERS:
         return False
     values = {number_of(text or "0") for text in table.texts(k)} - {None}
     return 0 in values and len(values) > 1

@@ -653,8 +653,10 @@ def looks_like(name: str, kind: str) -> bool:
         True if it does.
     """
     parts = split_unit(name)
-    loaded = kind == "forces" and parts is not None and parts[1].si in LOADS
-    return loaded or re.fullmatch(KNOWN_EXPORTS["alone"][kind], plain(name)) is not None
+    loaded = parts is not None and parts[1].si in LOADS and parts[1].name not in LETTERS
+    return (kind == "forces" and loaded) or re.fullmatch(
+        KNOWN_EXPORTS["alone"][kind], plain(name)
+    ) is not None
 
 
 # --- Loads in words, and codes that a legend explains -------------------------------------------------------

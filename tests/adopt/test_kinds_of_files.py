@@ -268,7 +268,19 @@ def test_columns_of_a_kind_that_are_not_read_are_listed(kind, header):
 def test_other_columns_raise_no_warning():
     assert (
         unread_column_warnings(
-            ["Comment", "A", "B", "Operator", "Nr", "Temp", "RMS", "Nominal X", "dX", "Set", "T"]
+            [
+                "Comment",
+                "A",
+                "B [T]",
+                "Operator",
+                "Nr",
+                "Temp",
+                "RMS",
+                "Nominal X",
+                "dX",
+                "Vibration [g]",
+                "T",
+            ]
         )
         == []
     )

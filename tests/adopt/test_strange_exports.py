@@ -293,6 +293,10 @@ PAIRED = {
     "initial and final": both("{} initial [mm]", "{} final [mm]"),
     "begin and end": both("{} begin [mm]", "{} end [mm]"),
     "free and loaded": both("{} free [mm]", "{} loaded [mm]"),
+    "an acceleration in g and a field in T are no masses": by_state(
+        lambda loaded: [STATE_WORDS[loaded], "0.02" * loaded or "0", "0" * loaded or "1"],
+        ("State", "Vibration [g]", "B [T]"),
+    ),
     "tonnes": weighs("t", 0.1),
     "tonnes in German": weighs("Tonnen", 0.1, "Last"),
     "grams": weighs("g", 100_000.0, "Mass"),
