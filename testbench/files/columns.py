@@ -23,6 +23,7 @@ from testbench.files.names import (
     NUMBER,
     ROTATIONS,
     SI,
+    STATES,
     UNITS_BY_NAME,
     WHEN,
     XYZ,
@@ -623,6 +624,7 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> R
     Raises:
         InputError: Names line and column.
     """
+    _refuse_unclear_states(columns)
     q = joint_coordinates(columns, arm)
     wrench, load_notes = _wrench(columns, needed=needs_load)
     point, point_notes = _point(columns, arm)
@@ -638,6 +640,18 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> R
         notes.append(f"{POSES_BY_ANGLES}: {len(np.unique(pose))} poses")
     taken_off = _taken_off(columns)
     return RowConditions(ids["run"], pose, named, ids["station"], taken_off, q, wrench, point, tuple(notes))
+
+
+def _refuse_unclear_states(columns: Columns) -> None:
+    """Refuse states that are both "loaded" and "after": the load may be off again in the latter."""
+    state = columns.get(Slot("state"))
+    if state is None:
+        return
+    texts = {squeeze(text): text for text in columns.table.texts(state.index)}
+    if {*STATES["after"]} <= {*texts}:
+        both = " and ".join(repr(texts[word][:80]) for word in STATES["after"])
+        problem = f"expected one word for loaded rows, got {both}; write unloaded or loaded in every row"
+        raise columns.table.header_error(problem, state.name)
 
 
 def _taken_off(columns: Columns) -> Mask | None:

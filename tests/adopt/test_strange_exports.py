@@ -361,6 +361,20 @@ def test_what_x_and_dx_are_is_said_as_a_guess(tmp_path):
     assert said["before_x"] == "every row is loaded: X is taken as unloaded, and dX as loaded minus unloaded"
 
 
+def test_after_beside_loaded_is_refused_as_it_may_be_unloaded_again(tmp_path):
+    rows = [
+        [NAMES[k], f"P{m + 1}", state, *numbers(Q[k]), *numbers(X[k, m] + loaded * DOWN)]
+        for k in range(N)
+        for state, loaded in (("before", 0), ("loaded", 1), ("after", 0))
+        for m in range(3)
+    ]
+    (file := tmp_path / "export.csv").write_text(table(["Pose", "Target", "State", *DEG, *MM], rows))
+    with pytest.raises(
+        InputError, match="State: expected one word for loaded rows, got 'after' and 'loaded'"
+    ):
+        pairs(file)
+
+
 def test_our_own_names_beside_dx_ask_for_a_map(tmp_path):
     text = both("{}_mm", "d{}_mm", moved=True, load=("mass_kg", "100"))
     text = text.replace("Target", "marker").replace("A", "joint_").replace(" [deg]", "_deg")
