@@ -52,7 +52,7 @@ def share(value: float, trials: str) -> str:
 
 
 def ratio(value: float, *beside: float) -> str:
-    """Write a ratio in two or three digits: 1.04, 1.7, 8.6, 21, 1,300.
+    """Write a ratio in two or three digits: 1.04, 1.7, 8.6, 21, 1,300; in more from 1 to 1.005.
 
     Args:
         value: The ratio [1].
@@ -62,12 +62,11 @@ def ratio(value: float, *beside: float) -> str:
         The number.
     """
     least = min(value, *beside, value)
-    return f"{value:,.{2 if least < 1.1 else 1 if least < 9.95 else 0}f}"
+    decimals = 2 if least < 1.1 else 1 if least < 9.95 else 0
+    return f"{value:,.{3 if 1 < least < 1.005 else decimals}f}"
 
 
-MAX_TIES = (
-    2  #: Models that a verdict names because they tie with ours: of more, the first and how many others.
-)
+MAX_TIES = 2  #: Most models that a verdict names because they tie: of more, one and a count.
 MIN_PAIRS = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.
 ROUNDING_RATIO = 1000.0  #: Errors below the largest one over this are rounding.

@@ -222,3 +222,9 @@ def test_the_words_are_one_short_sentence_that_begins_with_the_verdict(own):
     assert own.words.lower().startswith(own.verdict)
     [one] = sentences(own.words)
     assert len(one.split()) <= MOST_WORDS + 12  # two names in words, and the trials with their interval
+
+
+def test_an_interval_that_holds_does_not_begin_at_one():
+    """1.003 to 1.710, not 1.00 to 1.71: a verdict holds only above one."""
+    made = Badge("MGCO56", "Joints", 1.26, (1.0031, 1.7099), 8, "holds")
+    assert "95 % interval 1.003 to 1.710" in made.words
