@@ -149,7 +149,7 @@ def test_layers_are_where_the_page_has_them_and_what_was_lost_is_left_out(chunks
         known = np.isfinite(arrows.at[SHOWN[rank]]).all(axis=1)
         assert np.array(start) == pytest.approx(arrows.at[SHOWN[rank]][known], abs=1e-6)
         assert np.array(start) + np.array(way) == pytest.approx(arrows.to[SHOWN[rank]][known], abs=1e-6)
-    [strips] = columns(chunks, "/world/runs/path_asked")["LineStrips3D:strips"]
+    [strips] = columns(chunks, "/world/runs/intended_path")["LineStrips3D:strips"]
     assert np.array(strips) == pytest.approx(np.stack([lines.at[0], lines.to[0]], axis=1), abs=1e-6)
     names = columns(chunks, "/world/runs/target_as_read_names")
     assert names["Points3D:labels"][0] == ["P1", "P3"]
