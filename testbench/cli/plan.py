@@ -13,7 +13,7 @@ from testbench.model.load import weight
 from testbench.report import terminal
 from testbench.report.badge import ratio
 from testbench.report.markdown import Markdown, capital, listed
-from testbench.report.planned_poses import looks_of_plans, seen
+from testbench.report.planned_poses import looks_of_plans, poses_for_terminal, seen
 from testbench.report.report import Report, RunRequest, bullets, say, write_run
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row
@@ -36,8 +36,6 @@ from testbench.workflows.plan_settings import (
 
 COMMAND = "testbench plan"  #: As manifest.json names it.
 MAX_ROWS, WORST_TASKS = 40, 5  #: Rows of the plan that the report shows, tasks of the largest errors.
-MANY = 6  #: With more joints, pulls or gauges, a terminal of 80 columns has no decimals and no travel.
-GAUGES_IN_LINE = 3  #: Gauges of a pose in a line of a terminal; beside pulls each has its own line.
 AROUND = (
     TableColumn("name", "model"),
     TableColumn("typical_mm", "expected error, RMS", "mm", none="no bound"),
@@ -109,7 +107,9 @@ def command(asked: PlanOptions, absolute: AbsolutePlanOptions, where: PlanOutput
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
             *terminal.viewing_lines(out, absolute.given or (), arm=asked.arm),
         ]
-        terminal.print_words(console, said, [printed(said), said.tables["beside"]], lines, "in plan.md")
+        terminal.print_words(
+            console, said, [poses_for_terminal(said), said.tables["beside"]], lines, "in plan.md"
+        )
 
 
 def report(f: Row) -> Report:
@@ -181,35 +181,6 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
         "filled": Table(FILLED, f.get("filled", []), "Joint ranges without an earlier reading"),
         "candidates": Table(SINGLE, f.refused, "Candidate poses: feasible, drawn, and refused by reason"),
     }
-
-
-def printed(said: Report) -> Table:
-    """Shorten the poses for a terminal: joints in one cell; no decimals if a table is wide."""
-    table, f = said.tables["poses"], Row(said.numbers)
-    many = len(f.joints) > MANY or bool(f.pulls_n) or bool(f.get("gauges"))
-    way = many and not f.get("gauges")
-    left = {"expected_deflection_mm", "travel_mm", "way" * (not way), "travel_deg" * many}
-    first, *others = (c for c in table.columns if c.key not in left and not c.key.startswith("q_shown"))
-    own = [replace(c, exact=True, heading="error") if c.key == "error_there_mm" else c for c in others]
-    units = ", ".join(dict.fromkeys(f.units))
-    joints = TableColumn("q_told", f"q1 to q{len(f.joints)}", units, short=f"q1 to q{len(f.joints)}\n{units}")
-    form, column = "5.0f" if many else "6.1f", TableColumn("q_shown", "")
-    rows = [
-        Row(
-            row,  # type: ignore[call-overload]
-            q_told=" ".join(format(q, form) for q in column.value(row)),
-            gauges=_in_lines(row.get("gauges", ""), 1 if f.pulls_n else GAUGES_IN_LINE),  # type: ignore[attr-defined]
-        )
-        for row in table.rows
-    ]
-    return replace(table, columns=(first, joints, *own), rows=rows, title="")
-
-
-def _in_lines(gauges: str, count: int) -> str:
-    """Break the gauges of a pose into lines of so many."""
-    names = gauges.split()
-    lines = [names[k : k + count] for k in range(0, len(names), count)]
-    return "\n".join(map(" ".join, lines))
 
 
 def _warnings(f: Row) -> Iterator[Markdown]:

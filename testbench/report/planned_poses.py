@@ -1,4 +1,4 @@
-"""Pictures of planned poses: the arm, loads, lines of sight, expected errors."""
+"""Planned poses: pictures of arm, loads, lines of sight and expected errors; their table in a terminal."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from testbench.plant.shapes import rigid_frames
 from testbench.plant.tracker import PlaneProbe
 from testbench.report.colours import GREY, MEASURED, NOMINAL, TASK, Look
 from testbench.report.colours import look as look_of
+from testbench.report.report import Report
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -30,6 +31,7 @@ from testbench.report.scene import (
     trackers,
     workspace,
 )
+from testbench.report.schema import Table, TableColumn
 from testbench.runs.rows import Row
 from testbench.workflows.absolute_campaign import names_of, unit_normal
 from testbench.workflows.campaign_flags import Mounted
@@ -47,6 +49,8 @@ ORDER, UNSCALED = (
 )
 SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
 NOWHERE = "no bound"
+MANY = 6  #: With more joints, pulls or gauges, a terminal of 80 columns has no decimals and no travel.
+GAUGES_IN_LINE = 3  #: Gauges of a pose in a line of a terminal; beside pulls each has its own line.
 
 
 @dataclass(frozen=True)
@@ -264,3 +268,39 @@ def _map(error_places: ErrorPlaces, group: int, when: str) -> PlaceMap:
     without = NOWHERE if any(map(error_places.unbounded, looks)) else ""
     title = f"Expected error over the workspace, {when} (mm)"
     return PlaceMap(title, group, np.array(error_places.position_m), lines, "Expected errors", without)
+
+
+def poses_for_terminal(said: Report) -> Table:
+    """Shorten the table of poses for a terminal: joints in one cell; no decimals if it is wide.
+
+    Args:
+        said: The report of a plan.
+
+    Returns:
+        The table.
+    """
+    table, f = said.tables["poses"], Row(said.numbers)
+    many = len(f.joints) > MANY or bool(f.pulls_n) or bool(f.get("gauges"))
+    way = many and not f.get("gauges")
+    left = {"expected_deflection_mm", "travel_mm", "way" * (not way), "travel_deg" * many}
+    first, *others = (c for c in table.columns if c.key not in left and not c.key.startswith("q_shown"))
+    own = [replace(c, exact=True, heading="error") if c.key == "error_there_mm" else c for c in others]
+    units = ", ".join(dict.fromkeys(f.units))
+    joints = TableColumn("q_told", f"q1 to q{len(f.joints)}", units, short=f"q1 to q{len(f.joints)}\n{units}")
+    form, column = "5.0f" if many else "6.1f", TableColumn("q_shown", "")
+    rows = [
+        Row(
+            row,  # type: ignore[call-overload]
+            q_told=" ".join(format(q, form) for q in column.value(row)),
+            gauges=_in_lines(row.get("gauges", ""), 1 if f.pulls_n else GAUGES_IN_LINE),  # type: ignore[attr-defined]
+        )
+        for row in table.rows
+    ]
+    return replace(table, columns=(first, joints, *own), rows=rows, title="")
+
+
+def _in_lines(gauges: str, count: int) -> str:
+    """Break the gauges of a pose into lines of so many."""
+    names = gauges.split()
+    lines = [names[k : k + count] for k in range(0, len(names), count)]
+    return "\n".join(map(" ".join, lines))

@@ -10,11 +10,11 @@ from reports import check
 from rich.console import Console
 
 from testbench.arm.folder import ArmJoint
-from testbench.cli.plan import WORST_TASKS, printed, report
+from testbench.cli.plan import WORST_TASKS, report
 from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
 from testbench.report import terminal
-from testbench.report.planned_poses import OURS, WORK, seen
+from testbench.report.planned_poses import OURS, WORK, poses_for_terminal, seen
 from testbench.report.table import Row
 from testbench.workflows.plan import Planned, plan_for
 from testbench.workflows.plan_input import FORCE_COLUMNS, read_loads, read_tasks
@@ -84,15 +84,17 @@ def test_a_report_says_all_of_it_and_the_terminal_has_room(f):
     assert page.startswith(f"# Plan\n\n{title}\n\n")
     console = Console(width=80)
     free = console.options.update(width=800)  # else the console's width is the most it measures
-    assert console.measure(terminal.grid(printed(said)), options=free).maximum <= 80
+    assert console.measure(terminal.grid(poses_for_terminal(said)), options=free).maximum <= 80
     weights = [Row(row, load="460 kg") for row in f.plan]
-    hung_ = printed(report(changed(f, pulls_n=(), plan=weights)))
+    hung_ = poses_for_terminal(report(changed(f, pulls_n=(), plan=weights)))
     assert console.measure(terminal.grid(hung_), options=free).maximum <= 80
-    assert [c.key in [own.key for own in printed(said).columns] for c in hung_.columns].count(False) == 1
+    assert [c.key in [own.key for own in poses_for_terminal(said).columns] for c in hung_.columns].count(
+        False
+    ) == 1
     six = "P1:x P2:y P3:z P1:z P2:z P3:y"
     read = changed(f, gauges=6, gauge_um=5.0, plan=[Row(row, gauges=six) for row in f.plan])
     for own in (read, changed(read, pulls_n=(), plan=[Row(row, load="460 kg") for row in read.plan])):
-        gauged = printed(report(own))
+        gauged = poses_for_terminal(report(own))
         assert console.measure(terminal.grid(gauged), options=free).maximum <= 80
         assert gauged.columns[-1].cell(gauged.rows[0]).split() == six.split()
     worst = sorted(f.tasks, key=lambda row: -row.expected_error_mm)[:WORST_TASKS]
