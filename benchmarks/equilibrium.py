@@ -16,9 +16,9 @@ from testbench.plant.equilibrium import (
     STEP_TOLERANCE,
     ArmEquilibrium,
     evaluate,
-    fixed_configurations,
     open_copies,
     solve_equilibrium,
+    undeflected_configurations,
 )
 from testbench.workflows.cell import Cell, build_cell
 
@@ -93,7 +93,7 @@ def two_threads(arm: Cell, q: Array) -> list[Row]:
 
     batch, row = Batch(arm.plant.model, len(q), nthread=2), open_copies(arm.plant)
     batch.bind("qfrc_bias")
-    batch.bind("qpos")[:] = held = fixed_configurations(arm.plant, q)
+    batch.bind("qpos")[:] = held = undeflected_configurations(arm.plant, q)
     with ThreadPoolExecutor(2) as pool:
         one, two, theirs, ours = interleave(
             9,

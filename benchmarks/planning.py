@@ -47,7 +47,7 @@ def try_everything(problem: DesignProblem, criterion: Criterion, start: Ids) -> 
     for _ in range(SWEEPS):
         before = value
         for k in range(len(plan)):
-            reached = criterion.after(information(problem, np.delete(plan, k)), problem.rows)
+            reached = criterion.with_candidate(information(problem, np.delete(plan, k)), problem.rows)
             if reached.max() > (1 + MIN_GAIN) * value:
                 plan[k], value = int(reached.argmax()), float(reached.max())
         if value == before:

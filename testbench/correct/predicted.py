@@ -543,8 +543,8 @@ def tangents(position: Array, acts: Mask) -> Array:
     """Compute the unit tangent of a path at every point; zero where the path defines none.
 
     The tangent is halfway between the directions to and from a point. Where the tool waits, the nearest
-    points that differ count. A cut ends where its force does: path segments that lead into it and out of it
-    do not count there.
+    points that differ count. At points with a force, only segments count whose two ends both carry a force:
+    approach and retract do not tilt the tangent. If there is no such segment, all count.
 
     Args:
         position: Points of the path, (points, 3) [m].

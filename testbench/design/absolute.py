@@ -187,7 +187,7 @@ def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
     return np.column_stack([np.zeros_like(A[:, :first]), arm]).reshape(rows.shape)
 
 
-def realignment_loss(setup: AbsoluteSetup, rows: Array) -> float:
+def prior_error_after_alignment(setup: AbsoluteSetup, rows: Array) -> float:
     """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
 
     Args:

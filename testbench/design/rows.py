@@ -215,11 +215,12 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
 
     Args:
         experiment: Units of the prior.
-        rows: Whitened rows per unit of x, (candidates, k, n) [1].
+        rows: Whitened rows per unit of x, k of each candidate, (candidates, k, n) [1].
         uncertainty: Relative uncertainty of the prior [1]; None for no prior.
 
     Returns:
-        The candidates in coordinates a, (candidates, k, r).
+        The problem in coordinates a of the r directions of x that the candidates show: rows of the
+        candidates, (candidates, k, r), the prior's information on a, (r, r), and how x follows from a.
 
     Raises:
         BenchError: When no candidate moves a target.

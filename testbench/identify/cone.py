@@ -94,7 +94,7 @@ def solve(problem: ConeProgram, *, tolerance: float = TOLERANCE) -> Solution:
     Returns:
         The last iterate, its duals and status.
     """
-    return solved(build_solver(problem, settings(tolerance)), problem)
+    return run_solver(build_solver(problem, settings(tolerance)), problem)
 
 
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
@@ -107,8 +107,10 @@ def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
     Returns:
         One block per matrix.
     """
-    ends = first + np.cumsum([triangle(size) for size in sizes])
-    return tuple(Block(np.arange(k - triangle(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True))
+    ends = first + np.cumsum([triangle_size(size) for size in sizes])
+    return tuple(
+        Block(np.arange(k - triangle_size(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True)
+    )
 
 
 def free_block(first: int, count: int) -> Block:
@@ -134,7 +136,7 @@ def norm_below(column: int, R: Array, z: Array) -> ConeRows:
     return ConeRows("second order", np.vstack([head, R]), np.r_[0.0, z])
 
 
-def triangle(size: int) -> int:
+def triangle_size(size: int) -> int:
     """Count the entries of the upper triangle of a matrix of some order."""
     return size * (size + 1) // 2
 
@@ -225,9 +227,9 @@ def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
 @lru_cache(maxsize=64)
 def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
     """Find the places, (blocks, entries), of the blocks of each order in the svec of all blocks."""
-    ends = np.cumsum([triangle(n) for n in sizes])
+    ends = np.cumsum([triangle_size(n) for n in sizes])
     return [
-        np.array([np.arange(e - triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
+        np.array([np.arange(e - triangle_size(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
         for size in dict.fromkeys(sizes)
     ]
 
@@ -261,7 +263,7 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
     n, rows = len(problem.cost), list(problem.rows)
     for block in problem.blocks:
         if block.size:
-            A = np.zeros((triangle(block.size), n))
+            A = np.zeros((triangle_size(block.size), n))
             A[:, block.at] = -np.eye(len(A)) if block.svec is None else -block.svec
             rows.append(ConeRows("psd", A, np.zeros(len(A))))
     P = np.zeros(n) if problem.quadratic is None else problem.quadratic
@@ -275,7 +277,7 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
     )
 
 
-def solved(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
+def run_solver(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
     """Run Clarabel and collect its solution.
 
     Args:
@@ -283,10 +285,10 @@ def solved(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
         problem: The same program.
 
     Returns:
-        Unknowns, duals and status.
+        The solution: unknowns, (n,), a dual for every cone, cost, lower bound, status and time [s].
     """
     result = solver.solve()
-    sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
+    sizes = [len(row.b) for row in problem.rows] + [triangle_size(b.size) for b in problem.blocks if b.size]
     ends = np.cumsum(sizes)[:-1]
     return Solution(
         x=np.array(result.x),

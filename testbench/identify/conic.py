@@ -587,6 +587,6 @@ def psd_entries(s: Structure, block: Ids) -> tuple[Ids, Array]:
     position[block] = np.arange(len(block))
     k = np.flatnonzero(position[s.a] >= 0)
     i, j = np.sort([position[s.a[k]], position[s.b[k]]], axis=0)
-    svec = np.zeros((cone.triangle(len(block)), len(k)))
+    svec = np.zeros((cone.triangle_size(len(block)), len(k)))
     svec[j * (j + 1) // 2 + i, np.arange(len(k))] = np.where(i == j, 1.0, math.sqrt(2))
     return k, svec

@@ -62,13 +62,20 @@ class Hyperprior:
     density: Callable[[Array], tuple[Array, Array, Array]]
 
 
-def normal_density(z: Array) -> tuple[Array, Array, Array]:
+def normal_neg_log_density(z: Array) -> tuple[Array, Array, Array]:
     """Compute -log of the standard normal density without its constant, and its first two derivatives."""
     return z**2 / 2, z, np.ones_like(z)
 
 
-def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of Student's density with `STUDENT_DOF`, without its constant, and its two derivatives."""
+def student_neg_log_density(z: Array) -> tuple[Array, Array, Array]:
+    """Compute -log of Student's density with `STUDENT_DOF` degrees of freedom, without its constant.
+
+    Args:
+        z: Where, (k,) [1].
+
+    Returns:
+        It, and its first and second derivatives with respect to z, (k,) each.
+    """
     over = STUDENT_DOF + z**2
     return (
         (STUDENT_DOF + 1) / 2 * np.log(over / STUDENT_DOF),
@@ -450,7 +457,9 @@ def _priors(kind: Ids, m: int, tied: bool, laws: SizePriors) -> tuple[Hyperprior
         np.full(len(tie), math.log(JOINT_COUPLING_PRIOR[0]) / JOINT_COUPLING_PRIOR[1]),
     ]
     scales = (unit[:K] - unit[K + kind]) / STUDENT_SCALE
-    return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
+    return Hyperprior(rows, medians, normal_neg_log_density), Hyperprior(
+        scales, np.zeros(K), student_neg_log_density
+    )
 
 
 def _law_sizes(scaling: PriorScaling) -> SizePriors:
@@ -560,7 +569,7 @@ def log_evidence_alone(regression: Regression, scaling: PriorScaling) -> tuple[f
         log_deviation_rows=np.zeros((n, 1)),
         expected=np.zeros(n),
         log_scale_rows=np.zeros((n, 1)),
-        priors=(Hyperprior(np.array([[1 / MISFIT_DEVIATION]]), np.zeros(1), normal_density),),
+        priors=(Hyperprior(np.array([[1 / MISFIT_DEVIATION]]), np.zeros(1), normal_neg_log_density),),
         bounds=np.array([[0.0], [MAX_MISFIT]]),
     )
     h = maximise_evidence(problem, np.zeros(1))
@@ -645,7 +654,9 @@ def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float
     start, kind = best.copy(), model.n_scales + model.kind[k]
     start[k] = best[kind] + size
     h = maximise_evidence(model.problem, start, fixed=k)
-    penalty, penalty_before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))
+    penalty, penalty_before = (
+        float(student_neg_log_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best)
+    )
     return (
         evidence_posterior(model.problem, h).loss
         - evidence_posterior(model.problem, best).loss

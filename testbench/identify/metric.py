@@ -194,7 +194,7 @@ class PriorScaling:
         Returns:
             Exponent of every scale in that of an entry, (n, K) [1]; kind and name of every scale, K each.
         """
-        owner = np.repeat(np.arange(len(self.sizes)), [cone.triangle(n) for n in self.sizes])
+        owner = np.repeat(np.arange(len(self.sizes)), [cone.triangle_size(n) for n in self.sizes])
         row, column = self.structure.triangles
         first = np.array([block[0] for block in self.structure.blocks])
         tied = (self.kinds == 1) & (np.array(self.sizes) > 1)
@@ -239,7 +239,7 @@ class PriorScaling:
         Returns:
             One symmetric matrix per block.
         """
-        ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
+        ends = np.cumsum([cone.triangle_size(n) for n in self.sizes])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def project(self, x: Array) -> Array:
@@ -367,7 +367,7 @@ def precision_root(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tupl
     if uncertainty.joint_coupling is not None:
         d[scaling.joint_couplings] = uncertainty.joint_coupling
     if uncertainty.block_factors is not None:
-        d = d * np.repeat(uncertainty.block_factors, [cone.triangle(n) for n in scaling.sizes])
+        d = d * np.repeat(uncertainty.block_factors, [cone.triangle_size(n) for n in scaling.sizes])
     e = scaling.expected / d
     size = np.linalg.norm(e)
     e, along = e / size, 1 / np.hypot(1, size * uncertainty.scale)

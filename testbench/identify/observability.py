@@ -239,11 +239,11 @@ def undetermined_quantities(
         L: Root of the prior's covariance L L^T, (size, size).
         M: Information of the readings in units of the prior, L^T A^T A L, (size, size).
         structural: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
-        further: Information that further readings would add: one joint turned after the other, then all of
-            them.
+        further: Information that further readings would add, in units of the prior, (size, size) each: one
+            matrix for every joint turned alone, the last one for all joints.
 
     Returns:
-        The quantities; of those that compensate each other the most uncertain.
+        The undetermined quantities; of a group that compensate each other, only the most uncertain one.
     """
     H = np.vstack([quantity.H for quantity in quantities]) @ L
     ends = np.cumsum([len(quantity.H) for quantity in quantities])

@@ -299,13 +299,14 @@ class TriangularFactors:
         self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
 
     def add_readings(self, A: Array, kinds: Ids, parts: Ids, *, drop_zeros: bool = False) -> None:
-        """Add whitened rows of some runs.
+        """Update the triangular factors of every kind and part with whitened rows of some runs.
 
         Args:
-            A: Whitened [A | y], (s, 3, columns, runs) [1].
+            A: Whitened [A | y] of s readings per run, three components each, (s, 3, columns, runs) [1].
             kinds: Kind of every reading, (s, runs); -1 for lost ones.
             parts: Part of every run, (runs,).
-            drop_zeros: Whether rows of zeros are no equations, as those of readings along lines are.
+            drop_zeros: Whether to leave out rows of zeros, so that they do not count as equations; a reading
+                along a line fills its unused components with zeros.
         """
         lines = A.transpose(2, 1, 0, 3)
         for part in np.unique(parts).tolist():
@@ -368,7 +369,10 @@ class TriangularFactors:
 
 @dataclass(frozen=True)
 class PartitionedRegression:
-    """Hold the reduced equations of a structure on a dataset, part by part."""
+    """Hold the equations of a structure on a dataset, reduced by QR part by part.
+
+    A part is a group of runs that can be held out together; each kind of reading has its own factor.
+    """
 
     structure: Structure  #: The unknowns, n of them.
     factors: TriangularFactors  #: Factors of these unknowns or more, readings last [sqrt(2) sigma].

@@ -43,7 +43,7 @@ FOLDS = 8
 """Largest number of parts into which the poses, and the loads, are divided; fewer poses make fewer folds."""
 CLEAR_STANDARD_ERRORS = 2.0
 """Standard errors of the paired difference by which a model must be better to replace the first one."""
-LEVEL_DIGITS = 1
+LOAD_LEVEL_DECIMALS = 1
 """Decimals to which forces [N] and moments [N m] are rounded to tell load levels apart."""
 
 
@@ -82,11 +82,11 @@ class Candidate:
 def divide_poses(data: Dataset) -> Ids:
     """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load), (runs,).
 
-    Two loads are of one level if their forces and their moments are equal in length, to `LEVEL_DIGITS`. Runs
-    without a reading are of part -1.
+    Two loads are of one level if their forces and their moments are equal in length, to
+    `LOAD_LEVEL_DECIMALS`. Runs without a reading are of part -1.
     """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
-    force, moment = (np.unique(sizes, return_inverse=True)[1] for sizes in level.round(LEVEL_DIGITS).T)
+    force, moment = (np.unique(sizes, return_inverse=True)[1] for sizes in level.round(LOAD_LEVEL_DECIMALS).T)
     load = np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS
     part = np.unique(data.pose, return_inverse=True)[1] % FOLDS * FOLDS + load
     return np.where(data.seen.any(axis=1), part, -1)
@@ -168,7 +168,7 @@ class Comparison:
     standard_error: float  #: Standard error of this difference over folds [1].
 
 
-def prefer_first(candidates: Sequence[Candidate], first: str) -> Comparison:
+def keep_first_unless_beaten(candidates: Sequence[Candidate], first: str) -> Comparison:
     """Select the first model unless another's held-out error is `CLEAR_STANDARD_ERRORS` standard errors less.
 
     Args:

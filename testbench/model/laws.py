@@ -286,7 +286,7 @@ class JointLaws:
         return every if self.compensator is None else np.append(every, 1)
 
     def load(self, chain: Chain, u: Array) -> Array:
-        """Compute the turn of every law per unit of its size.
+        """Compute by how much every law turns its joint under the load, per unit of the law's size.
 
         Mathematics: `law-1`, `law-6`.
 

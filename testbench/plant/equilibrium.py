@@ -391,7 +391,7 @@ def solve_equilibrium(
             part: Runs of the batch.
             row: Copies of the arm, one per run.
         """
-        held, C = fixed_configurations(plant, true_q[part]), plant.compliance(q[part])
+        held, C = undeflected_configurations(plant, true_q[part]), plant.compliance(q[part])
         poses = Batch(plant, held, wrench[part], point[part], C, law and law.select(part))
         if changes.compensator is not None:
             state = evaluate(row, poses.q_fixed, hinged_bodies(plant))
@@ -453,7 +453,7 @@ def solve_in_batches(
     )
 
 
-def fixed_configurations(plant: Plant, q: Array) -> Array:
+def undeflected_configurations(plant: Plant, q: Array) -> Array:
     """Make configurations with the actuated joints at q and theta = 0.
 
     Args:
@@ -628,7 +628,7 @@ def _linear_equilibrium(
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few truths are linear
 
     tool, markers = plant.tool, plant.markers.tolist()
-    state = evaluate(row, fixed_configurations(plant, q), {tool, *markers})
+    state = evaluate(row, undeflected_configurations(plant, q), {tool, *markers})
     at = point_position(state, tool, point)
     theta = np.matvec(plant.compliance(q), generalised_force(plant, state, tool, wrench, at))
     places = [state.position[body] + body_motion(plant, state, body, theta)[0] for body in (*markers, tool)]

@@ -120,7 +120,7 @@ class Payload:
             if not 0 < value < math.inf:
                 raise BenchError(f"{name} of the payload: expected a finite number above 0, got {value}")
         check_least(self.clearance, "clearance [m] of the payload")
-        shortest = self.upper_end + 2 * SLING_RADIUS
+        shortest = self.sling_start + 2 * SLING_RADIUS
         if not shortest < self.sling < math.inf:
             raise BenchError(
                 f"sling [m] of the payload: expected more than {shortest:.4g} (shackle, clearance), "
@@ -133,7 +133,7 @@ class Payload:
         return float(np.cbrt(4 * self.mass / (np.pi * self.density)))
 
     @property
-    def upper_end(self) -> float:
+    def sling_start(self) -> float:
         """Return the start of the sling below the load point [m]: the tool around it is no obstacle."""
         return SHACKLE_LENGTH + self.clearance
 
@@ -237,7 +237,7 @@ def _hang_payload(root: ET.Element, name: str, payload: Payload) -> None:
     The body has slides, though it is placed explicitly: in MuJoCo two bodies without joints never collide,
     not even if one is a mocap body; and base and floor have none.
     """
-    half, rope, top = payload.diameter / 2, (payload.sling - payload.upper_end) / 2, payload.upper_end
+    half, rope, top = payload.diameter / 2, (payload.sling - payload.sling_start) / 2, payload.sling_start
     slides = "".join(f'<joint type="slide" axis="{x}" limited="false"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
     _add_body(
         root,

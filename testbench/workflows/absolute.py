@@ -29,7 +29,7 @@ from testbench.identify.absolute.align import (
 from testbench.identify.absolute.choose import MassFit, fit_weights
 from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate, check_row_order
 from testbench.identify.absolute.posterior import (
-    FURTHER_ROWS,
+    POSES_PER_TURNED_JOINT,
     AddedInformation,
     StructuralDirections,
     inside_ellipsoid,
@@ -560,7 +560,7 @@ def _advice(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str
     if hidden_quantity.joint_to_turn is None:
         return ""
     if hidden_quantity.joint_to_turn < 0:
-        return f": {FURTHER_ROWS} more poses hardly help; another load may help"
+        return f": {POSES_PER_TURNED_JOINT} more poses hardly help; another load may help"
     return (
         f": turn {joints[hidden_quantity.joint_to_turn]} more"
         if hidden_quantity.joint_to_turn < len(joints)

@@ -27,7 +27,14 @@ from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.method import Method, completed_least_squares, gco, least_squares, with_prior
 from testbench.identify.metric import Prior, PriorUncertainty, cad_prior, perturbed
 from testbench.identify.regression import PartitionedRegression, f_m, non_redundant, reduce, reduce_parts
-from testbench.identify.trace import Candidate, Comparison, Fold, divide_poses, folds, prefer_first
+from testbench.identify.trace import (
+    Candidate,
+    Comparison,
+    Fold,
+    divide_poses,
+    folds,
+    keep_first_unless_beaten,
+)
 from testbench.model.laws import with_joint_couplings, with_laws
 from testbench.model.structure import (
     FULL,
@@ -484,7 +491,7 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
     rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
-    duel = prefer_first(rivals, first.name)
+    duel = keep_first_unless_beaten(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name, default), every)
 
 

@@ -417,7 +417,9 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
     union = union_after(given, settings)
     wanted = absolute.position_rows(union, workspace_poses(cell, settings)[:FURTHER_CANDIDATES])
     left = absolute.without_frame_and_mount(union, wanted)
-    return absolute.realignment_loss(union, wanted), best_of(union, search(cell, settings).q, left)[1]
+    return absolute.prior_error_after_alignment(union, wanted), best_of(
+        union, search(cell, settings).q, left
+    )[1]
 
 
 def best_of(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple[list[int], float]:

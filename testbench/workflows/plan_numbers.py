@@ -367,7 +367,9 @@ def _absolute(made: AbsolutePlanned) -> Row:
         unknowns=_counts(made),
         beyond_mm=MM * float(np.sqrt(np.square(absolute.unmodelled_joint_error(union, q)).mean())),
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
-        before_mm=None if made.given is None else MM * absolute.realignment_loss(union, made.wanted),
+        before_mm=None
+        if made.given is None
+        else MM * absolute.prior_error_after_alignment(union, made.wanted),
         filled=[] if made.given is None else list(joint_coverage(arm, made.given.series, plan.q)),
         plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
         scale=scale,

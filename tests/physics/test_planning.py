@@ -486,7 +486,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
     np.testing.assert_allclose(left.reshape(A.shape) @ x, b - A[:, :first] @ fitted, atol=1e-8 * abs(b).max())
     error = error_after(absolute.candidate_set(own, places[:40], 40).problem, left)
     errors = [error(np.arange(k)) for k in (0, 5, 10, 20, 40)]
-    assert errors[0] == pytest.approx(absolute.realignment_loss(own, rows), rel=1e-6)
+    assert errors[0] == pytest.approx(absolute.prior_error_after_alignment(own, rows), rel=1e-6)
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] < 0.9 * errors[0]
 

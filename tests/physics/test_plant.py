@@ -30,7 +30,6 @@ from testbench.plant.disturbance import (
 from testbench.plant.equilibrium import (
     correct_for_strut,
     evaluate,
-    fixed_configurations,
     hinged_bodies,
     open_copies,
     solve_equilibrium,
@@ -38,6 +37,7 @@ from testbench.plant.equilibrium import (
     solve_unloaded_and_loaded,
     strut,
     strut_force,
+    undeflected_configurations,
 )
 from testbench.plant.true_arms import disturb, exactly_loaded
 
@@ -199,7 +199,7 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
         open_copies(kr500.plant),
     )
     k = spring.rate if stiffness is None else stiffness
-    qpos = fixed_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
+    qpos = undeflected_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
     compensator = strut(spring, plant, evaluate(row, qpos, hinged_bodies(plant)))
     (held, g), step = strut_length(plant, spring, qpos), rng.standard_normal(qpos.shape)
     (eased,) = correct_for_strut(compensator, step, np.arange(1))

@@ -52,7 +52,7 @@ from testbench.identify.posterior import (
 )
 from testbench.identify.regression import f_m, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
-from testbench.identify.trace import FOLDS, Candidate, divide_poses, prefer_first
+from testbench.identify.trace import FOLDS, Candidate, divide_poses, keep_first_unless_beaten
 from testbench.model.laws import with_joint_couplings, with_laws, without_joint_couplings
 from testbench.model.load import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
@@ -148,9 +148,9 @@ def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
     first, noise = Candidate("first", hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
     alike = Candidate("alike", hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
     better, best = (Candidate(f"less by {d}", hard - d + noise) for d in (0.15, 0.3))
-    assert prefer_first([first, alike], "first").name == "first"
-    assert prefer_first([alike, first], "alike").name == "alike"
-    duel = prefer_first([first, alike, better, best], "first")
+    assert keep_first_unless_beaten([first, alike], "first").name == "first"
+    assert keep_first_unless_beaten([alike, first], "alike").name == "alike"
+    duel = keep_first_unless_beaten([first, alike, better, best], "first")
     assert (duel.name, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
     assert duel.standard_error == pytest.approx(np.std(noise, ddof=1) / np.sqrt(6))
 

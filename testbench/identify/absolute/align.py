@@ -193,15 +193,15 @@ def residuals(state: ArmState, series: Series) -> Array:
 
 
 def robust_weights(state: ArmState, series: Series, noise: Noise) -> Array:
-    """Compute the robust weight of every reading from its own residual.
+    """Compute the robust weight of every reading from its own whitened residual.
 
     Args:
-        state: The model.
+        state: State of the arm, which predicts the readings.
         series: The readings.
         noise: Their noise.
 
     Returns:
-        Weights, (s, rows) [1].
+        Weights from 0 to 1 of s readings per row, (s, rows) [1].
     """
     return robust_whitening(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 

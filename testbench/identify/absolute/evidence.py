@@ -35,7 +35,7 @@ from testbench.identify.hierarchy import (
     NormalSolution,
     maximise_evidence,
     solve_normal_equations,
-    student_density,
+    student_neg_log_density,
 )
 from testbench.identify.metric import (
     PriorScaling,
@@ -354,7 +354,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
     neighbours = np.concatenate([band[1:] - band[:-1] for band in bands]) / STUDENT_SCALE
     return (
         Hyperprior(np.eye(m), np.log(usual_), pseudo_observations),
-        Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),
+        Hyperprior(neighbours, np.zeros(len(neighbours)), student_neg_log_density),
     )
 
 

@@ -222,7 +222,7 @@ def _noise(model: ArmModel) -> Noise:
     return model.noise
 
 
-FURTHER_ROWS = 40
+POSES_PER_TURNED_JOINT = 40
 """Further rows in which a joint is turned."""
 EQUATIONS_PER_UNKNOWN = 2
 """Equations of poses in the whole joint space, over the number of unknowns [1]."""
@@ -274,7 +274,7 @@ def further_information(
     def turned(j: int) -> Array:
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
-            count = min(readings.rows, -(-FURTHER_ROWS // len(series)))
+            count = min(readings.rows, -(-POSES_PER_TURNED_JOINT // len(series)))
             rows = select_evenly(np.arange(readings.rows), count)
             q = readings.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count

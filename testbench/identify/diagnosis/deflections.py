@@ -286,9 +286,9 @@ LoadHypotheses = Sequence[Hypothesis[LoadedRuns]]
 
 
 def load_issues(loads: LoadedRuns, every: LoadHypotheses, runs: LoadHypotheses) -> list[Issue]:
-    """Find the mistakes of loads and deflections that make the readings fit the prior best.
+    """Find the mistakes of loads and deflections whose correction makes the readings fit the prior best.
 
-    When gravity plainly comes from another side, the mounting is the only issue. Otherwise, single wrong runs
+    If gravity plainly acts in another direction, the mounting is the only issue. Otherwise, single wrong runs
     that make all others look noisy are left out first. Mistakes with a size are then tested by the score
     test; the others are undone and fitted again.
 
