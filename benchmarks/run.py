@@ -54,7 +54,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijklmno",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "".join(BENCHMARKS),
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""
