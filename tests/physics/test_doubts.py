@@ -265,7 +265,7 @@ def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
     seen = Observations(vjm, q, vjm.markers, read, there, arm_6r.arm.markers, ids, ids, 3e-3)
     found, _ = best_hypothesis(seen, HYPOTHESES.kinematics)
     assert found is not None
-    assert (found.name, found.where[1]) == ("link", vjm.arm.links[2].name)
+    assert (found.name, found.where) == ("link", (vjm.arm.links[2].name,))
     np.testing.assert_allclose(found.size, step, atol=1e-6)
 
 

@@ -481,7 +481,7 @@ def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tupl
 def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> tuple[Frame, Mount]:
     """Find the fixed point or plane and the targets of distances, from their stated places.
 
-    Robust least squares with the nominal arm holds the frame and named targets by their priors. The frame of
+    Robust least squares with the nominal arm holds the frame and the targets by their priors. The frame of
     a fixed point has its origin there and the base's axes; that of a plane is the base's, as it is stated.
     All faces of a block are fitted together: they are the parts, else the series alone is.
 
@@ -493,57 +493,54 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     assert series.frame_deviation is not None
     if few := underdetermined_reason(state.vjm, series):
         raise BenchError(f"{series.name}: {few}")
+    # Unknowns: steps of the frame, then of the targets, in base axes; a deviation of 0 fixes one.
     targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
-    tools = [tool_pose(state.vjm, part.q) for part in parts]
     named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
-    frame_sizes = np.array(series.frame_deviation)
-    sizes = np.r_[frame_sizes, np.full(targets.size, NOMINAL_DEVIATION if named else UNNAMED_DEVIATION)]
-    free, f = sizes > 0, len(frame_sizes)
-    stated = stated_frame(series)
+    of_target = NOMINAL_DEVIATION if named else UNNAMED_DEVIATION
+    deviation = np.r_[series.frame_deviation, np.full(targets.size, of_target)]
+    free, f = deviation > 0, len(series.frame_deviation)
+    tools = [tool_pose(state.vjm, part.q) for part in parts]
 
     def placed(steps: Array) -> tuple[Frame, Array]:
-        """Move the frame and the targets, (m, 3) [m], by steps of what is free."""
-        every = np.zeros(len(sizes))
+        """Move the stated frame and the targets, (m, 3) [m], by steps of the free unknowns."""
+        every = np.zeros(len(deviation))
         every[free] = steps
-        return moved_frame(stated, every[:f]), targets + every[f:].reshape(-1, 3)
+        return moved_frame(stated_frame(series), every[:f]), targets + every[f:].reshape(-1, 3)
 
-    def left_of(part: Series, tool: tuple[Array, Array], steps: Array) -> Array:
-        """Compute measured minus modelled distances of one part.
-
-        Args:
-            part: The readings.
-            tool: Tool positions, (rows, 3) [m], and orientations, (rows, 3, 3) [1], of its poses.
-            steps: Steps of the free unknowns, (free,) [m].
-
-        Returns:
-            Residuals, (read,) [m].
-        """
-        assert part.distance is not None
+    def errors(steps: Array) -> list[Array]:
+        """Compute measured minus modelled distances of each part, (read,) [m]."""
         frame, points = placed(steps)
-        position, rotation = tool
-        there = (position[:, None] + points @ rotation.swapaxes(1, 2)) @ frame.rotation.T + frame.translation
-        if part.normal is None:
-            modelled = np.linalg.norm(there, axis=2) + frame.zero
-        else:
-            modelled = (there - np.array(part.fixed)) @ part.normal
-        return np.asarray((part.distance - modelled)[part.seen])
+        return [_distance_errors(*own, frame, points) for own in zip(parts, tools, strict=True)]
 
-    def left(steps: Array) -> Array:
-        """Compute distances read minus modelled of all parts, (read,) [m]."""
-        return np.concatenate([left_of(*own, steps) for own in zip(parts, tools, strict=True)])
+    def whitened(steps: Array) -> Array:
+        """Compute residuals of readings and priors, (read + free,) [1]."""
+        return np.concatenate([np.concatenate(errors(steps)) / ASSUMED_NOISE, steps / deviation[free]])
 
-    def rows(steps: Array) -> Array:
-        """Compute whitened residuals and priors, (read + free,) [1]."""
-        return np.concatenate([left(steps) / ASSUMED_NOISE, steps / sizes[free]])
-
+    # Start at the stated places; the constant of a wire, behind its point, is the median of what is left.
     start = np.zeros(free.sum())
-    if series.zero_sigma:  # its place among the free steps is behind those of the point
-        start[3] = np.median(left(start))
-    steps = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
+    if series.zero_sigma:
+        start[3] = np.median(np.concatenate(errors(start)))
+    steps = least_squares(whitened, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
     frame, points = placed(steps)
-    for own in zip(parts, tools, strict=True):
-        _check_placed(state, own[0], (left_of(*own, start), left_of(*own, steps)), frame)
+    for part, before, after in zip(parts, errors(start), errors(steps), strict=True):
+        _check_placed(state, part, (before, after), frame)
     return frame, Mount(points, np.eye(3), series.markers)
+
+
+def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, points: Array) -> Array:
+    """Compute measured minus modelled distances or heights, (read,) [m].
+
+    `tool` holds tool positions, (rows, 3) [m], and orientations, (rows, 3, 3) [1], in the poses of the
+    series; `points`, (m, 3) [m], are its targets in the tool's frame.
+    """
+    assert series.distance is not None
+    position, rotation = tool
+    x = (position[:, None] + points @ rotation.swapaxes(1, 2)) @ frame.rotation.T + frame.translation
+    if series.normal is None:
+        modelled = np.linalg.norm(x, axis=2) + frame.zero
+    else:
+        modelled = (x - np.array(series.fixed)) @ series.normal
+    return np.asarray((series.distance - modelled)[series.seen])
 
 
 def stated_frame(series: Series) -> Frame:

@@ -29,6 +29,7 @@ from testbench.identify.diagnosis.kinematics import (
     HALF,
     Change,
     FittedObservations,
+    FreeParameters,
     Hypothesis,
     Issue,
     Observations,
@@ -179,13 +180,11 @@ def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Change[
     if (len(far) > 1 and bool((between.min(axis=1) < ROUGH_TARGET).all())) != exchanged:
         return
     if exchanged:
-        yield Change(("targets", *(registration.markers[k] for k in far)))
+        yield Change(tuple(registration.markers[k] for k in far))
     else:
         worst = int(far[np.argmax(off[far])])
-        yield Change(
-            ("targets", registration.markers[worst]),
-            registration.targets[worst] - registration.nominal[worst],
-        )
+        off_by = registration.targets[worst] - registration.nominal[worst]
+        yield Change((registration.markers[worst],), off_by)
 
 
 # --- Readings against the kinematics ------------------------------------------------------------------------
@@ -202,7 +201,7 @@ def _frame_words(issue: Issue, _: Arm) -> str:
     angle = float(np.linalg.norm(turn))
     words = f"are in a frame turned by {np.rad2deg(angle):.3g} deg about "
     words += f"({_vector_text(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
-    if issue.where:
+    if issue.readings is not None:
         return words
     how = "where no tracker can stand; the fitted frame is used, unless --frame states another"
     return f"the readings {words}, {how}"
@@ -217,9 +216,9 @@ def _targets(observations: Observations) -> KinematicChanges:
 
 
 def _targets_words(issue: Issue, _: Arm) -> str:
-    what, name = issue.where
+    [name] = issue.where
     off = f"{MM * np.linalg.norm(issue.size):.0f} mm from where the arm's folder has it on the tool"
-    return f"{name} is {off}" if what == "targets" else f"have {name} {off}"
+    return f"{name} is {off}" if issue.readings is None else f"have {name} {off}"
 
 
 def _mirrored(observations: Observations) -> KinematicChanges:
@@ -257,7 +256,7 @@ def _joint_zero(observations: Observations) -> KinematicChanges:
 
 
 def _joint_zero_words(issue: Issue, arm: Arm) -> str:
-    name = issue.where[-1]
+    [name] = issue.where
     ends = {arm.joints[-1].name: ", or the tool is", arm.joints[0].name: ", or the frame is turned about it"}
     return f"fit if the zero of {name} is off by {_angle_text(arm, name, issue.size[0])}{ends.get(name, '')}"
 
@@ -296,10 +295,10 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
 
 
 def _markers_words(issue: Issue, _: Arm) -> str:
-    what, *names = issue.where
-    if what == "targets":
-        return f"targets {', '.join(names)} are at each other's places: are their names exchanged?"
-    return f"fit if the names of {', '.join(names)} are exchanged"
+    names = ", ".join(issue.where)
+    if issue.readings is None:
+        return f"targets {names} are at each other's places: are their names exchanged?"
+    return f"fit if the names of {names} are exchanged"
 
 
 def _unit(observations: Observations) -> KinematicChanges:
@@ -332,8 +331,8 @@ def _order(observations: Observations) -> KinematicChanges:
 
 
 def _order_words(issue: Issue, _: Arm) -> str:
-    what, *first = issue.where
-    since = f" from {'row' if what == 'all' else 'run'} {first[0]} on" if first else ""
+    row = "row" if issue.readings == "all" else "run"
+    since = f" from {row} {issue.where[0]} on" if issue.where else ""
     return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
 
 
@@ -369,7 +368,7 @@ def _joint_coupling(observations: Observations) -> KinematicChanges:
 
 
 def _joint_coupling_words(issue: Issue, _: Arm) -> str:
-    triples = list(zip(issue.where[1::3], issue.where[2::3], issue.where[3::3], strict=True))
+    triples = list(zip(issue.where[0::3], issue.where[1::3], issue.where[2::3], strict=True))
     sums = " and ".join(f"{joint} is the file's {joint} {sign} {other}" for joint, sign, other in triples)
     return f"fit if {sums}: does the robot count {triples[0][0]} together with {triples[0][2]}?"
 
@@ -385,7 +384,7 @@ def _joint_order(observations: Observations) -> KinematicChanges:
 
 
 def _joint_order_words(issue: Issue, arm: Arm) -> str:
-    order, names = list(issue.where[1:]), [joint.name for joint in arm.joints]
+    order, names = list(issue.where), [joint.name for joint in arm.joints]
     moved = [name for name, usual in zip(order, names, strict=True) if name != usual]
     if len(moved) == 2:
         return f"fit if {moved[1]} and {moved[0]} are exchanged"
@@ -412,9 +411,9 @@ def _axes(observations: Observations) -> KinematicChanges:
 
 
 def _axes_words(issue: Issue, _: Arm) -> str:
-    if len(issue.where) > 2:
-        return f"fit if {issue.where[1]} and {issue.where[2]} of the positions are exchanged"
-    return f"fit if {issue.where[1]} of the positions has the other sign"
+    if len(issue.where) == 2:
+        return f"fit if {issue.where[0]} and {issue.where[1]} of the positions are exchanged"
+    return f"fit if {issue.where[0]} of the positions has the other sign"
 
 
 def _notation(observations: Observations) -> KinematicChanges:
@@ -441,9 +440,9 @@ def _notation(observations: Observations) -> KinematicChanges:
 
 
 def _notation_words(issue: Issue, _: Arm) -> str:
-    if len(issue.where) == 1:
+    if not issue.where:
         return "fit if orientations are inverted: the tracker's in the target's frame"
-    ways = zip(issue.where[1::2], issue.where[2::2], strict=True)
+    ways = zip(issue.where[0::2], issue.where[1::2], strict=True)
     return "fit if orientations are " + ", or ".join(f"{a} instead of {b}" for a, b in ways)
 
 
@@ -468,31 +467,34 @@ def _off_poses(placed: FittedObservations, *, whole_poses: bool) -> Iterator[Cha
 
 
 def _explain_pose(placed: FittedObservations, row: int, far: float) -> tuple[tuple[str, ...], Array]:
-    """Find targets of a pose that may be exchanged, or a joint whose angle may be larger, and by how much."""
+    """Find targets of a pose that may be exchanged, or a joint whose angle may be larger.
+
+    Returns their names, and by how much the joint is larger, (1,) [rad, m]; (0,) for targets.
+    """
     frame, observations = placed.fit.frame, placed.observations.select(np.array([row]))
     observations = replace(
         observations,
         position=(observations.position - frame.translation) @ frame.rotation,
         markers=placed.fit.markers,
     )
-    observations = replace(observations, free=type(observations.free)())
+    observations = replace(observations, free=FreeParameters())
     for name, changes in (("markers", _markers(observations)), ("joint_zero", _joint_zero(observations))):
         tried = [(change, fit(change.undone)) for change in changes if change.undone is not None]
         tried = [(change, refit) for change, refit in tried if refit.theta.any() or name == "markers"]
         good = [(change, refit) for change, refit in tried if refit.distance_quantile(observations) < far]
         if good:
             change, refit = min(good, key=lambda x: x[1].loss)
-            return (name, *change.where), np.array([refit.theta.sum()])
-    return (), np.zeros(1)
+            return change.where, refit.theta[refit.theta != 0]
+    return (), np.zeros(0)
 
 
 def _pose_words(issue: Issue, arm: Arm) -> str:
-    run, *why = issue.where
+    run, *names = issue.where
     words = "is its pose right?"
-    if why and why[0] == "markers":
-        words = f"they fit if the names of {', '.join(why[1:])} are exchanged"
-    elif why:
-        words = f"they fit if {why[1]} is {_angle_text(arm, why[1], issue.size[0])} larger"
+    if len(issue.size):
+        words = f"they fit if {names[0]} is {_angle_text(arm, names[0], issue.size[0])} larger"
+    elif names:
+        words = f"they fit if the names of {', '.join(names)} are exchanged"
     return f"run {run}: its unloaded readings lie {length_text(issue.numbers['off'])} off: {words}"
 
 
@@ -756,7 +758,7 @@ HYPOTHESES = Hypotheses(
             "link",
             _link,
             lambda issue, _: (
-                f"fit if the end of {issue.where[1]} is moved by ({_vector_text(issue.size, MM, 0)}) mm, "
+                f"fit if the end of {issue.where[0]} is moved by ({_vector_text(issue.size, MM, 0)}) mm, "
                 "in its axes"
             ),
             "is this the arm?",
@@ -767,7 +769,7 @@ HYPOTHESES = Hypotheses(
         Hypothesis("unit", _unit, lambda issue, _: f"are {UNITS[issue.size[0]]}"),
         Hypothesis("angle_unit", _angle_unit, _angle_unit_words),
         Hypothesis("order", _order, _order_words),
-        Hypothesis("joint_sign", _joint_sign, lambda issue, _: f"fit if {issue.where[1]} has the other sign"),
+        Hypothesis("joint_sign", _joint_sign, lambda issue, _: f"fit if {issue.where[0]} has the other sign"),
         Hypothesis("joint_coupling", _joint_coupling, _joint_coupling_words),
         Hypothesis("joint_order", _joint_order, _joint_order_words),
         Hypothesis("notation", _notation, _notation_words),
@@ -848,10 +850,9 @@ def _scale_words(issue: Issue, arm: Arm) -> str:
     return f"{words}{issue.numbers['force']:,.5g} N{stated}: {hint}"
 
 
-READING_WORDS = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda issue, _: (
-        f"the {READING_WORDS[issue.where[0]]} lie {length_text(issue.numbers['now'])} (median) from the "
+        f"the {_readings_text(issue)} lie {length_text(issue.numbers['now'])} (median) from the "
         "arm's kinematics, and no single mistake explains that: is this the arm?"
     ),
     "scale": _scale_words,
@@ -905,9 +906,9 @@ def describe(
         if (share := issue.numbers["share"]) > HALF:
             most = f"{100 * share:.0f} % of them"
             far = f"{most} lie within {ends[0]} of the arm's kinematics, with this change within {ends[1]}"
-        words = f"the {READING_WORDS[issue.where[0]]} {words} ({far})"
+        words = f"the {_readings_text(issue)} {words} ({far})"
     if issue.name == "joint_order" and len(columns) == len(arm.joints):
-        joint_columns = zip(issue.where[1:], columns, arm.joints, strict=True)
+        joint_columns = zip(issue.where, columns, arm.joints, strict=True)
         lines = [
             f'{name}_{unit} = "{column}"'
             for name, (column, unit), joint in joint_columns
@@ -915,6 +916,10 @@ def describe(
         ]
         words += f"; in a map's [columns]: {', '.join(lines)}"
     return Doubt(issue.name, words, issue.nats)
+
+
+def _readings_text(issue: Issue) -> str:
+    return "readings" if issue.readings == "all" else f"{issue.readings} readings"
 
 
 def length_text(metres: float) -> str:

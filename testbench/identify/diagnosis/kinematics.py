@@ -50,6 +50,8 @@ MAX_ROUNDS = 5  #: Most rounds of undoing mistakes one after the other.
 Case = TypeVar("Case")
 Data = TypeVar("Data")
 Model = TypeVar("Model")
+ReadingKind = Literal["unloaded", "loaded", "all"]
+"""Readings of an arm that are compared with its kinematics; "all" are those of absolute series."""
 
 
 def _nothing() -> Array:
@@ -67,6 +69,8 @@ class Issue:
     numbers: Mapping[str, float] = field(default_factory=dict)
     #: Log-likelihood gained by assuming the mistake [nats]; None for a plain mistake.
     nats: float | None = None
+    #: Which readings do not fit the kinematics; None for mistakes of other kinds.
+    readings: ReadingKind | None = None
 
 
 @dataclass(frozen=True)
@@ -222,8 +226,6 @@ MIN_NATS_PER_READING, MIN_NATS = 0.3, 20.0
 MIN_GAIN_SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
 UNFIT_DISTANCE = 8.0  #: Median distance, over `scale`, above which readings do not fit the arm [1].
 ORIENTATION_ARM = 0.3  #: Distance of the three targets that hold an orientation from the first target [m].
-ReadingKind = Literal["unloaded", "loaded", "all"]
-"""Selects the readings that are compared."""
 
 
 @dataclass(frozen=True)
@@ -408,7 +410,7 @@ def best_hypothesis(
     start = fit(sample)
     typical = start.distance_quantile(sample)
     unfit = (
-        Issue("kinematics", (which,), numbers={"now": typical})
+        Issue("kinematics", numbers={"now": typical}, readings=which)
         if typical > UNFIT_DISTANCE * observations.scale
         else None
     )
@@ -440,7 +442,7 @@ def best_hypothesis(
     where = best.change.where
     if best.undone.free.targets and not observations.free.targets:
         where = (observations.names[_farthest(observations, best.fit)],)
-    issue = Issue(best.hypothesis.name, (which, *where), best.size(observations), numbers, best.gain)
+    issue = Issue(best.hypothesis.name, where, best.size(observations), numbers, best.gain, which)
     return issue, best.fit if best.sample is best.undone else fit(best.undone)
 
 

@@ -25,10 +25,9 @@ from testbench.identify.absolute.fit import (
     select_and_solve,
 )
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
-from testbench.identify.absolute.posterior import RegisteredSeries, inside_ellipsoid, predict
+from testbench.identify.absolute.posterior import inside_ellipsoid, predict, with_known_frame
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
-from testbench.identify.posterior import Posterior
 from testbench.identify.registration import SQUARED_LOSS
 from testbench.identify.regression import Linearisation, reduce_series
 from testbench.identify.rows import series_rows
@@ -191,20 +190,6 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     A = lines.reshape(-1, len(active.columns))
     A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.elastic.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
-
-
-def _registered(calibration: Calibration, series: Series) -> RegisteredSeries:
-    """Register a series by frame and mount as the calibration left them."""
-    active, every = calibration.active, np.arange(calibration.active.unknowns.size)
-    calibration.state.frame(series), calibration.state.mount(series)
-    names = f"frame {series.frame}", f"mount {series.target}"
-    # all frames and mounts are on
-    at = np.concatenate([every[active.unknowns.columns(name)] for name in names])
-    at = np.r_[at, np.flatnonzero(active.columns >= active.unknowns.starts["geometry"])]
-    whole = posterior_of(calibration)
-    return RegisteredSeries(
-        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
-    )
 
 
 # --- Absolute readings of simulated arms: which errors hide behind which, how many poses, what pairs add ----
@@ -503,7 +488,9 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
         ellipsoid, (rows, m).
     """
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
-    left, covariance = predict(calibration.model(), _registered(calibration, read), read)
+    model, place = calibration.model(), (true.frame, true.target)
+    fitted = next(series for series in calibration.series if (series.frame, series.target) == place)
+    left, covariance = predict(model, with_known_frame(model, fitted), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
 
