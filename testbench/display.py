@@ -19,23 +19,23 @@ def span(values: npt.NDArray[np.float64]) -> str:
 
 
 class Displayed:
-    """Give a type a repr of one line and an HTML table, both from `about`; its dataclass has `repr=False`."""
+    """Give a type a repr of one line and an HTML table by `summary`; its dataclass has `repr=False`."""
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the object by name and value; fields by default, an array by its shape."""
         assert is_dataclass(self)
         return {field.name: _short(getattr(self, field.name)) for field in fields(self)}
 
     def __repr__(self) -> str:
         return (
-            f"{type(self).__name__}({', '.join(f'{name}={value}' for name, value in self.about().items())})"
+            f"{type(self).__name__}({', '.join(f'{name}={value}' for name, value in self.summary().items())})"
         )
 
     def _repr_html_(self) -> str:
         """Render the table for a notebook."""
         rows = "".join(
             f"<tr><th>{escape(name.replace('_', ' '))}</th><td>{escape(str(value))}</td></tr>"
-            for name, value in self.about().items()
+            for name, value in self.summary().items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 

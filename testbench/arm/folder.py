@@ -433,7 +433,7 @@ class Arm(Displayed):
     #: Map from file joints to its joints; None where they are the same.
     joint_map: JointMap | None = None
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the arm by name, joints, markers and rated payload."""
         summary = {"name": self.name, "joints": self.n_joints, "markers": " ".join(self.markers)}
         return summary | ({} if self.payload is None else {"payload_kg": self.payload})

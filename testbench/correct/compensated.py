@@ -429,7 +429,7 @@ class Compensated(Displayed):
     refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
     reference: JointMeaning  #: Meaning that the program's joints were given.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the correction: points, refused points, and errors of position before and after."""
         sizes = (1e3 * np.linalg.norm(error, axis=1) for error in (self.before, self.after))
         return {

@@ -360,7 +360,7 @@ class Prediction(Displayed):
     linearisation_error: Array
     theta: Array  #: Virtual joints of the loaded arm at its equilibrium, (poses, n_theta) [m, rad].
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the prediction: numbers of poses and points, deflections of the tool's origin."""
         return {
             "poses": len(self.deflection),
@@ -471,7 +471,7 @@ def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
     """
     total = resultant(tool_pose(model.vjm, q)[1], loads)
     largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in np.hsplit(total, 2)]
-    known = (model.about.force, model.about.moment)
+    known = (model.origin.largest_force, model.origin.largest_moment)
     ratios = [_over(value, most) for value, most in zip(largest, known, strict=True)]
     payload = model.arm.payload
     of_payload = largest[0] / (GRAVITY * payload) if payload else None
@@ -583,7 +583,7 @@ class Stiffness(Displayed):
     displacement_per_force: Array
     axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the stiffness: number of poses, least and largest principal stiffness."""
         ends = {"softest_N_per_um": self.principal[:, 0], "stiffest_N_per_um": self.principal[:, -1]}
         return {

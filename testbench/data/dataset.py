@@ -91,7 +91,7 @@ class Dataset(Displayed):
             _check_precision(self.precision, self.lines)
         _check_lines(self)
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the runs: numbers of runs and poses, markers, deflections and noise."""
         size = 1e3 * np.linalg.norm(self.deflection, axis=-1)[self.seen]
         lines = {} if self.direction is None else {"along_a_line": int(self.lines.sum())}
@@ -452,7 +452,7 @@ class Series(Displayed):
     #: Name and unit of every joint's column in the file that it was read from, in the arm's order.
     joints: tuple[tuple[str, str], ...] = ()
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the series: rows, poses, targets, frame, mount and noise."""
         return {
             "name": self.name,

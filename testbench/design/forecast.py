@@ -58,7 +58,7 @@ class Forecast(Displayed):
     overall_low: float  #: 5th percentile of that [m].
     overall_high: float  #: 95th percentile [m].
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the forecast: number of poses, RMS error over them and its 90 % interval."""
         overall = span(1e3 * np.array([self.overall_low, self.overall_high]))
         return {"poses": len(self.error), "rms_mm": f"{1e3 * self.overall:.3g}", "interval_mm": overall}

@@ -206,7 +206,7 @@ class ChosenPoses(Displayed):
     #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
     relaxed: Relaxed
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the choice: poses, candidates and efficiency."""
         return {
             "poses": len(self.q),

@@ -446,7 +446,7 @@ class Program(Displayed):
     content: Columns | RobotMotions = field(repr=False)
     jumps: bool  #: Whether points may be any distance apart.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the program: file, arm, points, and whether they are joints or poses of the tool."""
         kinds = {"joints": self.q, "poses": self.position}
         return {

@@ -92,7 +92,7 @@ class Certificate(Displayed):
     trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
     dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the bounds."""
         return {
             "duality_gap": f"{self.duality_gap:.3g}",
@@ -165,7 +165,7 @@ class Estimate(Displayed):
     lost_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
     average: ModelAverage | None = None  #: The models that it averages; None for a single model.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Return the rows of the small table that shows an estimate: method, structure, fit and status."""
         return {
             "method": self.method,
@@ -292,7 +292,7 @@ class DeflectionErrors(Displayed):
     #: Largest error over the measured deflection of its point [1]; None where no point moved.
     max_relative: float | None
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the errors in millimetres and per cent."""
         lengths = {"rms_mm": self.rms, "p95_mm": self.p95, "max_mm": self.max}
         shares = {"p95_percent": self.p95_relative, "max_percent": self.max_relative}

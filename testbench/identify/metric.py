@@ -45,7 +45,7 @@ class Prior(Displayed):
     #: n_theta) [m/N, rad/(N m), rad/N].
     C_theta: Array
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Return the rows of the small table that shows a prior."""
         return {"name": self.name}
 

@@ -454,10 +454,11 @@ class ModelOrigin:
 
     method: str  #: Method that found it.
     #: SHA-256 of every file of readings, by its name.
-    data: Mapping[str, str] = field(default_factory=dict)
-    doubts: tuple[str, ...] = ()  #: Warnings about the model, as sentences.
-    force: float | None = None  #: Largest force in the data [N]; None if unknown.
-    moment: float | None = None  #: Largest moment about the tool's origin in the data [N m]; None if unknown.
+    file_hashes: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()  #: Warnings about the model, as sentences.
+    largest_force: float | None = None  #: Largest force in the readings [N]; None if unknown.
+    #: Largest moment about the tool's origin in the readings [N m]; None if unknown.
+    largest_moment: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -468,13 +469,13 @@ class ArmModel:
     structure: Structure  #: Structure of the uncertain compliances.
     columns: Ids  #: Columns of `unknowns` that are uncertain, (c,).
     posterior: Posterior  #: Posterior of these unknowns.
-    about: ModelOrigin
+    origin: ModelOrigin  #: Method, files of readings, warnings and largest load.
     #: Noise of absolute readings about the model; None where geometry and joint errors were not identified.
     noise: Noise | None = None
 
     def __repr__(self) -> str:
         return (
-            f"ArmModel(arm={self.arm.name}, method={self.about.method}, structure={self.structure.name}, "
+            f"ArmModel(arm={self.arm.name}, method={self.origin.method}, structure={self.structure.name}, "
             f"unknowns={len(self.columns)}, absolute={self.absolute})"
         )
 
@@ -530,7 +531,7 @@ def elastic_state(vjm: Vjm, C_theta: Array, weights: Weights) -> ArmState:
 
 
 def model_of_compliances(
-    state: ArmState, structure: Structure, posterior: Posterior, about: ModelOrigin
+    state: ArmState, structure: Structure, posterior: Posterior, origin: ModelOrigin
 ) -> ArmModel:
     """Make an arm model whose only uncertain unknowns are compliances.
 
@@ -538,10 +539,10 @@ def model_of_compliances(
         state: The arm's state.
         structure: The compliances, n of them.
         posterior: Their posterior.
-        about: Origin of the model.
+        origin: Origin of the model.
     """
     first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
-    return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)
+    return ArmModel(state, structure, first + np.arange(structure.n), posterior, origin)
 
 
 @runtime_checkable

@@ -77,7 +77,7 @@ class Regression(Displayed):
     #: Standard deviation of each link's parameters from pose to pose, (links, n); None if they do not vary.
     pose_variation: Array | None = None
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the reduced dataset: structure, unknowns, rank and equations."""
         return {
             "structure": self.structure.name,

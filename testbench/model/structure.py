@@ -69,7 +69,7 @@ class Structure(Displayed):
     symmetric: bool = True
     laws: int = 0  #: Number of virtual joints of joint laws, the last ones.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the structure by its name, its number of unknowns, and whether it is symmetric."""
         return {"name": self.name, "unknowns": self.n, "symmetric": self.symmetric}
 

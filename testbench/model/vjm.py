@@ -85,7 +85,7 @@ class Vjm(Displayed):
         """Return the slice of theta that holds the springs of the actuated joints."""
         return slice(6 * len(self.arm.links), self.arm.n_theta)
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the model by the arm's name and its number of virtual joints."""
         return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 

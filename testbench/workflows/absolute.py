@@ -388,7 +388,7 @@ def score(
         The distances, and how the files were read.
     """
     series, notes = read_all(files, model.arm)
-    if any(digest(sheet_of(file.path)[0]) in model.about.data.values() for file in files):
+    if any(digest(sheet_of(file.path)[0]) in model.origin.file_hashes.values() for file in files):
         notes += ("these readings were fitted: only other readings can validate the model",)
     return position_errors(model, series, frame_poses), notes
 

@@ -262,7 +262,7 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
     structure, spread = _structure(document.structure, arm), document.spread
     state = _state(document, model_for(build_vjm(arm), structure), structure)
     said, noise, scatter = document.about, document.noise, None
-    about = ModelOrigin(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
+    origin = ModelOrigin(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
     if noise is not None:
         factor = check_array(noise.factor, (len(EQUATION_KINDS),), "factor")
         scatter = Noise(noise.open_position_m, noise.open_rotation_rad, factor)
@@ -278,7 +278,7 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
         on_boundary=spread.on_boundary,
         prior_rows=spread.heavy_rows,
     )
-    return ArmModel(state, structure, columns, posterior, about, scatter)
+    return ArmModel(state, structure, columns, posterior, origin, scatter)
 
 
 def _structure(said: StructurePart, arm: Arm) -> Structure:
@@ -346,7 +346,7 @@ def save_model(model: ArmModel, folder: str | Path) -> None:
     """
     check_type(model, ArmModel, "model")
     with whole_folder(Path(folder)) as made:
-        write_files(model, made, name=model.about.method, fit={})
+        write_files(model, made, name=model.origin.method, fit={})
 
 
 def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, object]) -> None:
@@ -371,7 +371,7 @@ def _document(model: ArmModel) -> dict[str, object]:
     state, posterior, noise = model.state, model.posterior, model.noise
     return {
         "arm": model.arm.name,
-        "about": _origin_document(model.about),
+        "about": _origin_document(model.origin),
         "structure": _structure_document(model.structure, state.C_theta),
         "weights": {"mass_kg": state.weights.mass.tolist(), "centre_m": state.weights.centre.tolist()},
         "theta_0": state.theta_0.tolist(),
@@ -414,13 +414,13 @@ def _document(model: ArmModel) -> dict[str, object]:
     }
 
 
-def _origin_document(about: ModelOrigin) -> dict[str, object]:
+def _origin_document(origin: ModelOrigin) -> dict[str, object]:
     return {
-        "method": about.method,
-        "data": dict(about.data),
-        "doubts": list(about.doubts),
-        "force_N": about.force,
-        "moment_Nm": about.moment,
+        "method": origin.method,
+        "data": dict(origin.file_hashes),
+        "doubts": list(origin.warnings),
+        "force_N": origin.largest_force,
+        "moment_Nm": origin.largest_moment,
         "versions": files.versions(),
     }
 

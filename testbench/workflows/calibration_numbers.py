@@ -642,5 +642,5 @@ def write_model(
     kept = [step.name for step in calibration.chosen.steps if step.kept]
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"
     loads = np.concatenate([loads_about_tool(vjm, series) for series in calibration.series])
-    model = replace(calibration.model(), about=origin_of(method, data, doubts, loads))
+    model = replace(calibration.model(), origin=origin_of(method, data, doubts, loads))
     write_files(model, folder, name=method, fit={})

@@ -144,7 +144,7 @@ class Campaign(Displayed):
     truth: Dataset  #: Runs without noise, over the whole workspace in section 6, the check runs in section 5.
     drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise arm, seed, and the runs to identify from, to check with and to judge by."""
         own: dict[str, object] = {"arm": self.scenario.arm, "seed": self.seed}
         for name in ("identification", "check", "truth"):

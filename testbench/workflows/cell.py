@@ -36,9 +36,9 @@ class Cell(Displayed):
     truth: "Plant | None" = None  #: Simulated arm if it is not that of the arm's folder; None for that one.
     floor: float | None = None  #: Height of a floor that rigid.xml does not have [m]; None for none.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the arm."""
-        return self.arm.about()
+        return self.arm.summary()
 
     @cached_property
     def plant(self) -> "Plant":

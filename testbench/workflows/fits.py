@@ -376,7 +376,7 @@ def write_stiffness(
     fits, estimate, used = identified.fits, identified.taken, runs.used
     model, notes = cell.model(estimate), weights_with_note(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
-    about = origin_of(
+    origin = origin_of(
         f"{fits.recommended}: {estimate.method}", data, doubts, loads_about_tool(cell.vjm, used)
     )
     fit = {
@@ -399,7 +399,7 @@ def write_stiffness(
         },
         "notes": [*notes, *fits.notes],
     }
-    write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
+    write_files(replace(model, origin=origin), folder, name=fits.recommended, fit=fit)
 
 
 def _prior(weighted_prior: WeightedPrior) -> object:

@@ -73,7 +73,7 @@ class Model(Displayed):
         """Tell whether its method, or a user's estimator, has a prior."""
         return getattr(self.estimator, "prior", None) is not None
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise name and number of unknowns."""
         return {"name": self.name, "unknowns": self.structure.n}
 

@@ -88,7 +88,7 @@ class Planned(Displayed):
     forecast: Forecast  #: Errors to expect at the tasks; for absolute readings over the workspace [m].
     workspace: Forecast  #: Errors to expect over the workspace, under the first load [m].
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the plan: arm, poses, criterion, and the error to expect at the tasks."""
         return {
             "arm": self.cell.arm.name,

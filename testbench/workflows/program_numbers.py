@@ -108,7 +108,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
     return Row(
         program=program.path.name,
         arm=model.arm.name,
-        method=model.about.method,
+        method=model.origin.method,
         absolute=model.absolute,
         asked=compensated.reference,
         hold=corrected_program.aim.hold,
@@ -131,7 +131,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         open=largest_uncertainty(
             model, compensated.q, corrected_program.loads, np.array(corrected_program.aim.point), absolute
         ),
-        doubts=model.about.doubts,
+        doubts=model.origin.warnings,
         unread=unread_columns(program),
         held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
         tolerance=None if tolerance_mm is None else _kept(points, tolerance_mm),
@@ -347,13 +347,13 @@ def _cells(*values: Array) -> list[str]:
 def prediction_numbers(made: Predicted) -> Row:
     """Collect all numbers but those of every pose, which are in predictions.csv; keys of report.json."""
     prediction, size = made.found, MM * made.found.size
-    about, extent = made.model.about, made.extent
+    origin, extent = made.model.origin, made.extent
     some = np.array([made.stiffness.displacement_per_force[:, 0].argmax(), *made.worst_first[:LISTED_POSES]])
     poses = [_pose(made, int(k), half) for k, half in zip(some, made.push_halves(some), strict=True)]
     return Row(
         arm=made.model.arm.name,
         absolute=made.model.absolute,
-        method=about.method,
+        method=origin.method,
         file=made.asked.path.name,
         loads=made.asked.words or "no load",
         poses=len(size),
@@ -369,7 +369,7 @@ def prediction_numbers(made: Predicted) -> Row:
         force_ratio=finite(extent.force_ratio),
         moment_ratio=finite(extent.moment_ratio),
         extrapolated=extrapolation_warnings(extent),
-        doubts=about.doubts,
+        doubts=origin.warnings,
         notes=made.asked.notes,
         softest=poses[0],
         worst=poses[1:],

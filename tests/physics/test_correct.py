@@ -167,7 +167,7 @@ def model(kr500, state):
     """The true compliances, as a model."""
     structure = all153(kr500.arm)
     return model_of_compliances(
-        state, structure, sure_of(structure, state), ModelOrigin("truth", force=2000.0)
+        state, structure, sure_of(structure, state), ModelOrigin("truth", largest_force=2000.0)
     )
 
 
@@ -350,11 +350,11 @@ def test_the_part_that_is_named_is_the_one_whose_knowledge_helps(kr500, known):
 def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were_none(kr500, known):
     q = Q[None]
     size = float(np.linalg.norm(FORCE.wrench[:3]))
-    half = replace(known, about=ModelOrigin("made up", force=size / 2, moment=1e9))
+    half = replace(known, origin=ModelOrigin("made up", largest_force=size / 2, largest_moment=1e9))
     assert "is 2.0 times the largest one" in extrapolation_warnings(load_extent(half, q, [FORCE]))[0]
-    none = replace(known, about=ModelOrigin("made up", force=0.0, moment=0.0))
+    none = replace(known, origin=ModelOrigin("made up", largest_force=0.0, largest_moment=0.0))
     assert "under own weight only" in extrapolation_warnings(load_extent(none, q, [FORCE]))[0]
-    assert not extrapolation_warnings(load_extent(replace(known, about=ModelOrigin("made up")), q, [FORCE]))
+    assert not extrapolation_warnings(load_extent(replace(known, origin=ModelOrigin("made up")), q, [FORCE]))
     lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
     assert load_extent(known, q, [held]).moment < 1e-9
@@ -379,8 +379,8 @@ def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr
 
 def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
     turning = Load(np.array([100.0, 0, 0, 0, 50.0, 0]), np.zeros(3))
-    about = replace(known, about=ModelOrigin("made up", force=200.0, moment=10.0))
-    found = load_extent(about, Q[None], [turning])
+    turned = replace(known, origin=ModelOrigin("made up", largest_force=200.0, largest_moment=10.0))
+    found = load_extent(turned, Q[None], [turning])
     assert (found.force_ratio, found.moment_ratio) == pytest.approx((0.5, 5.0))
     [said] = extrapolation_warnings(found)
     assert "a moment of 50 N m is 5.0 times the largest one" in said

@@ -242,11 +242,11 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
 
 
 def test_a_model_says_where_it_comes_from(made):
-    about = tb.load_model(made[0]).about
-    assert about.method == "absolute calibration: geometry, joint springs, joint errors"
-    assert [*about.data] == ["r_1.csv", "r_2.csv"]
-    assert (about.force, about.moment) == (0, 0)
-    assert [doubt.split(":")[0] for doubt in about.doubts] == [
+    origin = tb.load_model(made[0]).origin
+    assert origin.method == "absolute calibration: geometry, joint springs, joint errors"
+    assert [*origin.file_hashes] == ["r_1.csv", "r_2.csv"]
+    assert (origin.largest_force, origin.largest_moment) == (0, 0)
+    assert [doubt.split(":")[0] for doubt in origin.warnings] == [
         "Extrapolated at joint angles without a reading",
         "Own weight is the only load",
     ]

@@ -171,7 +171,7 @@ def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tm
         run("identify", arm, tmp_path / "data.csv", *flags)
     model = tb.load_model(tmp_path / "m", arm)
     assert not model.state.weights.mass.any()
-    assert any(doubt.startswith("Own weight is left out: ") for doubt in model.about.doubts)
+    assert any(doubt.startswith("Own weight is left out: ") for doubt in model.origin.warnings)
 
 
 def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(

@@ -52,8 +52,8 @@ def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_pat
     )
     wanted = tb.intervals(kr500.vjm, estimate, runs)
     np.testing.assert_allclose(half, (wanted.upper - wanted.centre).ravel(), rtol=1e-12)
-    assert model.about.force == pytest.approx(FORCE)
-    assert [*model.about.data] == ["runs.csv"]
+    assert model.origin.largest_force == pytest.approx(FORCE)
+    assert [*model.origin.file_hashes] == ["runs.csv"]
 
 
 def test_what_least_squares_has_not_seen_stays_without_bound(kr500, runs, tmp_path):

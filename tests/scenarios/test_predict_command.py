@@ -220,7 +220,7 @@ def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500
 def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tmp_path, q):
     """JSON has no infinity."""
     loaded = tb.load_model(model)
-    bare = replace(loaded, about=replace(loaded.about, force=0.0, moment=0.0))
+    bare = replace(loaded, origin=replace(loaded.origin, largest_force=0.0, largest_moment=0.0))
     file = poses_file(tmp_path / "poses.csv", q[:2], ["0,0,-900,0"] * 2)
     said = report(predict_file(bare, read_pose_file(file, bare, None, MASS), 1000.0))
     check(said, ["worst"])

@@ -143,7 +143,7 @@ def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table(cell):
     there += [cell, cell.vjm, runs, runs.check, model, model.structure, tb.cad_prior(cell.arm), estimate]
     for own in there:
         assert len(repr(own)) < 200
-        assert own._repr_html_().count("<tr>") == len(own.about())
+        assert own._repr_html_().count("<tr>") == len(own.summary())
     assert re.fullmatch(r"ArmModel\(arm=kr500_l480, method=GCO[^\n]*\)", repr(arm_model))
     assert repr(load) == "Load(wrench=[0, 0, -4515.54, 0, 0, 0], point=[0.35, 0.14, -0.08])"
     assert repr(runs.check).startswith("Dataset(runs=6, poses=3, markers=P1 P2 P3, deflection_mm=")

@@ -122,7 +122,7 @@ class Calibration(Displayed):
     series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
     issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
-    def about(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Summarise the calibration: arm, readings, unknowns, errors that were kept, model error."""
         return {
             "arm": self.state.vjm.arm.name,
