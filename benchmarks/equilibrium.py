@@ -155,7 +155,7 @@ def stepping_model(arm: Cell, damping: float, timestep: float) -> mujoco.MjModel
     centre may be put on its origin, the load point.
     """
     model = copy.copy(arm.plant.model)
-    load = model.body(arm.arm.load).id
+    load = model.body(arm.arm.load_point).id
     if model.body_mass[load] > 0:
         raise SystemExit(f"{arm.arm.name}: expected a load body without mass")
     model.body_ipos[load] = 0
@@ -173,7 +173,7 @@ def step_to_rest(model: mujoco.MjModel, measured: Measured, pose: int) -> Steppe
     """
     plant, data = measured.arm.plant, mujoco.MjData(model)
     data.qpos[plant.joints] = measured.q[pose]
-    load = data.xfrc_applied[model.body(measured.arm.arm.load).id]
+    load = data.xfrc_applied[model.body(measured.arm.arm.load_point).id]
     step, smooth, damper, theta = mujoco.mj_step, data.qfrc_smooth, data.qfrc_damper, plant.theta
 
     def left() -> float:

@@ -109,7 +109,7 @@ def hung(vjm: Vjm, runs: int) -> tuple[Array, Array]:
     """The payload at the arm's load point: wrench (runs, 6) [N, N m] and point (runs, 3) [m]."""
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -PAYLOAD
-    return wrench, np.tile(vjm.load, (runs, 1))
+    return wrench, np.tile(vjm.load_point, (runs, 1))
 
 
 def processor() -> str:

@@ -33,7 +33,7 @@ BAR_POSES, BAR_CANDIDATES, BAR_EXCHANGE = MANY / FEW, 2.0, 2.0
 def specification(poses: Array, count: int) -> Specification:
     """So many poses under a weight, for tasks among those given, (poses, n) [rad]."""
     cell = build_cell(MODELS / ARM)
-    load = Load(np.array([0, 0, -WEIGHT * GRAVITY, 0, 0, 0]), cell.vjm.load)
+    load = Load(np.array([0, 0, -WEIGHT * GRAVITY, 0, 0, 0]), cell.vjm.load_point)
     experiment = MeasurementSetup(
         cell.vjm, scale_by_prior(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm)), cell.vjm.markers, 50e-6
     )

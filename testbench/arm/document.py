@@ -17,38 +17,38 @@ NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 """Pattern of a number, with a point as decimal mark."""
 INTEGER = r"^[+-]?[0-9]{1,19}$"
 NUMBER_EXAMPLES = "such as 12, -0.5 or 2e-3"
-DECIMAL, WHOLE = re.compile(NUMBER), re.compile(INTEGER)
-MAX_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
+DECIMAL_PATTERN, INTEGER_PATTERN = re.compile(NUMBER), re.compile(INTEGER)
+MAX_DECIMAL_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
 
 
 def is_decimal(text: str) -> bool:
-    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long."""
-    return len(text) <= MAX_CHARACTERS and DECIMAL.fullmatch(text) is not None
+    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_DECIMAL_CHARACTERS` characters long."""
+    return len(text) <= MAX_DECIMAL_CHARACTERS and DECIMAL_PATTERN.fullmatch(text) is not None
 
 
 def is_integer(text: str) -> bool:
     """Tell whether a text is an integer of 64 bits in ASCII digits."""
-    return WHOLE.fullmatch(text) is not None and -(2**63) <= int(text) < 2**63
+    return INTEGER_PATTERN.fullmatch(text) is not None and -(2**63) <= int(text) < 2**63
 
 
-def read_decimals(words: Iterable[str]) -> list[float]:
+def read_decimals(texts: Iterable[str]) -> list[float]:
     """Convert texts to numbers, in order; a number too large for a double becomes infinite.
 
     Raises:
         ValueError: At the first text that is no number.
     """
-    words = list(words)
-    for word in words:
+    texts = list(texts)
+    for word in texts:
         if not is_decimal(word):
             raise ValueError(f"expected a number {NUMBER_EXAMPLES}, got {word[:80]!r}")
-    return list(map(float, words))
+    return list(map(float, texts))
 
 
-MAX_BYTES = 16_000_000  #: Largest file in which places are found [byte].
-HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
-KEY = re.compile(r"\s*([\w.-]+)\s*=")
+MAX_TOML_BYTES = 16_000_000  #: Largest file in which places are found [byte].
+TABLE_HEADER_PATTERN = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
+KEY_PATTERN = re.compile(r"\s*([\w.-]+)\s*=")
 
-Keys = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Keys of nested tables, and indices into arrays from 0."""
 
 
@@ -62,14 +62,14 @@ def toml_place(path: Path, keys: Sequence[str | int]) -> str:
     Returns:
         The place as text, such as "line 12, column 1, link.0.name"; the keys alone if it cannot be found.
     """
-    table: Keys = ()
+    table: KeyPath = ()
     seen: dict[str, int] = {}
     best, place = 0, ""
     for number, line in enumerate(_lines(path), start=1):
-        if header := HEADER.match(line):
+        if header := TABLE_HEADER_PATTERN.match(line):
             table = _table_keys(header[2], seen, array=header[1] == "[[")
             here, start = table, header.start(2)
-        elif key := KEY.match(line):
+        elif key := KEY_PATTERN.match(line):
             here, start = (*table, *key[1].split(".")), key.start(1)
         else:
             continue
@@ -83,16 +83,16 @@ def toml_place(path: Path, keys: Sequence[str | int]) -> str:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return read_text(path, MAX_BYTES).splitlines()
+        return read_text(path, MAX_TOML_BYTES).splitlines()
     except InputError:  # it has changed since it was read
         return []
 
 
-def _table_keys(name: str, seen: dict[str, int], *, array: bool) -> Keys:
+def _table_keys(name: str, seen: dict[str, int], *, array: bool) -> KeyPath:
     """Return the keys of a table from its header; in an array of tables those of the last one opened."""
     if array:
         seen[name] = seen.get(name, -1) + 1
-    path: Keys = ()
+    path: KeyPath = ()
     parts = name.split(".")
     for k, part in enumerate(parts, start=1):
         whole = ".".join(parts[:k])
@@ -110,24 +110,24 @@ def _place_in_line(line: str, start: int, keys: Sequence[str | int]) -> int:
     return start
 
 
-class Strict(BaseModel):
+class StrictModel(BaseModel):
     """Give data models that admit their keys alone and finite numbers, and convert nothing."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
-MAX_SHOWN = 80  #: Most characters of a name or value that a message repeats.
-FORBIDDEN_FIRST = "=+-@'"
+MAX_SHOWN_CHARACTERS = 80  #: Most characters of a name or value that a message repeats.
+FORBIDDEN_FIRST_CHARACTERS = "=+-@'"
 """Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
 
 def _check_name(name: str) -> str:
-    """Refuse a name that does not print, has blanks at an end, or begins with one of `FORBIDDEN_FIRST`."""
-    if not name.isprintable() or name != name.strip() or name[0] in FORBIDDEN_FIRST:
+    """Refuse a name that does not print, has blanks at an end, or begins with one of `FORBIDDEN_FIRST_CHARACTERS`."""
+    if not name.isprintable() or name != name.strip() or name[0] in FORBIDDEN_FIRST_CHARACTERS:
         problem = (
             "expected printable characters, no blank at the ends, and a first character other than {unfit}"
         )
-        raise PydanticCustomError("name", problem, {"unfit": " ".join(FORBIDDEN_FIRST)})
+        raise PydanticCustomError("name", problem, {"unfit": " ".join(FORBIDDEN_FIRST_CHARACTERS)})
     return name
 
 
@@ -153,7 +153,7 @@ def path_inside(folder: Path, file: Path) -> Path | None:
     return real if real.is_relative_to(home) else None
 
 
-def unused_name(name: str, names: Container[str]) -> str:
+def unused_name(name: str, taken_names: Container[str]) -> str:
     """Make a name that is not taken, by appending underscores.
 
     Args:
@@ -163,7 +163,7 @@ def unused_name(name: str, names: Container[str]) -> str:
     Returns:
         The name, unchanged if it is free.
     """
-    while name in names:
+    while name in taken_names:
         name += "_"
     return name
 
@@ -214,12 +214,12 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         for key, value in e.attrib.items():
             if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
                 owner = next((own for own in root.iter() if e in own and own.get("name")), None)
-                place = place_of(e, owner)
-                raise InputError(path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN]!r}")
+                place = xml_place(e, owner)
+                raise InputError(path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN_CHARACTERS]!r}")
     return root
 
 
-def place_of(e: ET.Element, owner: ET.Element | None = None) -> str:
+def xml_place(element: ET.Element, named_ancestor: ET.Element | None = None) -> str:
     """Name an XML element for a message by its tag and name attribute, such as "<body name='link_2'>".
 
     Args:
@@ -229,6 +229,6 @@ def place_of(e: ET.Element, owner: ET.Element | None = None) -> str:
     Returns:
         The name, behind that of the owner if the element has no name.
     """
-    name = e.get("name", "")[:MAX_SHOWN]
-    own = f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"
-    return own if name or owner is None or owner is e else f"{place_of(owner)}: {own}"
+    name = element.get("name", "")[:MAX_SHOWN_CHARACTERS]
+    own = f"<{element.tag} name={name!r}>" if name else f"<{element.tag}>"
+    return own if name or named_ancestor is None or named_ancestor is element else f"{xml_place(named_ancestor)}: {own}"

@@ -16,7 +16,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import Name, Strict, parse_toml, toml_place
+from testbench.arm.document import Name, StrictModel, parse_toml, toml_place
 from testbench.errors import Array, BenchError, InputError, check_array, read_text
 
 # --- Compliances of links and joints: beam formulas and the check for conservativeness ----------------------
@@ -118,7 +118,7 @@ def rotated_compliance(C: Array, axis: Array, angle: float) -> Array:
     return np.asarray(R @ C @ R.T)
 
 
-def eigenvalue_scale(C: Array) -> Array:
+def unit_diagonal_scale(C: Array) -> Array:
     """Compute scales that make eigenvalues of a compliance independent of units: the roots of its diagonal.
 
     Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length. Those of D^-1/2 C
@@ -134,7 +134,7 @@ def eigenvalue_scale(C: Array) -> Array:
     return np.where(d > 0, d, 1.0)
 
 
-def check_compliance(value: object, what: str) -> Array:
+def check_compliance(value: object, name: str) -> Array:
     """Check that a value is a conservative, invertible compliance: symmetric and positive definite.
 
     Args:
@@ -147,27 +147,27 @@ def check_compliance(value: object, what: str) -> Array:
     Raises:
         BenchError: When it is not 6x6, outside COMPLIANCE_RANGE, not symmetric or not positive definite.
     """
-    C = check_array(value, (6, 6), what)
+    C = check_array(value, (6, 6), name)
     low, high = COMPLIANCE_RANGE
     for row, c in enumerate(np.diag(C), start=1):
         if not low <= c <= high:
-            raise BenchError(f"{what}: expected {low:g} to {high:g} on the diagonal, got {c:g} in row {row}")
+            raise BenchError(f"{name}: expected {low:g} to {high:g} on the diagonal, got {c:g} in row {row}")
     if np.abs(C).max() > high:
-        raise BenchError(f"{what}: expected entries up to {high:g}, got {np.abs(C).max():g}")
+        raise BenchError(f"{name}: expected entries up to {high:g}, got {np.abs(C).max():g}")
     # symmetry and definiteness of the matrix scaled to unit diagonal, which has no units
-    scale = eigenvalue_scale(C)
+    scale = unit_diagonal_scale(C)
     unitless = C / np.outer(scale, scale)
     asymmetry = np.abs(unitless - unitless.T)
     if asymmetry.max() > SYMMETRY_TOLERANCE:
         i, j = np.unravel_index(np.argmax(asymmetry), C.shape)
         raise BenchError(
-            f"{what}: expected a symmetric matrix, got {C[i, j]:.6g} at row {i + 1}, column "
+            f"{name}: expected a symmetric matrix, got {C[i, j]:.6g} at row {i + 1}, column "
             f"{j + 1} against {C[j, i]:.6g} at row {j + 1}, column {i + 1}"
         )
     smallest = float(np.linalg.eigvalsh((unitless + unitless.T) / 2)[0])
     if smallest <= 1e-12:
         raise BenchError(
-            f"{what}: expected a positive definite matrix, got smallest eigenvalue {smallest:.3g} "
+            f"{name}: expected a positive definite matrix, got smallest eigenvalue {smallest:.3g} "
             "(of the matrix scaled to unit diagonal)"
         )
     return (C + C.T) / 2
@@ -175,8 +175,8 @@ def check_compliance(value: object, what: str) -> Array:
 
 # --- The data model of elastic.toml: every number with its unit, its origin and a note ----------------------
 
-MAX_TOML_BYTES = 100_000  #: Largest size of elastic.toml [byte].
-MAX_DOTS = 200
+MAX_ELASTIC_BYTES = 100_000  #: Largest size of elastic.toml [byte].
+MAX_DOTS_PER_LINE = 200
 """Most dots in one line of elastic.toml: tomllib's time grows with the square of a dotted key's length."""
 PAYLOAD_RANGE = 1e-3, 1e4
 """Least and largest payload of an arm [kg]; beyond it a unit is wrong."""
@@ -192,12 +192,12 @@ COMPENSATOR_RANGES = {
 Origin = Literal["published", "inferred", "assumed", "estimated"]
 """Origin of a number in elastic.toml."""
 
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Value = TypeVar("Value")
 Unit = TypeVar("Unit")
 
 
-class Quantity(Strict, Generic[Value, Unit]):
+class Quantity(StrictModel, Generic[Value, Unit]):
     """Hold a number with its unit, its origin and a note."""
 
     value: Value
@@ -206,46 +206,46 @@ class Quantity(Strict, Generic[Value, Unit]):
     unit: Unit
 
 
-Metre = Quantity[float, Literal["m"]]
+Length = Quantity[float, Literal["m"]]
 
 
-class TubeEntry(Strict):
+class TubeEntry(StrictModel):
     """Describe a straight hollow circular beam."""
 
-    length: Metre
-    outer_diameter: Metre
-    inner_diameter: Metre
+    length: Length
+    outer_diameter: Length
+    inner_diameter: Length
     youngs_modulus: Quantity[float, Literal["Pa"]]
     poissons_ratio: Quantity[float, Literal["1"]]
 
 
-class LinkEntry(Strict):
+class LinkEntry(StrictModel):
     """Describe a link: its body, its beam axes, and either a tube or a compliance."""
 
     name: Name
-    axis: Vector
-    normal: Vector
+    axis: Vector3
+    normal: Vector3
     tube: TubeEntry | None = None
     compliance: Quantity[list[list[float]], Literal["m/N, rad/(N m)"]] | None = None
 
 
-class JointEntry(Strict):
+class JointEntry(StrictModel):
     """Describe an actuated joint and its compliance."""
 
     name: Name
     compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]
 
 
-class CompensatorEntry(Strict):
+class CompensatorEntry(StrictModel):
     """Describe a gas or coil spring between points of link 1 and link 2 that helps joint 2."""
 
-    foot: Quantity[Vector, Literal["m"]]
-    head: Quantity[Vector, Literal["m"]]
+    foot: Quantity[Vector3, Literal["m"]]
+    head: Quantity[Vector3, Literal["m"]]
     rate: Quantity[float, Literal["N/m"]]
-    rest_length: Metre
+    rest_length: Length
 
 
-class Elastic(Strict):
+class ElasticDocument(StrictModel):
     """Describe the whole file elastic.toml."""
 
     format: Literal[1]
@@ -264,7 +264,7 @@ class Elastic(Strict):
     joints: dict[Name, dict[Name, float]] = Field(default_factory=dict)
 
 
-def read_elastic(path: Path) -> Elastic:
+def read_elastic(path: Path) -> ElasticDocument:
     """Read elastic.toml and check what can be checked without the arm's MJCF.
 
     Args:
@@ -274,20 +274,20 @@ def read_elastic(path: Path) -> Elastic:
         InputError: When the file cannot be read, is not TOML, or a value is wrong; the message names the
             place.
     """
-    text = read_text(path, MAX_TOML_BYTES)
+    text = read_text(path, MAX_ELASTIC_BYTES)
     for number, line in enumerate(text.split("\n"), start=1):
-        if line.count(".") > MAX_DOTS:
-            raise InputError(path, f"line {number}", f"expected at most {MAX_DOTS} dots in a line")
+        if line.count(".") > MAX_DOTS_PER_LINE:
+            raise InputError(path, f"line {number}", f"expected at most {MAX_DOTS_PER_LINE} dots in a line")
     data = parse_toml(path, text)
     try:
-        elastic = Elastic.model_validate(data)
+        elastic = ElasticDocument.model_validate(data)
     except ValidationError as err:
         raise InputError(path, *_first_problem(path, err)) from err
     _check_values(path, elastic)
     return elastic
 
 
-def _check_values(path: Path, elastic: Elastic) -> None:
+def _check_values(path: Path, elastic: ElasticDocument) -> None:
     links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
     if len(links) != len(joints) + 1:
         problem = f"expected one link more than joints, got {len(links)} links and {len(joints)} joints"

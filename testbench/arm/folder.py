@@ -22,7 +22,7 @@ import numpy as np
 
 from testbench.arm.document import toml_place
 from testbench.arm.elastic import (
-    Elastic,
+    ElasticDocument,
     JointEntry,
     LinkEntry,
     Tube,
@@ -32,7 +32,7 @@ from testbench.arm.elastic import (
     read_elastic,
     tube_compliance,
 )
-from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import angle_unit, find_body, read_numbers, read_mjcf
 from testbench.display import Displayed
 from testbench.errors import (
     Array,
@@ -51,9 +51,9 @@ from testbench.errors import (
 # --- Linear map from file joints to chain joints: q_model = L q_file + q_0 ----------------------------------
 
 #: Singular value over the largest, or coefficient, below which it counts as zero [1].
-ZERO_COEFFICIENT = 1e-9
+ZERO_TOLERANCE = 1e-9
 MAX_COEFFICIENT = 1000.0  #: Largest coefficient of a file joint [1].
-MAX_LISTED = 100  #: Most characters of joint names in a message.
+MAX_LISTED_CHARACTERS = 100  #: Most characters of joint names in a message.
 TWO_TURNS = 4 * math.pi  #: A hinge beyond this angle and its limits was given in degrees [rad].
 
 
@@ -73,7 +73,7 @@ class ArmJoint:
         return "m" if self.prismatic else "rad"
 
     @property
-    def column(self) -> str:
+    def file_column(self) -> str:
         """Name its column in a file, such as joint_2_rad."""
         return f"{self.name}_{self.unit}"
 
@@ -100,24 +100,24 @@ class JointMap:
     With m < n the n - m chain joints that are not free follow the free ones.
     """
 
-    names: tuple[str, ...]  #: Names of the file joints, m.
-    prismatic: tuple[bool, ...]  #: Which file joints are slides, m.
-    slides: tuple[bool, ...]  #: Which chain joints are slides, n.
+    file_joint_names: tuple[str, ...]  #: Names of the file joints, m.
+    file_prismatic: tuple[bool, ...]  #: Which file joints are slides, m.
+    chain_prismatic: tuple[bool, ...]  #: Which chain joints are slides, n.
     L: Array  #: Coefficients, (n, m) [1].
     q_0: Array  #: Offsets, (n,) [rad, m].
     #: Indices of the free chain joints, which the others follow, (m,): m independent rows of L, preferably
     #: those that are a file joint of their own.
-    free: Ids
-    inverse: Array  #: Inverse of the free rows of L, (m, m) [1].
+    free_joints: Ids
+    free_inverse: Array  #: Inverse of the free rows of L, (m, m) [1].
     #: Motion of all joints per motion of the free ones, (n, n) [1]; columns of dependent joints are zero.
-    dependence: Array
+    dependence_matrix: Array
 
     @property
-    def square(self) -> bool:
+    def all_joints_free(self) -> bool:
         """Tell whether no chain joint follows others, m = n."""
-        return len(self.names) == len(self.q_0)
+        return len(self.file_joint_names) == len(self.q_0)
 
-    def to_model(self, q: Array) -> Array:
+    def to_chain_joints(self, q: Array) -> Array:
         """Convert file joints to chain joints, q_model = L q_file + q_0.
 
         Args:
@@ -128,7 +128,7 @@ class JointMap:
         """
         return np.asarray(q @ self.L.T + self.q_0)
 
-    def to_file(self, q: Array) -> Array:
+    def to_file_joints(self, q: Array) -> Array:
         """Convert chain joints to file joints, by the free chain joints alone.
 
         Args:
@@ -137,9 +137,9 @@ class JointMap:
         Returns:
             File joints, (..., m) [rad, m].
         """
-        return self.change_to_file(q - self.q_0)
+        return self.change_to_file_joints(q - self.q_0)
 
-    def change_to_file(self, change: Array) -> Array:
+    def change_to_file_joints(self, change: Array) -> Array:
         """Convert a change of chain joints to a change of file joints; the offsets q_0 drop out.
 
         Args:
@@ -148,9 +148,9 @@ class JointMap:
         Returns:
             Change of the file joints, (..., m) [rad, m].
         """
-        return np.asarray(change[..., self.free] @ self.inverse.T) + 0.0
+        return np.asarray(change[..., self.free_joints] @ self.free_inverse.T) + 0.0
 
-    def torque_to_model(self, torque: Array) -> Array:
+    def to_chain_torques(self, torque: Array) -> Array:
         """Convert torques of file joints to torques of chain joints.
 
         Both do the same work, so torque_file = L^T torque_model.
@@ -164,13 +164,13 @@ class JointMap:
         Raises:
             BenchError: When joints follow others: their torques cannot be separated.
         """
-        if not self.square:
+        if not self.all_joints_free:
             raise BenchError(
                 "torques of joints that follow others cannot be separated: leave out the columns of torques"
             )
-        return np.asarray(torque @ self.inverse)
+        return np.asarray(torque @ self.free_inverse)
 
-    def torque_to_file(self, torque: Array) -> Array:
+    def to_file_torques(self, torque: Array) -> Array:
         """Convert torques of chain joints to torques of file joints, L^T torque.
 
         Args:
@@ -190,15 +190,15 @@ class JointMap:
         Returns:
             Chain joints that fulfil the map, (..., n) [rad, m].
         """
-        if self.square:
+        if self.all_joints_free:
             return q
         moved = q.copy()
-        others = np.setdiff1d(np.arange(len(self.q_0)), self.free)
-        at = (q - self.q_0) @ self.dependence.T + self.q_0
+        others = np.setdiff1d(np.arange(len(self.q_0)), self.free_joints)
+        at = (q - self.q_0) @ self.dependence_matrix.T + self.q_0
         moved[..., others] = at[..., others]
         return moved
 
-    def followed_joint(self, k: int) -> tuple[int, float, float] | None:
+    def followed_joint(self, joint: int) -> tuple[int, float, float] | None:
         """Find the one free joint that a chain joint follows, q_k = c q_j + offset.
 
         Args:
@@ -207,13 +207,13 @@ class JointMap:
         Returns:
             Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows none or several.
         """
-        drivers = np.flatnonzero(self.dependence[k])
-        if k in self.free or len(drivers) != 1:
+        drivers = np.flatnonzero(self.dependence_matrix[joint])
+        if joint in self.free_joints or len(drivers) != 1:
             return None
-        j, c = int(drivers[0]), float(self.dependence[k, drivers[0]])
-        return j, c, float(self.q_0[k] - c * self.q_0[j])
+        j, c = int(drivers[0]), float(self.dependence_matrix[joint, drivers[0]])
+        return j, c, float(self.q_0[joint] - c * self.q_0[j])
 
-    def sum_text(self, k: int) -> str:
+    def joint_formula(self, joint: int) -> str:
         """Write a chain joint as a sum of file joints, such as "joint_3 - joint_2".
 
         Args:
@@ -224,17 +224,17 @@ class JointMap:
         """
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
-            for name, c in zip(self.names, self.L[k].tolist(), strict=True)
+            for name, c in zip(self.file_joint_names, self.L[joint].tolist(), strict=True)
             if c
         ]
-        if self.q_0[k]:
-            size = 1e3 * self.q_0[k] if self.slides[k] else np.degrees(self.q_0[k])
-            terms.append(f"{'-' if size < 0 else '+'} {abs(size):.6g} {'mm' if self.slides[k] else 'deg'}")
+        if self.q_0[joint]:
+            size = 1e3 * self.q_0[joint] if self.chain_prismatic[joint] else np.degrees(self.q_0[joint])
+            terms.append(f"{'-' if size < 0 else '+'} {abs(size):.6g} {'mm' if self.chain_prismatic[joint] else 'deg'}")
         text = " ".join(terms).removeprefix("+ ") or "0"
         return f"-{text[2:]}" if text.startswith("- ") else text
 
 
-def build_map(
+def build_joint_map(
     joints: Sequence[ArmJoint], rows: Mapping[str, Mapping[str, float]], q_0: Mapping[str, float]
 ) -> JointMap | None:
     """Build the joint map of a chain.
@@ -277,7 +277,7 @@ def build_map(
     ]
     free = _independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
-        listed = shorten(", ".join(names), MAX_LISTED) or "none"
+        listed = shorten(", ".join(names), MAX_LISTED_CHARACTERS) or "none"
         raise BenchError(
             f"expected one independent row of [joints] per file joint, got dependent rows for {listed}"
         )
@@ -289,7 +289,7 @@ def build_map(
     inverse = np.asarray(np.linalg.inv(L[free]), dtype=np.float64) + 0.0
     moves = np.zeros((len(L), len(L)))
     moves[:, free] = L @ inverse
-    moves[np.abs(moves) <= ZERO_COEFFICIENT] = 0.0
+    moves[np.abs(moves) <= ZERO_TOLERANCE] = 0.0
     prismatic = tuple(bool(slides[L[:, j] != 0][0]) for j in range(len(names)))
     return JointMap(names, prismatic, tuple(slides.tolist()), L, offsets, free, inverse, moves)
 
@@ -300,12 +300,12 @@ def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
     for k in order:
         rows = L[[*independent, k]]
         s = np.linalg.svd(rows, compute_uv=False)
-        if len(rows) <= L.shape[1] and s[-1] > ZERO_COEFFICIENT * max(1.0, s[0]):
+        if len(rows) <= L.shape[1] and s[-1] > ZERO_TOLERANCE * max(1.0, s[0]):
             independent.append(k)
     return np.array(sorted(independent), dtype=int)
 
 
-def file_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
+def file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     """Compute the least and the largest value of every file joint within the limits of the free chain joints.
 
     Args:
@@ -316,10 +316,10 @@ def file_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
         Lower and upper values, (2, m) [rad, m].
     """
     ends = (
-        np.array([[joint.lower, joint.upper] for joint in joints])[joint_map.free]
-        - joint_map.q_0[joint_map.free, None]
+        np.array([[joint.lower, joint.upper] for joint in joints])[joint_map.free_joints]
+        - joint_map.q_0[joint_map.free_joints, None]
     )
-    parts = joint_map.inverse[:, :, None] * ends
+    parts = joint_map.free_inverse[:, :, None] * ends
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
 
@@ -337,8 +337,8 @@ def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
         BenchError: When nothing is left between the limits of a joint.
     """
     limits = np.array([[joint.lower, joint.upper] for joint in joints]).T
-    D = joint_map.dependence
-    for k in np.setdiff1d(np.arange(len(D)), joint_map.free):
+    D = joint_map.dependence_matrix
+    for k in np.setdiff1d(np.arange(len(D)), joint_map.free_joints):
         drivers = np.flatnonzero(D[k])
         # a joint that follows several others narrows none of them
         if len(drivers) > 1:
@@ -361,8 +361,8 @@ def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
 
 # --- The description of an arm that truth and model share: names, limits, frames, compliances ---------------
 
-PACKAGE = Path(__file__).resolve().parents[1]
-FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
+PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
+ARM_FOLDERS = (PACKAGE_FOLDER / "models", PACKAGE_FOLDER.parent / "models")
 """Folders of the arms that come with testbench: a wheel has them inside the package."""
 
 
@@ -379,7 +379,7 @@ def find_arm(name: str | Path) -> Path:
     check_type(name, (str, Path), "arm")
     if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
         return Path(name)
-    folders = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
+    folders = {folder.name: folder for root in ARM_FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
     if str(name) in folders:
         return folders[str(name)]
     ours = ", ".join(sorted(folders))
@@ -391,7 +391,7 @@ class Link:
     """Describe an elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1)."""
 
     name: str  #: Name of its body in rigid.xml.
-    frame: Array  #: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
+    beam_axes: Array  #: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
     #: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/N, rad/(N m)].
     compliance: Array
 
@@ -422,11 +422,11 @@ class Arm(Displayed):
 
     name: str  #: Name of the folder.
     title: str  #: Title for people.
-    rigid: Path  #: Path of the rigid MJCF.
+    mjcf_path: Path  #: Path of the rigid MJCF.
     links: tuple[Link, ...]  #: From the base to the flange, n + 1.
     joints: tuple[ArmJoint, ...]  #: From the base to the flange, n.
     tool: str  #: Body of the tool's centre point, a child of the last link.
-    load: str  #: Body at whose origin a hung weight acts: the load point.
+    load_point: str  #: Body at whose origin a hung weight acts: the load point.
     markers: tuple[str, ...]  #: Bodies that the tracker reads, the markers.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
     compensator: Compensator | None = None  #: Compensator of joint 2; None if elastic.toml states none.
@@ -470,11 +470,11 @@ class Arm(Displayed):
         """
         if self.joint_map is None:
             return self.joints
-        ends = file_limits(self.joint_map, self.joints).T.tolist()
-        rows = zip(self.joint_map.names, ends, self.joint_map.prismatic, strict=True)
+        ends = file_joint_limits(self.joint_map, self.joints).T.tolist()
+        rows = zip(self.joint_map.file_joint_names, ends, self.joint_map.file_prismatic, strict=True)
         return tuple(ArmJoint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
-    def to_model(self, q: Array) -> Array:
+    def to_chain_joints(self, q: Array) -> Array:
         """Convert file joints to chain joints, q = L q_file + q_0.
 
         Args:
@@ -483,9 +483,9 @@ class Arm(Displayed):
         Returns:
             Chain joints, (..., n) [rad, m].
         """
-        return q if self.joint_map is None else self.joint_map.to_model(q)
+        return q if self.joint_map is None else self.joint_map.to_chain_joints(q)
 
-    def to_file(self, q: Array) -> Array:
+    def to_file_joints(self, q: Array) -> Array:
         """Convert chain joints to file joints.
 
         Args:
@@ -494,9 +494,9 @@ class Arm(Displayed):
         Returns:
             File joints, (..., m) [rad, m].
         """
-        return q if self.joint_map is None else self.joint_map.to_file(q)
+        return q if self.joint_map is None else self.joint_map.to_file_joints(q)
 
-    def change_to_file(self, change: Array) -> Array:
+    def change_to_file_joints(self, change: Array) -> Array:
         """Convert a change of chain joints to a change of file joints.
 
         Args:
@@ -505,14 +505,14 @@ class Arm(Displayed):
         Returns:
             Change of the file joints, (..., m) [rad, m].
         """
-        return change if self.joint_map is None else self.joint_map.change_to_file(change)
+        return change if self.joint_map is None else self.joint_map.change_to_file_joints(change)
 
     @property
     def display_factors(self) -> Array:
         """Return the factors from file joints in SI units to those that people read, (m,) [deg/rad, mm/m]."""
         return np.array([joint.display_factor for joint in self.file_joints])
 
-    def to_display(self, q: Array) -> Array:
+    def to_display_units(self, q: Array) -> Array:
         """Convert chain joints to file joints in degrees and millimetres.
 
         Args:
@@ -521,9 +521,9 @@ class Arm(Displayed):
         Returns:
             File joints, (..., m) [deg, mm].
         """
-        return self.display_factors * self.to_file(q)
+        return self.display_factors * self.to_file_joints(q)
 
-    def from_display(self, values: Array) -> Array:
+    def from_display_units(self, values: Array) -> Array:
         """Convert file joints in degrees and millimetres to chain joints.
 
         Args:
@@ -532,9 +532,9 @@ class Arm(Displayed):
         Returns:
             Chain joints, (..., n) [rad, m].
         """
-        return self.to_model(values / self.display_factors)
+        return self.to_chain_joints(values / self.display_factors)
 
-    def limit_distance(self, q: Array) -> Array:
+    def distance_to_limits(self, q: Array) -> Array:
         """Compute how far each file joint alone may move until a chain joint reaches its limit.
 
         Args:
@@ -552,7 +552,7 @@ class Arm(Displayed):
             )
         return np.asarray(self.display_factors * slack)
 
-    def check_positions(self, q: object, what: str = "q [rad, m]") -> Array:
+    def check_joint_positions(self, q: object, name: str = "q [rad, m]") -> Array:
         """Convert joint positions to an array, and refuse degrees in place of radians.
 
         Args:
@@ -566,13 +566,13 @@ class Arm(Displayed):
             BenchError: When they have another shape or are not finite, or a hinge is beyond its limits and
                 beyond `TWO_TURNS`.
         """
-        values = check_array(q, (None, self.n_joints), what)
+        values = check_array(q, (None, self.n_joints), name)
         hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         lower, upper = np.minimum(self.limits[0], -TWO_TURNS), np.maximum(self.limits[1], TWO_TURNS)
         if (wrong := ((values < lower) | (values > upper)) & hinges).any():
             pose, j = np.argwhere(wrong)[0]
             problem = f"{self.joints[j].name} of pose {pose} is at {values[pose, j]:g} rad"
-            raise BenchError(f"{what}: expected radians; {problem}, more than two turns")
+            raise BenchError(f"{name}: expected radians; {problem}, more than two turns")
         return values
 
     def pose_text(self, q: Array) -> str:
@@ -584,7 +584,7 @@ class Arm(Displayed):
         Returns:
             The values with their units.
         """
-        values, joints = self.to_display(q).round(2).tolist(), self.file_joints
+        values, joints = self.to_display_units(q).round(2).tolist(), self.file_joints
         if not any(joint.prismatic for joint in joints):
             return f"{values} deg"
         named = (f"{x} {joint.display_unit}" for x, joint in zip(values, joints, strict=True))
@@ -596,9 +596,9 @@ class Arm(Displayed):
         return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
 
     @property
-    def dependence(self) -> Array | None:
+    def dependence_matrix(self) -> Array | None:
         """Return how all joints move with the free ones, (n, n) [1]; None where no joint follows others."""
-        return None if self.joint_map is None or self.joint_map.square else self.joint_map.dependence
+        return None if self.joint_map is None or self.joint_map.all_joints_free else self.joint_map.dependence_matrix
 
     @property
     def full_turn_joints(self) -> Mask:
@@ -608,7 +608,7 @@ class Arm(Displayed):
         """
         hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         return (
-            hinges if self.dependence is None else hinges & (np.count_nonzero(self.dependence, axis=0) == 1)
+            hinges if self.dependence_matrix is None else hinges & (np.count_nonzero(self.dependence_matrix, axis=0) == 1)
         )
 
     def with_dependent_joints(self, q: Array) -> Array:
@@ -648,26 +648,26 @@ class Arm(Displayed):
         """
         lower, upper = self.limits
         q = self.with_dependent_joints(rng.uniform(lower, upper, (count, self.n_joints)))
-        for _ in range(MAX_REDRAWS if self.dependence is not None else 0):
+        for _ in range(MAX_REDRAWS if self.dependence_matrix is not None else 0):
             beyond = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
             if not len(beyond):
                 return q
             q[beyond] = self.with_dependent_joints(rng.uniform(lower, upper, (len(beyond), self.n_joints)))
-        if self.dependence is not None:
+        if self.dependence_matrix is not None:
             raise PoseError(
                 f"{self.name}: in nearly all poses, joints that follow others are outside their limits"
             )
         return q
 
 
-JOINT_KINDS = "hinge", "slide"
-COMPLIANCE_UNIT = "rad/(N m)", "m/N"
+MJCF_JOINT_TYPES = "hinge", "slide"
+JOINT_COMPLIANCE_UNITS = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
 
 MAX_JOINT_COORDINATE = 1000.0  #: Largest joint limit or offset [rad, m].
 MAX_TITLE_CHARACTERS = 200  #: Most characters of a title.
 MAX_REDRAWS = 300  #: Most times that poses with a dependent joint beyond its limits are drawn again.
-MAX_TUBE_RATIO = 3.0  #: Largest length of a tube over that of the whole arm [1].
+MAX_TUBE_LENGTH_RATIO = 3.0  #: Largest length of a tube over that of the whole arm [1].
 
 
 def load_arm(folder: str | Path) -> Arm:
@@ -689,14 +689,14 @@ def load_arm(folder: str | Path) -> Arm:
     arm = Arm(
         name=printable(folder.resolve().name),
         title=shorten(printable(elastic.title), MAX_TITLE_CHARACTERS),
-        rigid=rigid,
+        mjcf_path=rigid,
         links=tuple(_link(toml_path, i, link) for i, link in enumerate(elastic.link)),
         joints=tuple(
             _joint(rigid, root, joint, link.name)
             for joint, link in zip(elastic.joint, elastic.link[1:], strict=True)
         ),
         tool=elastic.tool,
-        load=elastic.load,
+        load_point=elastic.load,
         markers=tuple(elastic.markers),
         payload=None if elastic.payload is None else elastic.payload.value,
         compensator=None if spring is None else Compensator(**{k: v.value for k, v in spring}),
@@ -709,10 +709,10 @@ def load_arm(folder: str | Path) -> Arm:
     return _with_joint_map(toml_path, elastic, arm)
 
 
-OFFSETS = "offset_deg", "offset_mm"  #: Keys of a row's offset, for a hinge and for a slide.
+OFFSET_KEYS = "offset_deg", "offset_mm"  #: Keys of a row's offset, for a hinge and for a slide.
 
 
-def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
+def _with_joint_map(path: Path, elastic: ElasticDocument, arm: Arm) -> Arm:
     """Give the arm the file joints that [joints] of elastic.toml states."""
     known, q_0 = {joint.name: joint for joint in arm.joints}, dict[str, float]()
     rows = {name: dict(row) for name, row in elastic.joints.items()}
@@ -720,7 +720,7 @@ def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
         place = toml_place(path, ["joints", name])
         if name not in known:
             raise InputError(path, place, f"expected one of the joints {', '.join(known)}, got {name!r}")
-        key, wrong_key = OFFSETS[:: -1 if known[name].prismatic else 1]
+        key, wrong_key = OFFSET_KEYS[:: -1 if known[name].prismatic else 1]
         if wrong_key in row:
             raise InputError(path, place, f"expected {key} of this joint, got {wrong_key}")
         q_0[name] = row.pop(key, 0.0) / known[name].display_factor
@@ -728,7 +728,7 @@ def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
             raise InputError(path, place, f"expected offsets up to {MAX_JOINT_COORDINATE:g} rad or m")
     place = toml_place(path, ["joints"])
     try:
-        joint_map = build_map(arm.joints, rows, q_0)
+        joint_map = build_joint_map(arm.joints, rows, q_0)
         if joint_map is None:
             return arm
         limits = narrow_limits(joint_map, arm.joints).T.tolist()
@@ -763,13 +763,13 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJo
     [element] = elements
     prismatic = element.get("type", "hinge") == "slide"
     unit = 1.0 if prismatic else angle_unit(root)
-    lower, upper = (x * unit for x in numbers(rigid, element, "range", 2))
-    moved = "pos" in element.attrib and any(numbers(rigid, element, "pos", 3))
+    lower, upper = (x * unit for x in read_numbers(rigid, element, "range", 2))
+    moved = "pos" in element.attrib and any(read_numbers(rigid, element, "pos", 3))
     problems = {
         f"expected a hinge or a slide, got {element.get('type')!r}": element.get("type", "hinge")
-        not in JOINT_KINDS,
+        not in MJCF_JOINT_TYPES,
         "expected no pos: the body's origin lies on the joint": moved,
-        "axis: expected a direction, got zero": not any(numbers(rigid, element, "axis", 3)),
+        "axis: expected a direction, got zero": not any(read_numbers(rigid, element, "axis", 3)),
         f"range: expected lower < upper, got {element.get('range')!r}": not lower < upper,
         f"range: expected limits up to {MAX_JOINT_COORDINATE:g} rad or m, got {element.get('range')!r}": (
             max(abs(lower), abs(upper)) > MAX_JOINT_COORDINATE
@@ -777,8 +777,8 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJo
     }
     if wrong := [problem for problem, there in problems.items() if there]:
         raise InputError(rigid, f"<joint name={joint.name!r}>", wrong[0])
-    if joint.compliance.unit != COMPLIANCE_UNIT[prismatic]:
-        problem = f"expected {COMPLIANCE_UNIT[prismatic]} for a {JOINT_KINDS[prismatic]}"
+    if joint.compliance.unit != JOINT_COMPLIANCE_UNITS[prismatic]:
+        problem = f"expected {JOINT_COMPLIANCE_UNITS[prismatic]} for a {MJCF_JOINT_TYPES[prismatic]}"
         place = f"joint ({joint.name}) compliance.unit"
         raise InputError(rigid.with_name("elastic.toml"), place, f"{problem}, got {joint.compliance.unit}")
     return ArmJoint(joint.name, lower, upper, joint.compliance.value, prismatic)
@@ -796,9 +796,9 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
             raise InputError(rigid, f"<body name={parent!r}>", "expected an <inertial>")
     tool = find_body(rigid, root, arm.tool)
     children = [b.get("name") for b in tool.findall("body")]
-    for name in (arm.load, *arm.markers):
+    for name in (arm.load_point, *arm.markers):
         if name not in children:
-            kind = "load point" if name == arm.load else "marker"
+            kind = "load point" if name == arm.load_point else "marker"
             raise InputError(rigid, f"<body name={arm.tool!r}>", f"no {kind} {name!r}; bodies are {children}")
         find_body(rigid, root, name)
     expected, names = [j.name for j in arm.joints], [j.get("name") for j in root.iter("joint")]
@@ -806,7 +806,7 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
         raise InputError(rigid, "<joint>", f"expected the joints {expected} and no other, got {names}")
 
 
-def chain_length(rigid: Path, root: ET.Element, arm: Arm) -> float:
+def chain_length(mjcf_path: Path, root: ET.Element, arm: Arm) -> float:
     """Compute the length of the chain from the base to the tool, with its slides fully extended.
 
     Args:
@@ -817,15 +817,15 @@ def chain_length(rigid: Path, root: ET.Element, arm: Arm) -> float:
     Returns:
         Sum of all steps between bodies and of the largest ways of the slides [m].
     """
-    bodies = [find_body(rigid, root, name) for name in (*(link.name for link in arm.links[1:]), arm.tool)]
-    steps = [numbers(rigid, body, "pos", 3) for body in bodies if "pos" in body.attrib]
+    bodies = [find_body(mjcf_path, root, name) for name in (*(link.name for link in arm.links[1:]), arm.tool)]
+    steps = [read_numbers(mjcf_path, body, "pos", 3) for body in bodies if "pos" in body.attrib]
     slides = [max(abs(j.lower), abs(j.upper)) for j in arm.joints if j.prismatic]
     return sum(math.hypot(*step) for step in steps) + sum(slides)
 
 
-def _check_lengths(path: Path, elastic: Elastic, arm_length: float) -> None:
+def _check_lengths(path: Path, elastic: ElasticDocument, arm_length: float) -> None:
     for index, link in enumerate(elastic.link):
-        if link.tube is not None and link.tube.length.value > MAX_TUBE_RATIO * arm_length > 0:
+        if link.tube is not None and link.tube.length.value > MAX_TUBE_LENGTH_RATIO * arm_length > 0:
             got = f"got {link.tube.length.value:g} m; the whole arm is {arm_length:.3g} m long"
             place = link_place(path, index, link, "tube", "length")
-            raise InputError(path, place, f"expected at most {MAX_TUBE_RATIO * arm_length:.3g} m, {got}")
+            raise InputError(path, place, f"expected at most {MAX_TUBE_LENGTH_RATIO * arm_length:.3g} m, {got}")

@@ -10,18 +10,18 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
-from testbench.arm.document import MAX_SHOWN, NUMBER_EXAMPLES, parse_xml, path_inside, place_of, read_decimals
+from testbench.arm.document import MAX_SHOWN_CHARACTERS, NUMBER_EXAMPLES, parse_xml, path_inside, xml_place, read_decimals
 from testbench.errors import InputError, read_bytes, read_text
 
 # --- Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is -------------
 
 PLACEMENT_ATTRIBUTES = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
-ELEMENTS = frozenset(
+ALLOWED_ELEMENTS = frozenset(
     "mujoco compiler option flag visual global quality headlight map scale rgba statistic asset material mesh"
     " default worldbody body inertial joint geom light camera contact exclude".split()
 )
 """Elements that an arm may contain: rigid bodies on joints; no springs, motors, wind; no files but meshes."""
-ATTRIBUTES = {
+ALLOWED_ATTRIBUTES = {
     element: frozenset(attributes.split())
     for element, attributes in {
         "compiler": "angle autolimits inertiafromgeom meshdir",
@@ -34,17 +34,17 @@ ATTRIBUTES = {
     }.items()
 }
 """Attributes allowed in the elements that the model reads: it would miss others, such as gravity off."""
-NUMBERS = {
+NUMBERS_PER_ATTRIBUTE = {
     **{"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3},
     **{"diaginertia": 3, "fullinertia": 6},
 }
 """Count of numbers of each attribute that places a body or gives its inertia."""
-MAX_NUMBER = 1e6
+MAX_ATTRIBUTE_VALUE = 1e6
 """Largest angle, mass or inertia of an arm [deg, rad, kg, kg m^2]; beyond it an exponent is wrong."""
 MAX_LENGTH = 1000.0  #: Largest length [m].
 MAX_ELEMENTS = 20_000  #: Most elements of an arm.
-MAX_BYTES = 4_000_000  #: Largest size of an arm's MJCF [byte].
-MAX_DEPTH = 64  #: Most nested elements.
+MAX_MJCF_BYTES = 4_000_000  #: Largest size of an arm's MJCF [byte].
+MAX_NESTED_ELEMENTS = 64  #: Most nested elements.
 GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
 
 
@@ -54,7 +54,7 @@ def read_mjcf(path: Path) -> ET.Element:
     Raises:
         InputError: When it is missing, too large, not well-formed, or contains what an arm may not.
     """
-    root = parse_xml(path, read_text(path, MAX_BYTES))
+    root = parse_xml(path, read_text(path, MAX_MJCF_BYTES))
     if root.tag != "mujoco":
         raise InputError(path, "", f"expected <mujoco> at the top, got <{root.tag}>")
     _check_elements(path, root)
@@ -64,10 +64,10 @@ def read_mjcf(path: Path) -> ET.Element:
 
 def _check_elements(path: Path, root: ET.Element) -> None:
     level, count = [root], 0
-    for _ in range(MAX_DEPTH + 1):
+    for _ in range(MAX_NESTED_ELEMENTS + 1):
         for e in level:
-            if e.tag not in ELEMENTS:
-                allowed = f"not allowed in an arm; allowed are {sorted(ELEMENTS)}"
+            if e.tag not in ALLOWED_ELEMENTS:
+                allowed = f"not allowed in an arm; allowed are {sorted(ALLOWED_ELEMENTS)}"
                 if e.tag in ("equality", "tendon"):
                     allowed = (
                         "not allowed in rigid.xml; describe dependent joints in [joints] of elastic.toml"
@@ -77,12 +77,12 @@ def _check_elements(path: Path, root: ET.Element) -> None:
         count += len(level)
         level = [child for e in level for child in e]
     if level:
-        raise InputError(path, "", f"expected at most {MAX_DEPTH} nested elements")
+        raise InputError(path, "", f"expected at most {MAX_NESTED_ELEMENTS} nested elements")
     if count > MAX_ELEMENTS:
         raise InputError(path, "", f"expected at most {MAX_ELEMENTS} elements, got {count}")
 
 
-def _read_numbers(text: str, count: int, largest: float) -> list[float] | None:
+def _parse_numbers(text: str, count: int, largest: float) -> list[float] | None:
     """Read at most so many numbers, none of them larger; None where the text is something else."""
     try:
         values = read_decimals(text.split(maxsplit=count))
@@ -92,28 +92,28 @@ def _read_numbers(text: str, count: int, largest: float) -> list[float] | None:
 
 
 def _check_values(path: Path, e: ET.Element) -> None:
-    known = ATTRIBUTES.get(e.tag)
+    known = ALLOWED_ATTRIBUTES.get(e.tag)
     if known is not None and (extra := [key for key in e.attrib if key not in known]):
-        problem = f"{extra[0][:MAX_SHOWN]!r} is not allowed; allowed are {sorted(known)}"
-        raise InputError(path, place_of(e), problem)
+        problem = f"{extra[0][:MAX_SHOWN_CHARACTERS]!r} is not allowed; allowed are {sorted(known)}"
+        raise InputError(path, xml_place(e), problem)
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(
-            path, place_of(e), "joint defaults are not allowed; write these attributes at each joint"
+            path, xml_place(e), "joint defaults are not allowed; write these attributes at each joint"
         )
     if e.tag == "option" and "gravity" in e.attrib:
-        gravity = numbers(path, e, "gravity", 3)
+        gravity = read_numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
-            raise InputError(path, place_of(e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
+            raise InputError(path, xml_place(e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
     if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
         problem = f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}"
-        raise InputError(path, place_of(e), problem)
+        raise InputError(path, xml_place(e), problem)
     if e.tag == "inertial":
-        [mass], _ = numbers(path, e, "mass", 1), numbers(path, e, "pos", 3)
+        [mass], _ = read_numbers(path, e, "mass", 1), read_numbers(path, e, "pos", 3)
         if not mass > 0:
-            raise InputError(path, place_of(e), f"mass: expected more than 0 kg, got {mass}")
-    for key, count in NUMBERS.items() if e.tag in ("body", "inertial") else ():
+            raise InputError(path, xml_place(e), f"mass: expected more than 0 kg, got {mass}")
+    for key, count in NUMBERS_PER_ATTRIBUTE.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
-            numbers(path, e, key, count, MAX_LENGTH if key == "pos" else MAX_NUMBER)
+            read_numbers(path, e, key, count, MAX_LENGTH if key == "pos" else MAX_ATTRIBUTE_VALUE)
 
 
 def _check_files(path: Path, root: ET.Element) -> None:
@@ -124,7 +124,7 @@ def _check_files(path: Path, root: ET.Element) -> None:
             bases = (path.parent.absolute(), folder.absolute())
             if not all(path_inside(path.parent, base / e.attrib[key]) for base in bases):
                 problem = f"{key}: expected a file inside the arm's folder"
-                raise InputError(path, place_of(e), problem)
+                raise InputError(path, xml_place(e), problem)
 
 
 def _mesh_folder(path: Path, root: ET.Element) -> Path:
@@ -172,13 +172,13 @@ def asset_paths(path: Path, root: ET.Element) -> list[str]:
     return sorted(paths)
 
 
-def numbers(
+def read_numbers(
     path: Path,
-    e: ET.Element,
-    key: str,
+    element: ET.Element,
+    attribute: str,
     count: int,
-    largest: float = MAX_NUMBER,
-    owner: ET.Element | None = None,
+    max_value: float = MAX_ATTRIBUTE_VALUE,
+    named_ancestor: ET.Element | None = None,
 ) -> list[float]:
     """Read an attribute of an element as a fixed count of numbers.
 
@@ -196,14 +196,14 @@ def numbers(
     Raises:
         InputError: When the attribute is missing, has another count, or a number is larger or not finite.
     """
-    text = e.get(key)
+    text = element.get(attribute)
     if text is None:
-        raise InputError(path, place_of(e, owner), f"expected an attribute {key} of {count} number(s)")
-    values = _read_numbers(text, count, largest)
+        raise InputError(path, xml_place(element, named_ancestor), f"expected an attribute {attribute} of {count} number(s)")
+    values = _parse_numbers(text, count, max_value)
     if values is None or len(values) != count:
-        most = f" up to {largest:g}" if math.isfinite(largest) else ""
-        problem = f"expected {count} number(s){most}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN]!r}"
-        raise InputError(path, place_of(e, owner), f"{key}: {problem}")
+        most = f" up to {max_value:g}" if math.isfinite(max_value) else ""
+        problem = f"expected {count} number(s){most}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN_CHARACTERS]!r}"
+        raise InputError(path, xml_place(element, named_ancestor), f"{attribute}: {problem}")
     return values
 
 
@@ -238,7 +238,7 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
 
 MESH_SUFFIXES = ("stl", "obj", "msh")  #: Suffixes of mesh files that MuJoCo reads.
 MAX_MESH_BYTES = 64_000_000  #: Largest mesh file [byte].
-MAX_TOTAL = 256_000_000  #: Largest size of all mesh files of an arm together [byte].
+MAX_ALL_MESH_BYTES = 256_000_000  #: Largest size of all mesh files of an arm together [byte].
 
 
 def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
@@ -253,6 +253,6 @@ def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
         if file.suffix[1:].lower() not in MESH_SUFFIXES:
             raise InputError(file, "", f"expected a mesh: {', '.join(MESH_SUFFIXES)}")
         contents[name] = read_bytes(file, MAX_MESH_BYTES)
-        if sum(map(len, contents.values())) > MAX_TOTAL:
-            raise InputError(file, "", f"expected at most {MAX_TOTAL} bytes in all meshes of an arm together")
+        if sum(map(len, contents.values())) > MAX_ALL_MESH_BYTES:
+            raise InputError(file, "", f"expected at most {MAX_ALL_MESH_BYTES} bytes in all meshes of an arm together")
     return contents

@@ -118,7 +118,7 @@ def command(asked: CalibrateOptions) -> None:
         assert isinstance(flags["readings"], dict)
         write = partial(write_model, calibrated.calibration, flags["readings"], said.numbers["doubts"])
         run = RunRequest(
-            COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write, draw=_drawn
+            COMMAND, cell.arm.name, flags, [cell.arm.mjcf_path.parent], PICTURE, more=write, draw=_drawn
         )
         write_run(asked.out, run, said, draw_calibration(cell, calibrated, left))
         names = ("report.md", "report.json", PICTURE, *([JOINTS] if said.numbers["spectrum"] else []))

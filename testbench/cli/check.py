@@ -152,15 +152,15 @@ def contents(checked: Checked) -> list[str]:
         if k < arm.n_joints:
             lines.append(f"  {arm.joints[k].name}: {_joint(arm.joints[k], elastic.joint[k])}")
     if joint_map := arm.joint_map:
-        lines.append(f"  joints of files: {', '.join(joint_map.names)}")
-        rows = [f"{joint.name} = {joint_map.sum_text(k)}" for k, joint in enumerate(arm.joints)]
+        lines.append(f"  joints of files: {', '.join(joint_map.file_joint_names)}")
+        rows = [f"{joint.name} = {joint_map.joint_formula(k)}" for k, joint in enumerate(arm.joints)]
         lines += [
             f"    {row}"
             for row, joint in zip(rows, arm.joints, strict=True)
             if row != f"{joint.name} = {joint.name}"
         ]
-    names = f"load point {arm.load}", *(f"marker {name}" for name in arm.markers)
-    points = zip(names, (vjm.load, *vjm.markers), strict=True)
+    names = f"load point {arm.load_point}", *(f"marker {name}" for name in arm.markers)
+    points = zip(names, (vjm.load_point, *vjm.markers), strict=True)
     lines.append(f"  {arm.tool}: {_place(vjm.tool[:3, 3])} m in the frame of {arm.links[-1].name}")
     return lines + [f"  {name}: {_place(place)} m in the tool's frame" for name, place in points]
 
@@ -230,7 +230,7 @@ def _beams(checked: Checked) -> list[Layer]:
 def _tool(checked: Checked, bent: BodyFrames) -> list[Layer]:
     """Markers, the payload on the bent arm, and the axes of the base."""
     cell, reach = checked.cell, checked.vjm.reach
-    hook = on_tool(cell, bent, np.tile(cell.vjm.load, (len(checked.poses), 1)))
+    hook = on_tool(cell, bent, np.tile(cell.vjm.load_point, (len(checked.poses), 1)))
     base, out = cell.vjm.base[:3, 3], AXIS * reach * cell.vjm.base[:3, :3].T
     force = np.tile([0, 0, -GRAVITY * (cell.arm.payload or 0.0)], (len(hook), 1))
     markers = tool_points(cell.vjm, checked.poses, cell.vjm.markers)

@@ -102,7 +102,7 @@ def command(asked: CompensateOptions) -> None:
         if not asked.keep_unreachable:
             programs.refuse_unreached(corrected_program)
         said = report(corrected_program, asked.tolerance)
-        flags, arm = plain(asked, read="program", without=("model",)), cell.arm.rigid.parent
+        flags, arm = plain(asked, read="program", without=("model",)), cell.arm.mjcf_path.parent
         notes += programs.configuration_notes(program, start) + programs.conversion_notes(program, form)
         notes += programs.turn_notes(corrected_program)
         with whole_files(files) as parts:

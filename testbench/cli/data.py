@@ -104,7 +104,7 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
         lines = file_lines(Row(said.numbers), registration_notes(registered))
         if asked.out is not None:
             name, flags = runs.dataset.name, {"data": runs.dataset.name, "flags": runs.words}
-            run = RunRequest(COMMAND, name, flags, [cell.arm.rigid.parent], "data.png")
+            run = RunRequest(COMMAND, name, flags, [cell.arm.mjcf_path.parent], "data.png")
             write_run(asked.out, run, said, draw_runs(cell, registered))
             opened = viewing_lines(asked.out, arm=runs.arm, data=runs.dataset)
             lines += [f"picture    {asked.out / 'data.png'}", *opened]

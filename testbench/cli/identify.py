@@ -129,7 +129,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
         title = f"{f.arm} under {f.map.force_N:.0f} N and {f.map.moment_Nm:.0f} N m" if f.map else ""
         left_by_run = RunRequest(
-            COMMAND, f.arm, flags, [cell.arm.rigid.parent], PICTURE, more=more, map=title, draw=_drawn
+            COMMAND, f.arm, flags, [cell.arm.mjcf_path.parent], PICTURE, more=more, map=title, draw=_drawn
         )
         write_run(out, left_by_run, said, seen(filed, identified, f, left))
         console = terminal.plain_console()

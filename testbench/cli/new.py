@@ -61,7 +61,7 @@ def command(
     console = plain_console()
     joints = f"{len(arm.joints)} joints"
     if arm.joint_map is not None:
-        joints += f" (files have {len(arm.file_joints)}: {', '.join(arm.joint_map.names)})"
+        joints += f" (files have {len(arm.file_joints)}: {', '.join(arm.joint_map.file_joint_names)})"
     first = f"{name}: {joints}, tool at {chain.tip.name!r}, mass {chain.mass:.4g} kg"
     if project:
         write_project(name, source)

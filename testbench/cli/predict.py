@@ -77,7 +77,7 @@ def command(asked: PredictOptions) -> None:
         made = predict_file(model, poses, push, area)
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
-        arms = [model.arm.rigid.parent]
+        arms = [model.arm.mjcf_path.parent]
         run = RunRequest(COMMAND, poses.path.name, flags, arms, PICTURE, more=write, draw=_drawn)
         write_run(asked.out, run, said, draw_prediction(made, said.numbers["ellipsoids"]))
         places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE, STIFFNESS))

@@ -118,8 +118,8 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
     """Compute the pose's error, rotation times lever, (poses, 6) [m], and its Jacobian, (poses, 6, n)."""
     p, R, J = tool_motion(vjm, q)
     J[:, 3:] *= lever
-    if vjm.arm.dependence is not None:  # joints that follow others have no column of their own
-        J = J @ vjm.arm.dependence
+    if vjm.arm.dependence_matrix is not None:  # joints that follow others have no column of their own
+        J = J @ vjm.arm.dependence_matrix
     return np.hstack([target.position - p, lever * rotation_vectors_between(R, target.rotation)]), J
 
 
@@ -471,7 +471,7 @@ def compensate(
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
     check_type(aim, (Aim, NoneType), "aim")
-    q = model.arm.check_positions(q)
+    q = model.arm.check_joint_positions(q)
     if not len(q):
         raise BenchError("q [rad, m]: expected at least one point")
     aim, loads = aim or Aim(), [load.for_poses(len(q)) for load in loads]
@@ -516,7 +516,7 @@ def within_limits(
         The solution, and which joints a limit stopped, (points, n).
     """
     arm, (lower, upper) = model.arm, model.arm.limits
-    free_joints = True if arm.dependence is None else arm.dependence.any(axis=0)
+    free_joints = True if arm.dependence_matrix is None else arm.dependence_matrix.any(axis=0)
     points = InverseStatics(model.state, q, loads, target, aim, np.ones(q.shape))
     corrected = solve_inverse_statics(points)
     for _ in range(arm.n_joints):

@@ -383,7 +383,7 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
     runs = len(points.start)
     q, theta = points.start.copy(), unsprung_theta(points.state, points.start, points.loads)
     corrected = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
-    moving, now, moves = np.arange(runs), points, points.state.vjm.arm.dependence
+    moving, now, moves = np.arange(runs), points, points.state.vjm.arm.dependence_matrix
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(max_steps):
         # errors of position, rotation and equilibrium at the present q and theta
@@ -431,8 +431,8 @@ def _joint_step(points: InverseStatics, errors: _Errors, q: Array, G: Array, J: 
     # the whole motion from the start solves the start's linear equations: q = start + G (errors + J gone)
     gone = q - points.start
     move = np.matvec(G, left + np.matvec(J, gone)) - gone
-    if points.state.vjm.arm.dependence is not None:  # joints that follow others move as these do
-        move = np.matvec(points.state.vjm.arm.dependence, move)
+    if points.state.vjm.arm.dependence_matrix is not None:  # joints that follow others move as these do
+        move = np.matvec(points.state.vjm.arm.dependence_matrix, move)
     return np.asarray(
         move * np.minimum(1, MAX_MOTION / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
     )

@@ -406,7 +406,7 @@ def predict(
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
-    q = model.arm.check_positions(q)
+    q = model.arm.check_joint_positions(q)
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
     every = LoadedPoses(q, loads)
@@ -630,7 +630,7 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
-    q = model.arm.check_positions(q)
+    q = model.arm.check_joint_positions(q)
     every = LoadedPoses(q, loads)
     theta = equilibrium(model.state, q, every.loads).theta if theta is None else theta
     return join_rows(

@@ -197,7 +197,7 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
     found = columns.complete_set(torque_columns(arm))
     torque = np.column_stack([columns.full(column) for column in found]) if found else None
     try:
-        return torque if torque is None or not arm.joint_map else arm.joint_map.torque_to_model(torque)
+        return torque if torque is None or not arm.joint_map else arm.joint_map.to_chain_torques(torque)
     except BenchError as err:
         raise columns.table.header_error(str(err)) from err
 

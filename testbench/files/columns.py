@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.document import is_integer
 from testbench.arm.folder import Arm, ArmJoint
-from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import GRAVITY, find_body, read_numbers, read_mjcf
 from testbench.errors import Array, Ids, InputError, Mask
 from testbench.files.mapping import Named, Names
 from testbench.files.names import (
@@ -834,15 +834,15 @@ def load_point(arm: Arm) -> Array:
     Raises:
         InputError: When rigid.xml has no such body, or its position is not three numbers.
     """
-    body = find_body(arm.rigid, read_mjcf(arm.rigid), arm.load)
-    return np.array(numbers(arm.rigid, body, "pos", 3) if "pos" in body.attrib else [0.0] * 3)
+    body = find_body(arm.mjcf_path, read_mjcf(arm.mjcf_path), arm.load_point)
+    return np.array(read_numbers(arm.mjcf_path, body, "pos", 3) if "pos" in body.attrib else [0.0] * 3)
 
 
 def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
     """Read the point where the load acts, (rows, 3) [m]."""
     found, rows = axes(columns, "point"), columns.table.rows
     if all(own is None for own in found):
-        return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point, {arm.load!r}"]
+        return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point, {arm.load_point!r}"]
     return np.column_stack([columns.values_of(own) for own in found]), []
 
 
@@ -873,7 +873,7 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
     q = np.column_stack([none, *(columns.values_of(own) for own in found)])
     _check_limits(columns, joints, q)
-    q = arm.to_model(q)
+    q = arm.to_chain_joints(q)
     _check_chain(columns, arm, q)
     ends = arm.clip_to_limits(q)
     return np.where(np.abs(q - ends) > SAME_POSE, ends, q)
@@ -888,7 +888,7 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
         joint = arm.joints[k]
         low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[i, k]))
         limits = f"expected {low:.4f} to {high:.4f} {joint.display_unit}, got {got:.4f}"
-        problem = f"{joint.name} of the arm, in file joints {arm.joint_map.sum_text(int(k))}: {limits}"
+        problem = f"{joint.name} of the arm, in file joints {arm.joint_map.joint_formula(int(k))}: {limits}"
         raise columns.table.error(i, "", problem)
 
 

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import unused_name
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_numbers, read_mjcf
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.export_own import (
     NEW_STAMP,
@@ -322,7 +322,7 @@ def compared_label(state: ArmState, frames: UrdfFrames, urdf: Path, done: Row) -
         "format": 1,
         "kind": KIND,
         "arm": arm.name,
-        "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
+        "digests": {name: files.digest(arm.mjcf_path.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
         "urdf_sha256": files.digest(urdf),
         "read_back": done.read_back,
         "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
@@ -343,7 +343,7 @@ def _joint_map(arm: Arm) -> dict[str, object]:
     if joint_map is None:
         return {}
     rows = {joint.name: row for joint, row in zip(arm.joints, joint_map.L.tolist(), strict=True)}
-    return {"joint_map": {"file_joints": list(joint_map.names), "L": rows, "q_0": joint_map.q_0.tolist()}}
+    return {"joint_map": {"file_joints": list(joint_map.file_joint_names), "L": rows, "q_0": joint_map.q_0.tolist()}}
 
 
 def _pose(pose: Array) -> dict[str, object]:
@@ -356,7 +356,7 @@ def _links(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     found: list[dict[str, object]] = []
     for k, (link, pose) in enumerate(zip(vjm.arm.links, (*vjm.placements, vjm.tool), strict=True)):
         own = slice(6 * k, 6 * k + 6)
-        end = pose[:3, 3] + link.frame @ state.theta_0[own][:3]
+        end = pose[:3, 3] + link.beam_axes @ state.theta_0[own][:3]
         R, p = frames.links[k][:3, :3], frames.links[k][:3, 3]
         left[own, own] = 0
         found.append(
@@ -364,7 +364,7 @@ def _links(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
                 "name": link.name,
                 "urdf_link": frames.names[k],
                 "at_m": (R.T @ (end - p)).tolist(),
-                "axes": (R.T @ link.frame).tolist(),
+                "axes": (R.T @ link.beam_axes).tolist(),
                 "compliance": C[own, own].tolist(),
                 "constants": state.theta_0[own].tolist(),
             }
@@ -456,17 +456,17 @@ def _inertial(link: ET.Element, mass: float, centre: Array, tensor: Array) -> No
 
 def _tensors(arm: Arm) -> dict[str, Array]:
     """Inertia of every body about its centre in its own axes, as rigid.xml says, (3, 3) [kg m^2]."""
-    root = read_mjcf(arm.rigid)
+    root = read_mjcf(arm.mjcf_path)
     found = {}
     for name in (*(link.name for link in arm.links), arm.tool):
-        e = find_body(arm.rigid, root, name).find("inertial")
+        e = find_body(arm.mjcf_path, root, name).find("inertial")
         tensor = np.zeros((3, 3))
         if e is not None and "fullinertia" in e.attrib:
-            xx, yy, zz, xy, xz, yz = numbers(arm.rigid, e, "fullinertia", NUMBERS["fullinertia"])
+            xx, yy, zz, xy, xz, yz = read_numbers(arm.mjcf_path, e, "fullinertia", NUMBERS_PER_ATTRIBUTE["fullinertia"])
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         elif e is not None and "diaginertia" in e.attrib:
             R = body_pose(arm, e, angle_unit(root))[:3, :3]
-            tensor = R @ np.diag(numbers(arm.rigid, e, "diaginertia", NUMBERS["diaginertia"])) @ R.T
+            tensor = R @ np.diag(read_numbers(arm.mjcf_path, e, "diaginertia", NUMBERS_PER_ATTRIBUTE["diaginertia"])) @ R.T
         found[name] = tensor
     return found
 
@@ -620,7 +620,7 @@ def export_offsets(
     q = random_joints(state.vjm)
     best = best_offsets(state, q)
     arm = state.vjm.arm
-    offsets = arm.change_to_file(best.offsets)  # a controller counts the pendant's joints
+    offsets = arm.change_to_file_joints(best.offsets)  # a controller counts the pendant's joints
     new = old + turns @ offsets
     said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
     new -= FULL_ROTATION * np.trunc(new / FULL_ROTATION) if form is ABB else 0
@@ -628,7 +628,7 @@ def export_offsets(
     change = read_numbers(form, out, written, keys) - old
     change -= FULL_ROTATION * np.round((change - turns @ offsets) / FULL_ROTATION) if form is ABB else 0
     read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
-    read = arm.to_model(read) - arm.to_model(np.zeros(AXES))
+    read = arm.to_chain_joints(read) - arm.to_chain_joints(np.zeros(AXES))
     off, _ = frame_distance(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
     if not off <= MAX_URDF_ERROR:
         raise BenchError(
@@ -653,7 +653,7 @@ def six_axes(title: str, state: ArmState) -> Arm:
         BenchError: If it has other axes.
     """
     arm = state.vjm.arm
-    if arm.n_joints != AXES or arm.dependence is not None or any(joint.prismatic for joint in arm.joints):
+    if arm.n_joints != AXES or arm.dependence_matrix is not None or any(joint.prismatic for joint in arm.joints):
         raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
     return arm
 

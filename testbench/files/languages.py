@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from testbench.arm.document import Strict, is_decimal, parse_toml
+from testbench.arm.document import StrictModel, is_decimal, parse_toml
 from testbench.errors import Array, Ids, InputError, read_bytes, read_text
 
 # --- Conventions of the languages --------------------------------------------------------------------------
@@ -45,7 +45,7 @@ def _compiles(pattern: str) -> str:
 Pattern = Annotated[str, AfterValidator(_compiles)]
 
 
-class TargetSyntax(Strict):
+class TargetSyntax(StrictModel):
     """Describe how a language writes the numbers of a point."""
 
     holds: Literal["joints", "pose"]
@@ -58,7 +58,7 @@ class TargetSyntax(Strict):
     )  #: What `mode` must have said last before it; none for a language without modes.
 
 
-class MoveSyntax(Strict):
+class MoveSyntax(StrictModel):
     """Describe how a language writes motions."""
 
     joint: Pattern  #: Beginning of a move of the joints, up to its point.
@@ -72,7 +72,7 @@ class MoveSyntax(Strict):
     assigned: Pattern = r"(?!)"
 
 
-class TurnFlags(Strict):
+class TurnFlags(StrictModel):
     """Describe the numbers beside a pose that say in which turn its joints are."""
 
     name: str  #: Their name in the language.
@@ -107,7 +107,7 @@ class TurnFlags(Strict):
         return tuple(map(int, match.groups()))
 
 
-class NameSyntax(Strict):
+class NameSyntax(StrictModel):
     """Describe which names a program may have."""
 
     longest: int  #: Most characters of a name.
@@ -115,7 +115,7 @@ class NameSyntax(Strict):
     patterns: list[Pattern]  #: Regular expressions of further reserved words.
 
 
-class Language(Strict):
+class Language(StrictModel):
     """Hold the conventions of a robot language."""
 
     name: str  #: Name of its file.

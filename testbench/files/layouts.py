@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
 
-from testbench.arm.document import Strict, is_decimal, parse_toml
+from testbench.arm.document import StrictModel, is_decimal, parse_toml
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.languages import FLAGS, known_languages
@@ -45,7 +45,7 @@ Kind = Literal["word", "number", "any", "..."]
 MORE = "..."  #: Last of the kinds of cells: any others may follow.
 
 
-class Fits(Strict):
+class Fits(StrictModel):
     """Describe how a file of a layout is recognised: all conditions must hold."""
 
     #: Names that the header has, among others.
@@ -57,7 +57,7 @@ class Fits(Strict):
     language: Text | None = None  #: Name of a robot language, of a program.
 
 
-class Ordered(Strict):
+class Ordered(StrictModel):
     """Describe columns of joints whose order is stated by other columns, as ROS publishes them."""
 
     names: Text  #: Columns of the joints' names, such as "name{n}".

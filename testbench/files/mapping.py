@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from testbench.arm.document import Strict, is_decimal, parse_toml, toml_place
+from testbench.arm.document import StrictModel, is_decimal, parse_toml, toml_place
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.names import (
@@ -36,7 +36,7 @@ Word = Annotated[str, Field(max_length=200)]  #: Of a cell, which may be blank.
 Words = tuple[str, ...]
 
 
-class FileLayout(Strict):
+class FileLayout(StrictModel):
     """Describe the layout of a file, as far as it cannot be found from the file itself."""
 
     #: Between cells; " " for runs of blanks, "  " for runs of at least two.
@@ -67,7 +67,7 @@ class FileLayout(Strict):
         return self
 
 
-class AbsoluteLayout(Strict):
+class AbsoluteLayout(StrictModel):
     """Describe the absolute readings of a file; names that are not stated are the file's own."""
 
     frame: Text | None = None  #: Name of the tracker's frame; files that say the same share it.
@@ -77,7 +77,7 @@ class AbsoluteLayout(Strict):
     rotation: Annotated[str, Field(pattern=NOTATION)] | None = None
 
 
-class Log(Strict):
+class Log(StrictModel):
     """Describe another file with a row for every reading, such as the robot's joints."""
 
     file: Text  #: Its path from the map's folder.
@@ -97,13 +97,13 @@ class Log(Strict):
         return self
 
 
-class LoadedFile(Strict):
+class LoadedFile(StrictModel):
     """Describe another file, or sheet, of the same columns: its readings are loaded, those here unloaded."""
 
     file: Text  #: Its path from the map's folder.
 
 
-class Controller(Strict):
+class Controller(StrictModel):
     """Describe what a robot's program counts by, as far as its language does not say it."""
 
     #: The program's base in the arm's world, as the language writes a pose; empty for the world itself.
@@ -120,7 +120,7 @@ class Controller(Strict):
         return self
 
 
-class Map(Strict):
+class Map(StrictModel):
     """Hold a map as its file states it."""
 
     frame: Frame | None = None
@@ -303,7 +303,7 @@ def _read(path: Path) -> Map:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
-            tables: dict[str, type[Strict]] = {
+            tables: dict[str, type[StrictModel]] = {
                 "series": AbsoluteLayout,
                 "log": Log,
                 "loaded": LoadedFile,

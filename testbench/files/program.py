@@ -124,7 +124,7 @@ def flags_agree(motions: RobotMotions, arm: Arm, points: Ids, q: Array) -> Mask:
     found = np.ones(len(points), dtype=bool)
     if turns is None or not turns.read:
         return found
-    axes, in_file = axes_of(text.language, arm.file_joints), arm.to_file(q)
+    axes, in_file = axes_of(text.language, arm.file_joints), arm.to_file_joints(q)
     for row, k in enumerate(points):
         flags = text.moves[k].point.flags
         for name, flag in zip(turns.axes, flags, strict=False):
@@ -316,7 +316,7 @@ def _program_joints(
             raise text.sources[first.source].error(first.start, problem)
         found[counted] = np.radians(values[counted] / np.array(per))
     _check_limits(text, arm, points, found)
-    q = arm.to_model(found)
+    q = arm.to_chain_joints(found)
     ends = arm.clip_to_limits(q)
     if (np.abs(q - ends) > ROUNDED).any():
         row, k = np.argwhere(np.abs(q - ends) > ROUNDED)[0]
@@ -357,7 +357,7 @@ def changed_numbers(
     text, language = motions.text, motions.text.language
     axes, joints = axes_of(language, arm.file_joints), arm.file_joints
     scale = np.array([scale_of(language, joint) for joint in joints])
-    as_joints, posed = arm.to_file(q), motions.posed
+    as_joints, posed = arm.to_file_joints(q), motions.posed
     poses = np.zeros((len(posed), len(language.pose_names())))
     if posed.any():
         at = motions.to_program(position[posed], rotation[posed])
@@ -649,7 +649,7 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     q = joint_coordinates(columns, arm)
     if not table.rows:
         raise table.error(0, "", "expected at least one pose")
-    in_file = arm.to_file(q)
+    in_file = arm.to_file_joints(q)
     for k, named in again.items():
         joint, here = arm.file_joints[named.slot.index], in_file[:, named.slot.index]
         other = here if named.unit is None else named.unit.scale * table.numbers(k, columns.mark)
@@ -714,7 +714,7 @@ def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
     Raises:
         InputError: Names the first two lines and the file joint.
     """
-    q, joints = arm.to_file(q), arm.file_joints
+    q, joints = arm.to_file_joints(q), arm.file_joints
     most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in joints])
     for i, k in np.argwhere(np.abs(np.diff(q, axis=0)) > most * SLACK)[:1].tolist():
         joint = joints[k]

@@ -95,8 +95,8 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
     """
     joints, q = [f"{name}_rad" for name in arm] if isinstance(arm, tuple) else [], data.q
     if isinstance(arm, Arm):
-        joints = [joint.column for joint in arm.file_joints]
-        q = arm.to_file(q) if q.shape[1] == arm.n_joints else q
+        joints = [joint.file_column for joint in arm.file_joints]
+        q = arm.to_file_joints(q) if q.shape[1] == arm.n_joints else q
     if len(joints) != q.shape[1]:
         raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
     n, lost, turned = data.points, ~data.seen.reshape(-1, 1), data.rotation_before is not None
@@ -253,7 +253,7 @@ def write_program(
         names = list(table.names)
         cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
         units = [unit.name if unit else "" for unit in table.units]
-    for joint, column, own in zip(arm.file_joints, program.joints, arm.to_file(q).T, strict=True):
+    for joint, column, own in zip(arm.file_joints, program.joints, arm.to_file_joints(q).T, strict=True):
         if column is None:
             names.append(joint.display_column)
             cells.append(_numbers(joint.display_factor * own, mark=mark))
@@ -357,8 +357,8 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     own = _cells(n, [(["run"], s.row), (["pose"], s.pose)], str)
     own |= {name: [as_cell(text)] * n for name, text in texts.items()}
     own["marker"] = list(map(as_cell, s.markers)) * s.rows
-    joints = [joint.column for joint in arm.file_joints]
-    own |= _cells(n, [*_conditions(joints, arm.to_file(s.q), s), *beside], shown)
+    joints = [joint.file_column for joint in arm.file_joints]
+    own |= _cells(n, [*_conditions(joints, arm.to_file_joints(s.q), s), *beside], shown)
     own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
     if s.distance is None:
         blocks: list[Block] = [(columns_of("reading"), np.where(lost, np.nan, s.position.reshape(-1, 3)))]
@@ -377,7 +377,7 @@ def _torques(arm: Arm, s: Series) -> Array | None:
     """Convert torques to file joints, (rows, m) [N m, N], the inverse of `beside.read_torques`."""
     if s.torque is None or arm.joint_map is None:
         return s.torque
-    return arm.joint_map.torque_to_file(s.torque)
+    return arm.joint_map.to_file_torques(s.torque)
 
 
 def _vectors(s: Series, R: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import get_args
 import numpy as np
 from scipy.special import ndtr
 
-from testbench.arm.elastic import SYMMETRY_TOLERANCE, eigenvalue_scale
+from testbench.arm.elastic import SYMMETRY_TOLERANCE, unit_diagonal_scale
 from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
@@ -272,7 +272,7 @@ def is_conservative(structure: Structure, C: Array) -> bool:
     Returns:
         True if C is conservative (Section 2.2).
     """
-    scale = eigenvalue_scale(C)
+    scale = unit_diagonal_scale(C)
     unitless = C / np.outer(scale, scale)
     if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
         return False

@@ -420,7 +420,7 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
         largest = max(values.max(), -values.min())  # np.abs would copy the dataset
         if largest > MAX_READING:
             raise BenchError(f"{name}: expected SI numbers up to {MAX_READING:g}, got {largest:g}: too large")
-    vjm.arm.check_positions(data.q)
+    vjm.arm.check_joint_positions(data.q)
 
 
 CHECKED_RUNS = 1000  #: Most runs, evenly out of all, whose deflections tell a wrong unit.

@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_numbers, read_mjcf
 from testbench.errors import Array, BenchError, Ids, InputError, check_array
 from testbench.model.vjm import Vjm
 
@@ -56,7 +56,7 @@ def build_vjm(arm: Arm) -> Vjm:
     # poses of all bodies at q = 0; load point and markers in the tool's frame
     bodies = [pose(link.name) for link in arm.links]
     tool = pose(arm.tool)
-    local = [tool.actInv(pose(name).translation) for name in (arm.load, *arm.markers)]
+    local = [tool.actInv(pose(name).translation) for name in (arm.load_point, *arm.markers)]
     # axis of every joint in its own body: the one column of its Jacobian
     jacobians = [pin.computeJointJacobian(model, data, q0, i + 1) for i in range(arm.n_joints)]
     motion = [J.reshape(6, -1)[:, i] for i, J in enumerate(jacobians)]  # of one joint a vector
@@ -67,7 +67,7 @@ def build_vjm(arm: Arm) -> Vjm:
         placements=np.array([a.actInv(b).homogeneous for a, b in pairwise(bodies)]).reshape(-1, 4, 4),
         axes=np.array(axes).reshape(-1, 3),
         tool=bodies[-1].actInv(tool).homogeneous,
-        load=local[0],
+        load_point=local[0],
         markers=np.array(local[1:]),
     )
 
@@ -80,7 +80,7 @@ def build_tree(arm: Arm) -> pin.Model:
     Raises:
         InputError: When the MJCF cannot be read, or a body has no orientation that can be read.
     """
-    root = read_mjcf(arm.rigid)
+    root = read_mjcf(arm.mjcf_path)
     unit, model = angle_unit(root), pin.Model()
     above = {child: parent for parent in root.iter() for child in parent}
 
@@ -88,7 +88,7 @@ def build_tree(arm: Arm) -> pin.Model:
         return pin.SE3(body_pose(arm, body, unit))
 
     # pose of the base in the world, through all bodies above it
-    base = find_body(arm.rigid, root, arm.links[0].name)
+    base = find_body(arm.mjcf_path, root, arm.links[0].name)
     placement, mount = pose(base), above[base]
     while mount.tag == "body":
         placement, mount = pose(mount) * placement, above[mount]
@@ -96,18 +96,18 @@ def build_tree(arm: Arm) -> pin.Model:
     # joints and links from the base on, each placed in the body before it
     last = 0
     for joint, link in zip(arm.joints, arm.links[1:], strict=True):
-        body = find_body(arm.rigid, root, link.name)
+        body = find_body(arm.mjcf_path, root, link.name)
         [actuated] = body.findall("joint")
         kind = pin.JointModelPrismaticUnaligned if joint.prismatic else pin.JointModelRevoluteUnaligned
-        axis = np.array(numbers(arm.rigid, actuated, "axis", 3))
+        axis = np.array(read_numbers(arm.mjcf_path, actuated, "axis", 3))
         last = model.addJoint(last, kind(axis / np.linalg.norm(axis)), placement * pose(body), joint.name)
         placement = pin.SE3.Identity()
         _add_frame(model, link.name, last, placement)
     # tool, load point and markers move with the last joint
-    tool = placement * pose(find_body(arm.rigid, root, arm.tool))
+    tool = placement * pose(find_body(arm.mjcf_path, root, arm.tool))
     _add_frame(model, arm.tool, last, tool)
-    for name in {arm.load: None, **dict.fromkeys(arm.markers)}:
-        _add_frame(model, name, last, tool * pose(find_body(arm.rigid, root, name)))
+    for name in {arm.load_point: None, **dict.fromkeys(arm.markers)}:
+        _add_frame(model, name, last, tool * pose(find_body(arm.mjcf_path, root, name)))
     return model
 
 
@@ -184,7 +184,7 @@ def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
     pose = np.eye(4)
     pose[:3, :3] = _rotation(arm, body, unit)
     if "pos" in body.attrib:
-        pose[:3, 3] = numbers(arm.rigid, body, "pos", 3)
+        pose[:3, 3] = read_numbers(arm.mjcf_path, body, "pos", 3)
     return pose
 
 
@@ -205,11 +205,11 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
     named = [key for key in ORIENTATIONS if key in body.attrib]
     where = f"<body name={body.get('name')!r}>"
     if len(named) > 1:
-        raise InputError(arm.rigid, where, f"expected one orientation, got {' and '.join(named)}")
+        raise InputError(arm.mjcf_path, where, f"expected one orientation, got {' and '.join(named)}")
     if not named:
         return np.eye(3)
     [key] = named
-    values = np.array(numbers(arm.rigid, body, key, NUMBERS[key]))
+    values = np.array(read_numbers(arm.mjcf_path, body, key, NUMBERS_PER_ATTRIBUTE[key]))
     try:
         if key == "quat":
             return np.asarray(pin.Quaternion(*_unit_vector(values)).matrix())
@@ -224,7 +224,7 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
             else _rotation_from_z(_unit_vector(values))
         )
     except ZeroDivisionError:
-        raise InputError(arm.rigid, where, f"{key}: expected directions, got {body.get(key)!r}") from None
+        raise InputError(arm.mjcf_path, where, f"{key}: expected directions, got {body.get(key)!r}") from None
 
 
 def _unit_vector(vector: Array) -> Array:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, read_numbers, read_mjcf
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium, check_array, check_type
 from testbench.model.kinematics import body_pose
@@ -102,7 +102,7 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
         raise BenchError(f"mass [kg]: expected 0 or more, got {mass.min():g}")
     wrench = np.zeros((*np.shape(mass), 6))
     wrench[..., 2] = -GRAVITY * mass
-    return Load(wrench, np.broadcast_to(vjm.load, (*np.shape(mass), 3)))
+    return Load(wrench, np.broadcast_to(vjm.load_point, (*np.shape(mass), 3)))
 
 
 def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
@@ -180,13 +180,13 @@ def read_weights(arm: Arm) -> Weights:
     Raises:
         InputError: When MuJoCo would take a mass from shapes, which this reader does not weigh.
     """
-    root = read_mjcf(arm.rigid)
+    root = read_mjcf(arm.mjcf_path)
     from_shapes = [c.get("inertiafromgeom", "auto") for c in root.iter("compiler")][-1:] or ["auto"]
     if from_shapes == ["true"]:
         problem = "expected masses in <inertial>, got inertiafromgeom='true'"
-        raise InputError(arm.rigid, "<compiler>", problem)
+        raise InputError(arm.mjcf_path, "<compiler>", problem)
     names = [*(link.name for link in arm.links), arm.tool]
-    bodies = [find_body(arm.rigid, root, name) for name in names]
+    bodies = [find_body(arm.mjcf_path, root, name) for name in names]
     light = _light_shapes(arm, root) if from_shapes == ["auto"] else set(root.iter("geom"))
     every = [
         sum(
@@ -223,12 +223,12 @@ def _mass_and_moments(arm: Arm, body: ET.Element, light: set[ET.Element], pose: 
     """Read mass and first moments of one body in the axes of the one it is fixed to, (4,) [kg, kg m]."""
     inertial = body.find("inertial")
     if inertial is not None:
-        [mass] = numbers(arm.rigid, inertial, "mass", 1)
-        centre = pose @ [*numbers(arm.rigid, inertial, "pos", 3), 1.0]
+        [mass] = read_numbers(arm.mjcf_path, inertial, "mass", 1)
+        centre = pose @ [*read_numbers(arm.mjcf_path, inertial, "pos", 3), 1.0]
         return mass * np.array([1.0, *centre[:3]])
     if not light.issuperset(body.findall("geom")):
         problem = "expected an <inertial>, or shapes of mass 0: MuJoCo would take the mass from its shapes"
-        raise InputError(arm.rigid, f"<body name={body.get('name')!r}>", problem)
+        raise InputError(arm.mjcf_path, f"<body name={body.get('name')!r}>", problem)
     return np.zeros(4)
 
 
@@ -252,7 +252,7 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
         return None
 
     where = {geom: stated(geom) for geom in root.iter("geom")}
-    return {geom for geom, e in where.items() if e is not None and numbers(arm.rigid, e, "mass", 1) == [0.0]}
+    return {geom for geom, e in where.items() if e is not None and read_numbers(arm.mjcf_path, e, "mass", 1) == [0.0]}
 
 
 def weight_columns(chain: Chain) -> Array:

@@ -71,7 +71,7 @@ class Vjm(Displayed):
     placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4) [1, m].
     axes: Array  #: Unit axis of each joint in its body, about or along which it moves, (n, 3) [1].
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
-    load: Array  #: Load point in the tool's frame, (3,) [m].
+    load_point: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
     laws: Laws | None = None  #: Laws of its joints beyond a linear spring; None for none.
 
@@ -90,9 +90,9 @@ class Vjm(Displayed):
         return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 
     @cached_property
-    def beam_axes(self) -> Array:
+    def joint_axes_in_beam_frame(self) -> Array:
         """Compute the unit axis of each joint in the beam frame of the link before it, (n, 3) [1]."""
-        frames = np.array([link.frame for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
+        frames = np.array([link.beam_axes for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
         return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))
 
     @cached_property
@@ -115,7 +115,7 @@ class Vjm(Displayed):
         (3, 3).
         """
         poses = (*self.placements, self.tool)
-        frames = [link.frame for link in self.arm.links]
+        frames = [link.beam_axes for link in self.arm.links]
         return tuple((f.T, x[:3, 3], x[:3, :3].T @ f) for f, x in zip(frames, poses, strict=True))
 
     @cached_property

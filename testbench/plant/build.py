@@ -79,7 +79,7 @@ def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
     Returns:
         MJCF text; mesh files are named as in rigid.xml.
     """
-    root = copy.deepcopy(read_mjcf(arm.rigid))
+    root = copy.deepcopy(read_mjcf(arm.mjcf_path))
     root.set("model", f"{arm.name}_elastic")
     option = root.find("option")
     if option is None:
@@ -94,14 +94,14 @@ def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
     tendons = ET.SubElement(root, "tendon")
     ends = [*(link.name for link in arm.links[1:]), arm.tool]
     for link, end in zip(arm.links, ends, strict=True):
-        _insert_virtual_joint(arm.rigid, root, link, end)
+        _insert_virtual_joint(arm.mjcf_path, root, link, end)
         _add_springs(tendons, link)
     # A spring in series with every actuated joint.
     for joint in arm.joints:
         _insert_spring(root, joint.name, 1 / joint.compliance)
     if foundation is not None:
         # A sprung body below the base.
-        base = find_body(arm.rigid, root, arm.links[0].name)
+        base = find_body(arm.mjcf_path, root, arm.links[0].name)
         parent = next(element for element in root.iter() if base in list(element))
         carrier = _insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
         for base_joint, compliance in zip(carrier.findall("joint"), foundation, strict=True):
@@ -113,7 +113,7 @@ def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
 def _insert_virtual_joint(rigid: Path, root: ET.Element, link: Link, end: str) -> None:
     """Put a body with the link's virtual joint between the link and the body at its end."""
     parent, child = find_body(rigid, root, link.name), find_body(rigid, root, end)
-    carrier = _insert_carrier(parent, child, f"{link.name}_end", link.frame, f"{link.name}_theta")
+    carrier = _insert_carrier(parent, child, f"{link.name}_end", link.beam_axes, f"{link.name}_theta")
     tiny = repr(CARRIER_MASS)
     ET.SubElement(carrier, "inertial", pos="0 0 0", mass=tiny, diaginertia=" ".join([tiny] * 3))
 
@@ -330,7 +330,7 @@ def build_plant(arm: Arm) -> Plant:
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
     """
-    return plant_from_model(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)))
+    return plant_from_model(arm, compile_mjcf(arm.mjcf_path, elastic_mjcf(arm)))
 
 
 def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
@@ -355,7 +355,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
         joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
         tool=model.body(arm.tool).id,
         markers=np.array([model.body(name).id for name in arm.markers]),
-        load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
+        load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load_point).xpos - tool.xpos)),
         C=C,
         joint_moves=_carries(model),
         disturbances=NOMINAL,

@@ -201,7 +201,7 @@ def build_site(
         BenchError: If the station is invalid, or inside something that does not move.
     """
     where = None if station is None else check_position(station)
-    root = read_mjcf(arm.rigid)
+    root = read_mjcf(arm.mjcf_path)
     lay_floor(root, floor)
     taken = {str(body.get("name")) for body in root.iter("body")}
     weight, head = unused_name("payload", taken), unused_name("tracker", taken)
@@ -209,7 +209,7 @@ def build_site(
         _hang_payload(root, weight, payload)
     if where is not None:
         _place_tracker(root, head, where)
-    model = compile_mjcf(arm.rigid, ET.tostring(root, encoding="unicode"))
+    model = compile_mjcf(arm.mjcf_path, ET.tostring(root, encoding="unicode"))
     part = _parts(model, arm, weight, head)
     _check_head(model, part, where)
     slides = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == _body(model, weight))
@@ -224,7 +224,7 @@ def build_site(
         names=tuple(body_name(model, body) for body in range(model.nbody)),
         joints=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
         slides=model.jnt_qposadr[slides].astype(int),
-        load=model.body(arm.load).id,
+        load=model.body(arm.load_point).id,
         markers=markers,
         facing=_facing(model, model.body(arm.tool).id, markers),
         geom_owner=part,
@@ -341,7 +341,7 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     first_contacts: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
     for data in _poses(site, q):
-        compute_contacts(site.arm.rigid, site.model, data)
+        compute_contacts(site.arm.mjcf_path, site.model, data)
         first_contacts.append(None)
         geoms.append(data.contact.geom.copy())
         depths.append(data.contact.dist.copy())

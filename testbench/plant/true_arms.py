@@ -424,7 +424,7 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
     if not scale:
         return plant
     compliance = scale * np.array(FOUNDATION)
-    model = compile_mjcf(arm.rigid, elastic_mjcf(arm, compliance))
+    model = compile_mjcf(arm.mjcf_path, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
     true = replace(plant_from_model(arm, model), spring_effects=plant.spring_effects)
     soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]

@@ -125,7 +125,7 @@ class World:
         Returns:
             The layers.
         """
-        hook = tool_points(self.cell.vjm, q, self.cell.vjm.load[None])[:, 0]
+        hook = tool_points(self.cell.vjm, q, self.cell.vjm.load_point[None])[:, 0]
         return loads(hook, force, self.cell.vjm.reach)
 
     def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> PoseGroup:

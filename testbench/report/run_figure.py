@@ -78,7 +78,7 @@ def outlines(cell: Cell, frames: BodyFrames, pose: int, sides: Array) -> tuple[l
     Returns:
         Polygons, (p, 2) each [m], and the brightness of each solid, (solids,) [1].
     """
-    hidden = {cell.room.names.index(name) for name in (cell.arm.load, *cell.arm.markers)}
+    hidden = {cell.room.names.index(name) for name in (cell.arm.load_point, *cell.arm.markers)}
     away = np.cross(sides[0], sides[1])
     found: list[tuple[float, Array, float]] = []
     for shape in visual_shapes(cell.room):

@@ -20,7 +20,7 @@ import numpy as np
 import typer
 from scipy.stats import rankdata
 
-from testbench.arm.folder import PACKAGE, find_arm
+from testbench.arm.folder import PACKAGE_FOLDER, find_arm
 from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
@@ -88,7 +88,7 @@ DEFAULT = "default"  #: What identify does by default, with the class's prior.
 JOINTS = "joints"
 FLOORS = (JOINTS, "least-squares", "ridge", "prior")
 """Files of `entries/` that stand in every table: to be worse is to be of no use."""
-FOLDERS = (PACKAGE / "entries", PACKAGE.parent / "entries")
+FOLDERS = (PACKAGE_FOLDER / "entries", PACKAGE_FOLDER.parent / "entries")
 """Where ours are: a wheel brings them inside the package."""
 
 

@@ -214,7 +214,7 @@ def _checks(cell: Cell) -> Checks:
 
 def loads(cell: Cell) -> tuple[Load, Load]:
     """Make the hung weight, and the pull of the rope."""
-    return weight(cell.vjm, PAYLOAD), Load(np.array([0.0, PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
+    return weight(cell.vjm, PAYLOAD), Load(np.array([0.0, PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load_point)
 
 
 def _plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:

@@ -126,9 +126,9 @@ class Truth:
         parts = []
         for link, name, error in zip(plant.arm.links, names, plant.frame_errors, strict=True):
             frame = Rotation.from_quat(plant.model.body(name).quat, scalar_first=True)
-            beam = Rotation.from_matrix(link.frame).inv() * frame
+            beam = Rotation.from_matrix(link.beam_axes).inv() * frame
             turn = beam * Rotation.from_rotvec(error[3:]) * beam.inv()
-            parts += [link.frame.T @ error[:3], turn.as_euler("XYZ")]
+            parts += [link.beam_axes.T @ error[:3], turn.as_euler("XYZ")]
         return np.concatenate([*parts, plant.joint_offset])
 
 

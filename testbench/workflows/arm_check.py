@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.arm.elastic import Elastic, LinkEntry, read_elastic
+from testbench.arm.elastic import ElasticDocument, LinkEntry, read_elastic
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
@@ -78,7 +78,7 @@ def tool_sag(cell: Cell) -> ToolSag:
     q = work_area(cell)
     where, n = chain(cell.vjm, q), len(q)
     wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
-    load = generalised_load(where, wrench, np.tile(cell.vjm.load, (n, 1)))
+    load = generalised_load(where, wrench, np.tile(cell.vjm.load_point, (n, 1)))
     theta = cell.arm.C_theta @ load
     links = 6 * len(cell.arm.links)
     parts = [
@@ -107,7 +107,7 @@ class ArmContext:
     """Hold an arm and what its doubts are judged by."""
 
     cell: Cell  #: The arm.
-    elastic: Elastic  #: Its elastic.toml, with the origin of every number.
+    elastic: ElasticDocument  #: Its elastic.toml, with the origin of every number.
     sag: ToolSag  #: Of its tool over the work area.
 
     @property
@@ -151,7 +151,7 @@ def _beam_axes(arm: ArmContext) -> Iterator[str]:
     for link, step in zip(arm.cell.arm.links, arm.vjm.body_offsets, strict=True):
         distance = float(np.linalg.norm(step))
         if distance > CLOSE * arm.vjm.reach:
-            cosine = float(np.clip(link.frame[:, 0] @ step / distance, -1, 1))
+            cosine = float(np.clip(link.beam_axes[:, 0] @ step / distance, -1, 1))
             angle = np.rad2deg(np.arccos(cosine))
             if angle > ANGLE:
                 way = f"{distance:.3g} m away"
@@ -161,7 +161,7 @@ def _beam_axes(arm: ArmContext) -> Iterator[str]:
 def _diameters(arm: ArmContext) -> Iterator[str]:
     """A tube neither a disc nor thicker than the link is drawn."""
     widths = {
-        k: float(np.ptp(own @ arm.cell.arm.links[k].frame[:, 1:], axis=0).max())
+        k: float(np.ptp(own @ arm.cell.arm.links[k].beam_axes[:, 1:], axis=0).max())
         for k, own in _drawn(arm.cell).items()
     }
     for k, link in enumerate(arm.elastic.link):
@@ -241,8 +241,8 @@ def _behind(arm: ArmContext) -> Iterator[str]:
     if end - tool > INSIDE * vjm.reach:
         inside = f"inside {links[-1].name} as drawn, {1e3 * (end - tool):.0f} mm from its end"
         yield f"{arm.cell.arm.tool} is {inside}: is that where the tool is?"
-    names = arm.cell.arm.load, *arm.cell.arm.markers
-    for name, place in zip(names, (vjm.load, *vjm.markers), strict=True):
+    names = arm.cell.arm.load_point, *arm.cell.arm.markers
+    for name, place in zip(names, (vjm.load_point, *vjm.markers), strict=True):
         hidden = min(tool, end) - tool - float(way @ vjm.tool[:3, :3] @ place)
         if hidden > BEHIND * vjm.reach:
             yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is that where it is on the tool?"
@@ -251,7 +251,7 @@ def _behind(arm: ArmContext) -> Iterator[str]:
 def _points(arm: ArmContext) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
     vjm, names = arm.vjm, arm.cell.arm.markers
-    for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
+    for name, place in zip((arm.cell.arm.load_point, *names), (vjm.load_point, *vjm.markers), strict=True):
         distance = float(np.linalg.norm(place))
         if distance > MAX_POINT_DISTANCE * arm.vjm.reach:
             yield f"{name} is {distance:.3g} m from the tool, but the arm reaches only {arm.vjm.reach:.3g} m"
@@ -417,7 +417,7 @@ def _point_items(arm: ArmContext) -> Iterator[Item]:
     elastic, cell, names = arm.elastic, arm.cell, arm.elastic.to_confirm
     if elastic.load in names:
         # largest change of the sag as the load point moves along an axis of the tool
-        moved = [replace(cell.vjm, load=cell.vjm.load + ASIDE * axis) for axis in np.eye(3)]
+        moved = [replace(cell.vjm, load_point=cell.vjm.load_point + ASIDE * axis) for axis in np.eye(3)]
         most = max(rms(tool_sag(replace(cell, vjm=vjm)).whole - arm.sag.whole) for vjm in moved)
         yield Item(most / rms(arm.sag.whole), f"load point {elastic.load}, estimated: {OF_ASIDE}")
     asked = [name for name in elastic.markers if name in names]
@@ -462,7 +462,7 @@ class Checked(ArmContext):
         found = np.tile(np.eye(4), (2, len(self.cell.arm.links), 1, 1))
         bodies = body_poses(self.vjm, self.poses)
         for k, (link, (p, R)) in enumerate(zip(self.cell.arm.links, bodies, strict=False)):
-            found[:, k, :3, :3], found[:, k, :3, 3] = R @ link.frame, p
+            found[:, k, :3, :3], found[:, k, :3, 3] = R @ link.beam_axes, p
         return found
 
     @property
@@ -499,7 +499,7 @@ class Checked(ArmContext):
         """Compute virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
         arm, q = self.cell.arm, self.poses
         force = np.array([0, 0, -GRAVITY * (arm.payload or 1.0), 0, 0, 0])
-        load = np.tile(force, (len(q), 1)), np.tile(self.vjm.load, (len(q), 1))
+        load = np.tile(force, (len(q), 1)), np.tile(self.vjm.load_point, (len(q), 1))
         return np.asarray((arm.C_theta @ generalised_load(chain(self.vjm, q), *load)).T)
 
     def doubted(self, name: str) -> bool:

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from testbench.arm.document import Strict
+from testbench.arm.document import StrictModel
 from testbench.arm.folder import Arm, find_arm, load_arm
 from testbench.arm.mjcf import MAX_MESH_BYTES
 from testbench.data.dataset import Dataset, Series
@@ -64,7 +64,7 @@ Rows = Annotated[list[Numbers], Field(max_length=MAX_LIST)]
 Texts = Annotated[list[str], Field(max_length=1000)]
 
 
-class ModelPart(Strict):
+class ModelPart(StrictModel):
     """Describe a part of model.json, perhaps a stranger's: no text of it fills a page."""
 
     model_config = ConfigDict(str_max_length=MAX_TEXT)
@@ -441,7 +441,7 @@ def copy_arm(arm: Arm, folder: Path) -> None:
         arm: The arm.
         folder: Folder to copy to.
     """
-    path = arm.rigid.parent
+    path = arm.mjcf_path.parent
     for name in arm_files(path):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         with open_file(path / name, MAX_MESH_BYTES) as source, (folder / name).open("wb") as copy:

@@ -120,15 +120,15 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     q = arm.draw_poses(np.random.default_rng(0), POSES)
     ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
     at, axes = ours[-1][..., 3:], ours[-1][..., :3]  # of points on the tool the model knows no axes
-    ours += [at + axes @ point[:, None] for point in (vjm.load, *vjm.markers)]
-    names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)
+    ours += [at + axes @ point[:, None] for point in (vjm.load_point, *vjm.markers)]
+    names = (*(link.name for link in arm.links), arm.tool, arm.load_point, *arm.markers)
     largest = 0.0
     for name, own, (p, R) in zip(names, ours, unloaded_body_poses(plant, q, names), strict=True):
         theirs = np.dstack([R, p])[..., -own.shape[2] :]
         apart = float(np.abs(own - theirs).max())
         if not apart <= AGREEMENT * (1 + float(np.abs(p).max())):
             problem = f"MuJoCo and Pinocchio place it {apart:.1e} m apart"
-            raise InputError(arm.rigid, f"<body name={name!r}>", problem)
+            raise InputError(arm.mjcf_path, f"<body name={name!r}>", problem)
         largest = max(largest, apart)
     return largest
 

@@ -88,7 +88,7 @@ def _compliances(arm: Arm, links: Sequence[float], joints: Sequence[float]) -> A
 
 def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Dataset]]:
     """Runs by campaign and set; all of a campaign by no name."""
-    joints, m = [joint.column for joint in arm.file_joints], len(arm.markers)
+    joints, m = [joint.file_column for joint in arm.file_joints], len(arm.markers)
     blocks = [columns_of("force"), columns_of("moment"), columns_of("point")]
     blocks += [columns_of("reading", when) for when in WHEN]
     numbers = [*joints, *(name for block in blocks for name in block)]
@@ -103,7 +103,7 @@ def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Datase
         markers=arm.markers,
         run=table["run"][::m].astype(int),
         pose=table["pose"][::m].astype(int),
-        q=arm.to_model(q[::m]),
+        q=arm.to_chain_joints(q[::m]),
         wrench=np.hstack([force, moment])[::m],
         point=point[::m],
         before=before.reshape(-1, m, 3),

@@ -23,7 +23,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from testbench.arm.document import unused_name
 from testbench.arm.elastic import PAYLOAD_RANGE, Material, Tube
-from testbench.arm.folder import COMPLIANCE_UNIT, OFFSETS
+from testbench.arm.folder import JOINT_COMPLIANCE_UNITS, OFFSET_KEYS
 from testbench.errors import Array, BenchError
 from testbench.files.robot.robot import (
     Body,
@@ -529,7 +529,7 @@ def elastic_toml(chain: ImportedChain, wishes: UserInputs, proposal: Proposal) -
     for k, (joint, c) in enumerate(zip(chain.joints, proposal.compliances, strict=True)):
         kind = "slide" if joint.prismatic else "wrist" if in_wrist(k, chain.n_joints) else "arm"
         note = f"{kind} joint, {proposal.payload:g} kg at {proposal.reach:.2f} m"
-        compliance = _quantity(float(f"{c:.2g}"), COMPLIANCE_UNIT[joint.prismatic], note)
+        compliance = _quantity(float(f"{c:.2g}"), JOINT_COMPLIANCE_UNITS[joint.prismatic], note)
         text += ["", "[[joint]]", f"name = {_word(joint.name)}", f"compliance = {compliance}"]
     return "\n".join(text) + "\n"
 
@@ -541,12 +541,12 @@ def _joint_rows(chain: ImportedChain) -> list[str]:
         return []
     lines = ["", "[joints]"]
     for k, joint in enumerate(chain.joints):
-        row = {name: c for name, c in zip(joint_map.names, joint_map.L[k].tolist(), strict=True) if c}
+        row = {name: c for name, c in zip(joint_map.file_joint_names, joint_map.L[k].tolist(), strict=True) if c}
         offset = 1e3 * joint_map.q_0[k] if joint.prismatic else math.degrees(joint_map.q_0[k])
         if row == {joint.name: 1.0} and not offset:
             continue
         cells = [f"{name} = {c!r}" for name, c in row.items()]  # such names stand without quotes
-        cells += [f"{OFFSETS[joint.prismatic]} = {round(float(offset), 12)!r}"] if offset else []
+        cells += [f"{OFFSET_KEYS[joint.prismatic]} = {round(float(offset), 12)!r}"] if offset else []
         lines.append(f"{joint.name} = {{ {', '.join(cells)} }}")
     return lines
 

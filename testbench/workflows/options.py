@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError
 from typer.core import TyperCommand
 
-from testbench.arm.document import Strict, is_decimal, parse_toml, toml_place
+from testbench.arm.document import StrictModel, is_decimal, parse_toml, toml_place
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import Arm, find_arm
 from testbench.arm.mjcf import GRAVITY
@@ -145,7 +145,7 @@ Place = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){2}$")]
 Box = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){5}$")]
 
 
-class FileSettings(Strict):
+class FileSettings(StrictModel):
     """Hold what holds for one file alone."""
 
     map: File | None = None
@@ -154,7 +154,7 @@ class FileSettings(Strict):
     frame: Text | None = None
 
 
-class Project(Strict):
+class Project(StrictModel):
     """Hold what holds for a cell; the template says what each is."""
 
     arm: Annotated[Text, AfterValidator(_check_arm)] | None = None

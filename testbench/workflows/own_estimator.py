@@ -24,7 +24,7 @@ import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be l
 import typer
 from threadpoolctl import threadpool_limits
 
-from testbench.arm.elastic import SYMMETRY_TOLERANCE, eigenvalue_scale
+from testbench.arm.elastic import SYMMETRY_TOLERANCE, unit_diagonal_scale
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, printable
 from testbench.identify.estimate import Estimate, deflections, make_estimate
@@ -397,7 +397,7 @@ def parameters_of(structure: Structure, found: Array) -> Array:
         raise BenchError(f"expected compliances of at most {MAX_COMPLIANCE:g} in SI units, got a larger one")
     if found.ndim == 1:
         return found
-    scale = eigenvalue_scale(found)
+    scale = unit_diagonal_scale(found)
     if np.abs((found - found.T) / np.outer(scale, scale)).max() > SYMMETRY_TOLERANCE:
         raise BenchError("not symmetric: expected compliances that are their own transpose")
     rest = np.argwhere((found != 0) & (structure.matrix(np.ones(structure.n)) == 0))

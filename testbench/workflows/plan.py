@@ -129,7 +129,7 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
     check_type(settings, PlanSettings, "settings")
     if settings.absolute:
         raise BenchError("absolute: expected a plan for tasks")
-    q = cell.arm.check_positions(q, "tasks q [rad, m]")
+    q = cell.arm.check_joint_positions(q, "tasks q [rad, m]")
     return plan_for(cell, settings, Tasks(q, weight(cell.vjm, settings.loads_kg[0])))
 
 
@@ -249,7 +249,7 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candida
         experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, settings.sigma_um / UM),
         loads=(
             *(weight(cell.vjm, mass) for mass in settings.loads_kg),
-            *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load) for force in settings.pulls_n),
+            *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load_point) for force in settings.pulls_n),
         ),
         tasks=tasks,
         workspace=workspace_poses(cell, settings),

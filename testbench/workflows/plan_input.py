@@ -110,7 +110,7 @@ def joints_of(text: str, arm: Arm) -> Array:
     Returns:
         Joints, (n,) [rad, m].
     """
-    return arm.from_display(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
+    return arm.from_display_units(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
 
 
 def parse_work_area(text: str) -> tuple[Place, Place]:

@@ -63,7 +63,7 @@ POSITION = Meaning("expected error", "of the targets' positions after calibratio
 def numbers(made: Planned) -> Row:
     """Collect all numbers of plan.json."""
     cell, plan, arm = made.cell, made.plan, made.cell.arm
-    margins = arm.limit_distance(plan.q).min(axis=0)
+    margins = arm.distance_to_limits(plan.q).min(axis=0)
     efficiency = min(plan.efficiency, 1.0)
     own = Row(
         vars(made.settings),
@@ -237,7 +237,7 @@ def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple
     return [
         Row(
             {f"expected_{name}_mm": float(MM * far[k])},
-            q_shown=arm.to_display(q[k]).tolist(),
+            q_shown=arm.to_display_units(q[k]).tolist(),
             expected_error_mm=float(MM * forecast.error[k]),
             expected_error_p05_mm=float(MM * forecast.low[k]),
             expected_error_p95_mm=float(MM * forecast.high[k]),
@@ -261,7 +261,7 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
             | ({} if gauges is None else {"gauges": gauges[k]})
             | ({} if faces is None else {"face": faces[k]}),
             run=k + 1,
-            q=arm.to_file(q[k]).tolist(),
+            q=arm.to_file_joints(q[k]).tolist(),
             travel_deg=float(np.rad2deg(turned[k])),
             travel_mm=float(MM * slid[k]),
             way=ways[k],
@@ -474,7 +474,7 @@ def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
         cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
         cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
         cells |= _cells(row, joints)
-        cells |= {joint.column: repr(x) for joint, x in zip(joints, row.q, strict=True)}
+        cells |= {joint.file_column: repr(x) for joint, x in zip(joints, row.q, strict=True)}
         rows.append([cells.get(name, "") for name in head])
     _write_table(head, rows, path)
 
@@ -532,7 +532,7 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: boo
     Returns:
         Names of the columns.
     """
-    names = ["run", *(j.column for j in joints), *(j.display_column for j in joints), "load_kg"]
+    names = ["run", *(j.file_column for j in joints), *(j.display_column for j in joints), "load_kg"]
     names += [f"force_{axis}_N" for axis in "xyz" if pulls]
     names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
     return [

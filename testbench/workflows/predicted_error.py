@@ -210,7 +210,7 @@ def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
     spec = plan.specification
     vjm = spec.experiment.vjm
     size = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3])))
-    pulls = [Load(np.append(force, np.zeros(3)), vjm.load) for force in size * np.eye(3)]
+    pulls = [Load(np.append(force, np.zeros(3)), vjm.load_point) for force in size * np.eye(3)]
     torques = np.stack([_torques(vjm, plan.q, pull) for pull in pulls])  # (3, n, poses)
     able = closed[_turned(torques.transpose(1, 0, 2).reshape(vjm.arm.n_joints, -1))[closed]]
     if not len(able):
@@ -308,7 +308,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
     Returns:
         Specifications by their words.
     """
-    vjm, at, every = spec.experiment.vjm, spec.experiment.vjm.load, len(spec.loads)
+    vjm, at, every = spec.experiment.vjm, spec.experiment.vjm.load_point, len(spec.loads)
     back = replace(spec.experiment, vjm=for_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
     lighter = tuple(Load(LIGHTER * load.wrench, load.point) for load in spec.loads)
     pulls = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)

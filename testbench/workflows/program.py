@@ -344,7 +344,7 @@ def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], 
             file.write_bytes(text.encode(source.encoding))
     else:
         language = known_languages()[form]
-        motion = Motion(arm.to_file(q), arm.file_joints, program.labels, corrected=True)
+        motion = Motion(arm.to_file_joints(q), arm.file_joints, program.labels, corrected=True)
         if motions is not None and motions.linear.any():
             at = motions.to_program(*tool_pose(corrected_program.model.vjm, q))
             posed = motions.linear & (language.linear_by == "pose")
@@ -367,7 +367,7 @@ def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
     language = program.content.text.language
     hinges = [not joint.prismatic for joint in arm.file_joints]
     before, after = (
-        turn_flags(language, arm.to_file(q)[:, hinges])
+        turn_flags(language, arm.to_file_joints(q)[:, hinges])
         for q in (corrected_program.found.start, corrected_program.found.q)
     )
     turned = program.content.posed & (before != after).any(axis=1)
@@ -419,7 +419,7 @@ def configuration_notes(program: Program, start: Array | None) -> tuple[str, ...
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     """Collect what a corrected program says beside its joints, by column."""
     compensated, arm = corrected_program.found, corrected_program.model.arm
-    moved = arm.change_to_file(compensated.q - compensated.start)
+    moved = arm.change_to_file_joints(compensated.q - compensated.start)
     columns: dict[str, Array | Sequence[str]] = {
         f"correction_{joint.display_column}": joint.display_factor * moved[:, k]
         for k, joint in enumerate(arm.file_joints)
@@ -513,7 +513,7 @@ def _of_plan(path: Path, model: ArmModel, mass: float | None) -> PosesWithLoads:
         assumed, note = _without_load(model, mass)
         hung, notes = np.full(len(q), assumed), (note,)
     labels = tuple(map(str, range(1, len(q) + 1)))
-    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).for_poses(len(q))]
+    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load_point).for_poses(len(q))]
     return PosesWithLoads(
         path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes
     )

@@ -204,7 +204,7 @@ def _points(corrected_program: CorrectedProgram, tolerance_mm: float | None) -> 
         corrected_program.reasons,
     )
     arm = corrected_program.model.arm
-    correction = arm.display_factors * arm.change_to_file(compensated.q - compensated.start)
+    correction = arm.display_factors * arm.change_to_file_joints(compensated.q - compensated.start)
     before, half = MM * np.linalg.norm(compensated.before, axis=1), MM * compensated.half_width.max(axis=1)
     after = MM * np.linalg.norm(compensated.after, axis=1)
     verdicts: list[str | None] = [None] * program.points
@@ -253,7 +253,7 @@ def _jump(corrected_program: CorrectedProgram) -> Row | None:
     )
     if len(compensated.q) < 2:
         return None
-    steps = np.abs(np.diff(arm.change_to_file(compensated.q - compensated.start), axis=0))
+    steps = np.abs(np.diff(arm.change_to_file_joints(compensated.q - compensated.start), axis=0))
     k, j = np.unravel_index(int(steps.argmax()), steps.shape)
     load = np.sum([load.wrench[:, :3] for load in corrected_program.loads], axis=0)
     change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
@@ -302,7 +302,7 @@ MOVED_BY, HALF_WIDTH = "moved by the force", "half width, 95 %"  #: What a map t
 
 def prediction_columns(joints: Sequence[ArmJoint]) -> list[str]:
     """List the columns of predictions.csv, in order; docs/formats.md says what each holds."""
-    names = ["pose", "line", "point", *(joint.column for joint in joints)]
+    names = ["pose", "line", "point", *(joint.file_column for joint in joints)]
     names += [f"{axis}_m" for axis in "xyz"]
     names += [f"{what}_{axis}_m" for what in ("position_half_95", "deflection", "half_95") for axis in "xyz"]
     names += [f"rotation_{axis}_rad" for axis in "xyz"]
@@ -333,7 +333,7 @@ def write_predictions(made: Predicted, folder: Path) -> None:
         rows.writerow(prediction_columns(arm.file_joints))
         for k, label in enumerate(made.asked.labels):
             first = [as_cell(label), str(made.asked.line[k])]
-            joints, last = [*map(repr, arm.to_file(made.asked.q[k]).tolist())], _cells(of_tool[k])
+            joints, last = [*map(repr, arm.to_file_joints(made.asked.q[k]).tolist())], _cells(of_tool[k])
             for m, name in enumerate(names):
                 own = _cells(*(values[k, m] for values in parts))
                 rows.writerow([*first, name, *joints, *own, *last])

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import Strict, parse_toml
+from testbench.arm.document import StrictModel, parse_toml
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, split
 from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word
@@ -150,7 +150,7 @@ Metres = Annotated[float, Field(ge=-1000, le=1000)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 
 
-class _Frame(Strict):
+class _Frame(StrictModel):
     """The base in the tracker's frame: a reading is R x + position, R = Rz Ry Rx."""
 
     station: int = 1  #: Identifier of the station.
@@ -158,7 +158,7 @@ class _Frame(Strict):
     rotation_xyz_deg: list[Degrees] = Field(min_length=3, max_length=3)  #: About the tracker's x, y, then z.
 
 
-class _File(Strict):
+class _File(StrictModel):
     frame: list[_Frame] = Field(min_length=1, max_length=100)
 
 

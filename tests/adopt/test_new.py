@@ -120,7 +120,7 @@ def test_a_parallelogram_is_a_chain_whose_rod_follows_joint_2(tmp_path):
     q = np.random.default_rng(2).uniform(-1, 1, (5, 6))
     theirs = pinocchio_urdf(tmp_path / "free.urdf", "tool0", [*names, "rod"], np.c_[q, -q[:, 1]]).tips
     arm = load_arm(tmp_path / "mine")
-    p, R = tool_pose(build_vjm(arm), arm.to_model(q))
+    p, R = tool_pose(build_vjm(arm), arm.to_chain_joints(q))
     np.testing.assert_allclose(theirs[:, :3, 3], p, atol=1e-9)
     np.testing.assert_allclose(theirs[:, :3, :3], R, atol=1e-9)
 
@@ -220,7 +220,7 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     vjm = found.cell.vjm
     (wrist, _), (joint, _), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-3:]
     out = (joint[0] - wrist[0]) / np.linalg.norm(joint[0] - wrist[0])
-    load, *markers = [(tool[0] + turn[0] @ p - joint[0]) @ out for p in (vjm.load, *vjm.markers)]
+    load, *markers = [(tool[0] + turn[0] @ p - joint[0]) @ out for p in (vjm.load_point, *vjm.markers)]
     drawn = 0.1 + long / 2  # the end of the box of link 6
     np.testing.assert_allclose(markers, drawn, atol=2e-3)
     assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
@@ -553,7 +553,7 @@ def test_a_dh_table_as_a_urdf_is_the_robot_that_its_convention_says(tmp_path, mo
     table = "[joints]\nj2 = { j2 = 1, offset_deg = -90 }\n\n[[link]]"
     elastic.write_text(elastic.read_text().replace("[[link]]", table, 1))
     arm, q = load_arm(tmp_path / "mine"), np.random.default_rng(4).uniform(-1, 1, (5, 6))
-    p, R = tool_pose(build_vjm(arm), arm.to_model(q))
+    p, R = tool_pose(build_vjm(arm), arm.to_chain_joints(q))
     for k, own in enumerate(q):
         pose = np.eye(4)
         for (alpha, a, d, theta), angle in zip(rows, own, strict=True):

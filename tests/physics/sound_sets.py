@@ -126,4 +126,4 @@ def _loaded(cell: Cell, q: np.ndarray, loads: str, rng: np.random.Generator) -> 
         wrench[:, :3] = GRAVITY * payload * rng.uniform(0.3, 0.7, (len(pose), 1)) * direction
     else:
         wrench[:, 2] = -GRAVITY * payload * np.tile(LEVELS if each > 1 else [1.0], len(q))
-    return LoadedPoses(np.repeat(q, each, axis=0), pose, wrench, np.tile(cell.vjm.load, (len(pose), 1)))
+    return LoadedPoses(np.repeat(q, each, axis=0), pose, wrench, np.tile(cell.vjm.load_point, (len(pose), 1)))

@@ -33,7 +33,7 @@ def test_the_shortest_turn_and_special_poses_are_mujocos(turned, tmp_path):
 
 def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_path, monkeypatch):
     """Seeded: the model takes its euler angles in the wrong order."""
-    folder = shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm")
+    folder = shutil.copytree(kr500.arm.mjcf_path.parent, tmp_path / "arm")
     text = (folder / "rigid.xml").read_text("utf-8")
     turned = text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"')
     (folder / "rigid.xml").write_text(turned, "utf-8")
@@ -106,10 +106,10 @@ def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     q = random_q(slides, rng, 10)
     wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
     disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
-    _, after = solve_unloaded_and_loaded(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
+    _, after = solve_unloaded_and_loaded(disturbed, q, wrench, np.tile(slides.vjm.load_point, (10, 1)))
     second = 6 * len(slides.arm.links) + 1
     plain = replace(disturbed, disturbances=NOMINAL, load_point_error=np.zeros(3))
-    linear = solve_equilibrium(plain, q, wrench, np.tile(slides.vjm.load, (10, 1)))
+    linear = solve_equilibrium(plain, q, wrench, np.tile(slides.vjm.load_point, (10, 1)))
     play = np.abs(after.theta - linear.theta)[:, second]
     assert (play > 0).all()
     assert play.max() < 2e-4  # play, friction and stiffening of a slide: 50, 30 and some um

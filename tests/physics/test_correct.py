@@ -212,7 +212,7 @@ def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
 
 def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_forces(model, poses, load):
     """A newton more along every principal axis; without own weight, whose K_w is left out."""
-    hung = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), model.vjm.load)
+    hung = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), model.vjm.load_point)
     for own, most in ((weightless(model), 1e-6), (model, 0.01)):
         found = stiffness(own, poses, [hung])
         C = found.compliance[:, :3, :3]
@@ -242,7 +242,7 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
     blind = replace(model, posterior=sure_of(structure, model.state, first))
     forces = np.array([0, 0, -4500.0, 0, 0, 0]), np.array([0, 4500.0, 0, 0, 0, 0])
-    down, aside = (predict(blind, poses, [Load(force, model.vjm.load)]) for force in forces)
+    down, aside = (predict(blind, poses, [Load(force, model.vjm.load_point)]) for force in forces)
     assert np.isinf(aside.half_width[:, :, :2]).any(axis=2).all()
     assert np.isfinite(down.half_width).all()
     assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
@@ -434,5 +434,5 @@ def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_a
     q = np.outer([0.2, 0.3], kr500.arm.limits[0])
     wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
     with pytest.raises(NoEquilibrium) as err:
-        equilibrium(state, q, [Load(wrench, kr500.vjm.load)])
+        equilibrium(state, q, [Load(wrench, kr500.vjm.load_point)])
     assert f"no static equilibrium at q = {kr500.arm.pose_text(q[1])}" in str(err.value)

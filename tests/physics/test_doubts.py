@@ -255,7 +255,7 @@ def test_sizes_are_told(sets):
 def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
     """Its beam frame is another one: no axis of it is an axis of the link."""
     frame = Rotation.from_rotvec((0.3, -0.7, 0.5)).as_matrix()
-    links = [replace(link, frame=frame) for link in arm_6r.arm.links]
+    links = [replace(link, beam_axes=frame) for link in arm_6r.arm.links]
     vjm = replace(arm_6r.vjm, arm=replace(arm_6r.arm, links=tuple(links)))
     q, step = np.random.default_rng(2).uniform(-1, 1, (20, 6)), np.array([0.06, 0.02, -0.04])
     placements = vjm.placements.copy()

@@ -215,7 +215,7 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
     said = json.loads((tmp_path / "arm.json").read_text())
     where = chain(vjm, q)
     u = load_without_laws(
-        where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load, (12, 1))
+        where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load_point, (12, 1))
     )[42:]
     turned = C[48:, 48:] @ vjm.laws.load(where, u)
     turned = turned[:18].reshape(3, 6, -1).sum(axis=0) + np.outer(np.eye(6)[1], turned[18])

@@ -12,7 +12,7 @@ from serial_arms import write_arm
 from unsure import unsure
 
 import testbench as tb
-from testbench.arm.folder import ArmJoint, build_map
+from testbench.arm.folder import ArmJoint, build_joint_map
 from testbench.correct.compensated import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.dataset import series_of
@@ -210,27 +210,27 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
     assert [joint.name for joint in arm.file_joints] == ["turn", "lift", "x", "spin"]
     assert any(note.startswith("joints that follow others") for note in notes)
     model = mujoco.MjModel.from_xml_string(text)
-    data, q = mujoco.MjData(model), arm.to_file(arm.draw_poses(trial_rng(4), 20))
-    p, _ = tool_pose(cell.vjm, arm.to_model(q))
+    data, q = mujoco.MjData(model), arm.to_file_joints(arm.draw_poses(trial_rng(4), 20))
+    p, _ = tool_pose(cell.vjm, arm.to_chain_joints(q))
     own = [model.joint(joint.name).qposadr[0] for joint in arm.joints]
-    for k, pose in enumerate(arm.to_model(q)):
+    for k, pose in enumerate(arm.to_chain_joints(q)):
         data.qpos[:] = model.qpos0
         data.qpos[own] = pose
         mujoco.mj_forward(model, data)
         level = data.efc_pos[(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (data.efc_id == 0)]
         assert np.abs(level).max() < ROUND_TRIP
         np.testing.assert_allclose(p[k], data.site("tool0").xpos, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(arm.to_file(arm.to_model(q)), q, rtol=0, atol=ROUND_TRIP)
+    np.testing.assert_allclose(arm.to_file_joints(arm.to_chain_joints(q)), q, rtol=0, atol=ROUND_TRIP)
 
 
 def test_a_joint_may_follow_one_behind_it():
     """The joint that the file joint names stays free, so that an exported mimic says the same."""
     arm = [ArmJoint(name, -1.0, 1.0, 1e-6) for name in ("a", "b", "c")]
-    found = build_map(arm, {"a": {"c": -0.5}}, {"a": 0.1})
-    assert found.names == ("b", "c")
-    assert found.free.tolist() == [1, 2]
+    found = build_joint_map(arm, {"a": {"c": -0.5}}, {"a": 0.1})
+    assert found.file_joint_names == ("b", "c")
+    assert found.free_joints.tolist() == [1, 2]
     assert found.followed_joint(0) == (2, -0.5, 0.1)
-    np.testing.assert_allclose(found.to_model(np.array([0.3, 0.4])), [-0.1, 0.3, 0.4], atol=1e-15)
+    np.testing.assert_allclose(found.to_chain_joints(np.array([0.3, 0.4])), [-0.1, 0.3, 0.4], atol=1e-15)
 
 
 def test_motors_say_which_joints_others_follow(tmp_path):
@@ -323,17 +323,17 @@ def test_a_hand_held_by_mimics_keeps_its_tilt_in_mujoco_and_in_the_model(level):
     assert (arm.n_joints, len(arm.links)) == (6, 7)
     np.testing.assert_allclose(arm.limits[:, 2], [0.25 - 1.1, 0.25 + 0.9], atol=1e-12)
     q = np.random.default_rng(6).uniform(*arm.limits[:, [0, 1, 2, 5]], (30, 4))
-    frames = rigid_frames(level.room, arm.to_model(q))
+    frames = rigid_frames(level.room, arm.to_chain_joints(q))
     tool = frames.rotations[:, level.room.model.body(arm.tool).id]
     assert tilt(tool).max() < 1e-9
-    assert tilt(tool_pose(level.vjm, arm.to_model(q))[1]).max() < 1e-9
-    np.testing.assert_allclose(arm.to_file(arm.to_model(q)), q, rtol=0, atol=ROUND_TRIP)
-    for j, own in enumerate(np.radians(arm.limit_distance(arm.to_model(q))).T):
-        ends = [arm.to_model(q + s * own[:, None] * np.eye(4)[j]) for s in (-1, 1)]
+    assert tilt(tool_pose(level.vjm, arm.to_chain_joints(q))[1]).max() < 1e-9
+    np.testing.assert_allclose(arm.to_file_joints(arm.to_chain_joints(q)), q, rtol=0, atol=ROUND_TRIP)
+    for j, own in enumerate(np.radians(arm.distance_to_limits(arm.to_chain_joints(q))).T):
+        ends = [arm.to_chain_joints(q + s * own[:, None] * np.eye(4)[j]) for s in (-1, 1)]
         beyond = [np.maximum(arm.limits[0] - end, end - arm.limits[1]).max(axis=1) for end in ends]
         assert np.abs(np.max(beyond, axis=0)).max() < 1e-9  # so far, and no farther
-    moved = arm.to_model(q) + 0.1 * np.eye(6)[3]
-    np.testing.assert_array_equal(arm.with_dependent_joints(moved), arm.to_model(q))
+    moved = arm.to_chain_joints(q) + 0.1 * np.eye(6)[3]
+    np.testing.assert_array_equal(arm.with_dependent_joints(moved), arm.to_chain_joints(q))
 
 
 def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
@@ -350,14 +350,14 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     found = correct_program(unsure(level), program, Aim())
     q = found.found.q
     assert found.found.corrected.all()
-    np.testing.assert_allclose(arm.to_model(arm.to_file(q)), q, rtol=0, atol=ROUND_TRIP)
-    point = np.tile(level.vjm.load, (len(q), 1))
+    np.testing.assert_allclose(arm.to_chain_joints(arm.to_file_joints(q)), q, rtol=0, atol=ROUND_TRIP)
+    point = np.tile(level.vjm.load_point, (len(q), 1))
     wrench = np.tile([0, 0, -9.81 * mass, 0, 0, 0], (len(q), 1))
     true, before = (
         solve_equilibrium(level.plant, q, wrench, point),
-        solve_equilibrium(level.plant, arm.to_model(way)),
+        solve_equilibrium(level.plant, arm.to_chain_joints(way)),
     )
-    off = solve_equilibrium(level.plant, arm.to_model(way), wrench, point).tool - before.tool
+    off = solve_equilibrium(level.plant, arm.to_chain_joints(way), wrench, point).tool - before.tool
     assert np.linalg.norm(off, axis=1).min() > 5e-4
     assert np.abs(true.tool - before.tool).max() < 1e-8
     left = rotation_vectors_between(true.rotation, before.rotation)
@@ -381,12 +381,12 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     )
     for some in (q, tries.draw_around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
         possible(arm, some)
-    way = arm.to_model(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
+    way = arm.to_chain_joints(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
     position, rotation = tool_pose(level.vjm, way)
     found = joints_along(level.vjm, position, rotation)
     assert found.converged.all()
     possible(arm, found.q)
-    wound = arm.to_model(np.array([[0.2, 0.3, 0.1, 0.2]]))
+    wound = arm.to_chain_joints(np.array([[0.2, 0.3, 0.1, 0.2]]))
     np.testing.assert_array_equal(nearest_turn(wound, arm), wound)
 
 
@@ -423,5 +423,5 @@ def test_rows_that_say_nothing_leave_the_arm_as_it_is(tmp_path):
     assert arm.joint_map is None
     assert arm.file_joints is arm.joints
     q = arm.draw_poses(trial_rng(1), 4)
-    assert arm.to_file(q) is q
+    assert arm.to_file_joints(q) is q
     assert arm.with_dependent_joints(q) is q

@@ -147,7 +147,7 @@ def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
     folder = write_arm(tmp_path / "arm", "zyx", degrees=True)
     link_3 = '<body name="link_3"'
     arm = rewritten(folder, (link_3, FIXED + link_3), ("<worldbody>", f"{DRAWN}<worldbody>"))
-    model = mujoco.MjModel.from_xml_path(str(arm.rigid))
+    model = mujoco.MjModel.from_xml_path(str(arm.mjcf_path))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     weights, link = read_weights(arm), data.body("link_2")

@@ -75,7 +75,7 @@ def poses(kr500):
 @pytest.fixture(scope="module")
 def spec(kr500, poses):
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
-    load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load)
+    load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load_point)
     return plans.Specification(
         experiment=plans.MeasurementSetup(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
@@ -552,7 +552,7 @@ def test_refined_places_of_gauges_are_better_and_within_their_bound(kr500, spec,
 
 def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
     """What a plan counts with is what a fit makes of gauges there: the same information, by another way."""
-    light = Load(np.array([0, 0, -1.0, 0, 0, 0]), kr500.vjm.load)
+    light = Load(np.array([0, 0, -1.0, 0, 0, 0]), kr500.vjm.load_point)
     q, own = poses[:3], replace(spec, loads=(light,), tasks=replace(spec.tasks, load=light))
     rows = gauge_rows(own, q, np.zeros(3, dtype=int), Gauges(3, 5e-6, 0.01), np.eye(mgco68(kr500.arm).n))
     loaded = poses_with_weight(kr500, q, np.arange(3), 1 / GRAVITY)

@@ -71,11 +71,11 @@ def test_elastic_arm_written_out_is_plain_mjcf_that_stands_still_never_over_the_
     assert np.abs(data.qvel).max() < 1e-6
     expected = solve_equilibrium(kr500.plant, np.zeros((1, 6))).tool[0]
     np.testing.assert_allclose(data.body("tool").xpos, expected, rtol=0, atol=1e-7)
-    arm = load_arm(shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm"))
-    before = arm.rigid.read_bytes()
+    arm = load_arm(shutil.copytree(kr500.arm.mjcf_path.parent, tmp_path / "arm"))
+    before = arm.mjcf_path.read_bytes()
     with pytest.raises(InputError, match="outside the arm's own folder"):
-        write_elastic(arm, arm.rigid)
-    assert arm.rigid.read_bytes() == before
+        write_elastic(arm, arm.mjcf_path)
+    assert arm.mjcf_path.read_bytes() == before
 
 
 def test_what_mujoco_warns_of_is_for_who_listens_and_leaves_no_file(kr500, tmp_path, monkeypatch, caplog):

@@ -9,7 +9,7 @@ from run_here import ROOT
 from scipy.spatial.transform import Rotation
 from unsure import unsure
 
-from testbench.arm.folder import build_map, find_arm, load_arm
+from testbench.arm.folder import build_joint_map, find_arm, load_arm
 from testbench.correct.newton import Aim
 from testbench.errors import BenchError, InputError
 from testbench.files.languages import (
@@ -38,7 +38,7 @@ from testbench.workflows.program import (
 
 ARM = load_arm(find_arm("kr500_l480"))
 #: A pendant that counts joint 3 from the horizontal, as FANUC's do.
-COUPLED = replace(ARM, joint_map=build_map(ARM.joints, {"joint_3": {"joint_3": 1.0, "joint_2": -1.0}}, {}))
+COUPLED = replace(ARM, joint_map=build_joint_map(ARM.joints, {"joint_3": {"joint_3": 1.0, "joint_2": -1.0}}, {}))
 ROUND_TRIP = 1e-6  #: What reading back may lose [rad, m].
 NAMES = sorted(known_languages())
 
@@ -191,7 +191,7 @@ def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_pa
     R[3] = Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()  # two axes coincide
     linear, posed = np.arange(n) % 2 == 1, np.arange(n) % 4 > 0
     file = tmp_path / f"way{language.suffix}"
-    write_moves(file, language, Motion(arm.to_file(q), arm.file_joints, ["x"] * n, linear, posed, p, R))
+    write_moves(file, language, Motion(arm.to_file_joints(q), arm.file_joints, ["x"] * n, linear, posed, p, R))
     for moved in (0.0, 2e-3):
         found = read(file, arm)
         np.testing.assert_array_equal(found.motions.linear, linear)
@@ -206,7 +206,7 @@ def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_pa
         )
         [(_, content)] = changed_texts(found.motions.text, changed_numbers(found.motions, arm, q, p, R))
         file.write_bytes(content)
-    assert np.abs(np.degrees(arm.to_file(q)[0]) - re_read(file, name, arm)).max() < 1e-6
+    assert np.abs(np.degrees(arm.to_file_joints(q)[0]) - re_read(file, name, arm)).max() < 1e-6
 
 
 def re_read(file, name, arm):

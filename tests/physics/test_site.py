@@ -28,12 +28,12 @@ READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
 
 
 def load_point(cell, q=READY):
-    return tool_points(cell.vjm, q, cell.vjm.load[None])[0, 0]
+    return tool_points(cell.vjm, q, cell.vjm.load_point[None])[0, 0]
 
 
 def altered(cell, tmp_path, *changes):
     """The arm with text of its rigid.xml replaced."""
-    folder = shutil.copytree(cell.arm.rigid.parent, tmp_path / cell.arm.name, dirs_exist_ok=True)
+    folder = shutil.copytree(cell.arm.mjcf_path.parent, tmp_path / cell.arm.name, dirs_exist_ok=True)
     text = (folder / "rigid.xml").read_text()
     for old, new in changes:
         assert old in text
@@ -129,7 +129,7 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     )
     assert model.geom_size[head, 0] == places.HEAD_RADIUS
     found = contacts(site, q)
-    loads = tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0]
+    loads = tool_points(kr500.vjm, q, kr500.vjm.load_point[None])[:, 0]
 
     def nearest(some, more):
         return min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a in some for b in more)

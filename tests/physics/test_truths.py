@@ -156,7 +156,7 @@ def test_priors_are_wrong_as_their_names_say(kr500):
 
 def test_turning_a_beam_turns_its_compliance(rng):
     """About its own axis a tube does not change; there and back it is what it was."""
-    scale = elastic.eigenvalue_scale(TUBE)
+    scale = elastic.unit_diagonal_scale(TUBE)
     axis = rng.standard_normal(3)
     about = elastic.rotated_compliance(TUBE, np.array([1.0, 0, 0]), 0.7)
     back = elastic.rotated_compliance(
@@ -260,7 +260,7 @@ def straight(length, section, segments=3):
 
 def assert_same(C, expected, rtol):
     """To a share of the diagonal."""
-    scale = elastic.eigenvalue_scale(expected)
+    scale = elastic.unit_diagonal_scale(expected)
     unit = np.outer(scale, scale)
     np.testing.assert_allclose(C / unit, expected / unit, rtol=0, atol=rtol)
 

@@ -324,7 +324,7 @@ def check_loading(name: str, content: bytes, file: str) -> None:
     assert np.isfinite(arm.limits).all()
     assert (lower < upper).all()
     for link in arm.links:
-        np.testing.assert_allclose(link.frame.T @ link.frame, np.eye(3), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(link.beam_axes.T @ link.beam_axes, np.eye(3), rtol=0, atol=1e-14)
         d = np.sqrt(np.diag(link.compliance))
         assert np.linalg.eigvalsh(link.compliance / np.outer(d, d))[0] > 0
         assert np.isfinite(np.linalg.inv(link.compliance)).all()

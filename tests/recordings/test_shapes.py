@@ -18,7 +18,7 @@ from testbench.workflows.cell import build_cell
 
 def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):
     shapes, names = visual_shapes(kr500.room), kr500.room.names
-    root = ET.parse(kr500.arm.rigid).getroot()
+    root = ET.parse(kr500.arm.mjcf_path).getroot()
     geoms = [(b.get("name"), g) for b in root.iter("body") for g in b.findall("geom[@class='visual']")]
     assert [(names[s.body], s.kind) for s in shapes] == [(b, g.get("type")) for b, g in geoms]
     for shape, (_, geom) in zip(shapes, geoms, strict=True):
@@ -62,7 +62,7 @@ FACES = [(1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)]
 
 def variant(arm, folder, edit):
     """A copy of an arm's folder with an edited rigid.xml."""
-    shutil.copytree(arm.rigid.parent, folder)
+    shutil.copytree(arm.mjcf_path.parent, folder)
     tree = ET.parse(folder / "rigid.xml")
     edit(tree.getroot())
     tree.write(folder / "rigid.xml")

@@ -201,7 +201,7 @@ def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
         assert shown == pytest.approx(row.q_shown, abs=5e-5)
         for key in (*expected, *(key for key in ("travel_deg", "travel_mm") if key in cells)):
             assert float(cells[key]) == pytest.approx(row[key], abs=5e-3)
-    assert [[float(cells[joint.column]) for joint in joints] for cells in runs] == [row.q for row in f.plan]
+    assert [[float(cells[joint.file_column]) for joint in joints] for cells in runs] == [row.q for row in f.plan]
     np.testing.assert_array_equal(read_loads(plan)[0], [row.load_kg for row in f.plan])
     np.testing.assert_array_equal(read_loads(plan)[1], [row.pull_N or [0, 0, 0] for row in f.plan])
     assert {cells[FORCE_COLUMNS[0]] for cells in runs} <= {"", "-500.0"}
@@ -219,7 +219,7 @@ def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):
     sights = layers["lines of sight"]
     np.testing.assert_allclose(sights.at, np.broadcast_to(f.tracker_m, sights.at.shape))
     np.testing.assert_allclose(sights.to, tool_points(kr500.vjm, q, kr500.vjm.markers))
-    hook = tool_points(kr500.vjm, q, kr500.vjm.load[None])
+    hook = tool_points(kr500.vjm, q, kr500.vjm.load_point[None])
     hangs = np.array([not row.pull_N for row in f.plan])
     ways = np.array([row.pull_N or [0, 0, -1] for row in f.plan], dtype=float)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)

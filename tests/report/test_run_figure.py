@@ -61,7 +61,7 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
 @pytest.mark.parametrize("plane", [[0, 2], [0, 1], [1, 2]])
 def test_the_arm_is_drawn_where_its_solids_are_and_not_mirrored(seen, plane):
     cell, frames = seen.scene.cell, seen.scene.groups[0].rigid
-    roles = {cell.room.names.index(name) for name in (cell.arm.load, *cell.arm.markers)}
+    roles = {cell.room.names.index(name) for name in (cell.arm.load_point, *cell.arm.markers)}
     solids = [
         frames.positions[0, shape.body] + corners(shape) @ frames.rotations[0, shape.body].T
         for shape in visual_shapes(cell.room)

@@ -244,7 +244,7 @@ def test_a_robots_own_program_stays_but_for_its_numbers_and_the_true_arm_execute
     found = read_program(out, kr500.arm)
     assert found.labels == ("XP1", "XP2", "XP3")
     wrench = np.tile([0, 0, -300 * 9.81, 0, 0, 0], (3, 1))
-    load = np.tile(kr500.vjm.load, (3, 1))
+    load = np.tile(kr500.vjm.load_point, (3, 1))
     rest = solve_equilibrium(kr500.plant, found.q, wrench, load)
     free = solve_equilibrium(kr500.plant, q)
     assert (

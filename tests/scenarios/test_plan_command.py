@@ -184,7 +184,7 @@ def test_a_pull_shows_the_joint_that_no_hung_weight_turns(tmp_path, kr500):
     loads = [row["pull_N"] or [0, 0, -9.81 * row["load_kg"]] for row in pulled["plan"]]
     assert [0, 3000, 0] in loads
     np.testing.assert_allclose(data.wrench, np.hstack([loads, np.zeros((4, 3))]), rtol=1e-12)
-    np.testing.assert_array_equal(data.point, np.tile(kr500.vjm.load, (4, 1)))
+    np.testing.assert_array_equal(data.point, np.tile(kr500.vjm.load_point, (4, 1)))
 
 
 def test_a_weight_far_beyond_the_payload_is_doubted_before_the_search(tmp_path):

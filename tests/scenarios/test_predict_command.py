@@ -72,7 +72,7 @@ def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500
     assert [row["point"] for row in rows] == ["tool", "P1", "P2", "P3"] * POSES
     wrench = np.zeros((POSES, 6))
     wrench[:-1, 2], wrench[-1, 1] = -GRAVITY * MASS, PULL
-    point = np.tile(kr500.vjm.load, (POSES, 1))
+    point = np.tile(kr500.vjm.load_point, (POSES, 1))
     point[-1] = 0
     wanted = tb.predict(tb.load_model(model), q, [tb.Load(wrench, point)])
     for what, own in (
@@ -200,7 +200,7 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     pulled = read_pose_file(poses_file(tmp_path / "pulled.csv", q, mixed, head=head), found, None, MASS)
     total = sum(load.wrench for load in pulled.loads)
     np.testing.assert_allclose(total[:2, :3], [[0, 0, -250 * GRAVITY], [0, 3000, 0]])
-    assert all((load.point == kr500.vjm.load).all() for load in pulled.loads)
+    assert all((load.point == kr500.vjm.load_point).all() for load in pulled.loads)
 
 
 def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500, model, tmp_path, q):

@@ -10,7 +10,7 @@ from refused import refused
 from spoil import swap
 
 from testbench.arm.folder import load_arm
-from testbench.arm.mjcf import MAX_DEPTH, read_mjcf
+from testbench.arm.mjcf import MAX_NESTED_ELEMENTS, read_mjcf
 
 MODELS = Path(__file__).parents[2] / "models"
 LENGTH, AXIS = r"(?<=tube\.length = \{ value = )[^,]+", r"(?<=axis = )\[.*?\]"
@@ -42,8 +42,8 @@ def test_the_same_arm_may_be_written_otherwise(tmp_path, pattern, new):
     a, b = load_arm(folder), load_arm(MODELS / "arm_6r")
     np.testing.assert_array_equal(a.C_theta, b.C_theta)
     np.testing.assert_array_equal(a.limits, b.limits)
-    np.testing.assert_array_equal([x.frame for x in a.links], [x.frame for x in b.links])
-    assert (a.tool, a.load, a.markers) == (b.tool, b.load, b.markers)
+    np.testing.assert_array_equal([x.beam_axes for x in a.links], [x.beam_axes for x in b.links])
+    assert (a.tool, a.load_point, a.markers) == (b.tool, b.load_point, b.markers)
 
 
 @pytest.mark.parametrize(
@@ -243,8 +243,8 @@ TEXTS = {
     "bytes of a declared encoding": (LATIN, "expected UTF-8"),
     "a namespace of two lines": ('<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>', "<{a b}body>: not allowed"),
     **{
-        f"{n} nested bodies": (inside("<body>" * n + "</body>" * n), f"at most {MAX_DEPTH} nested elements")
-        for n in (MAX_DEPTH + 1, 20_000)
+        f"{n} nested bodies": (inside("<body>" * n + "</body>" * n), f"at most {MAX_NESTED_ELEMENTS} nested elements")
+        for n in (MAX_NESTED_ELEMENTS + 1, 20_000)
     },
     "4 MB": (inside(f"<!--{'x' * 4_000_000}-->"), "expected at most 4000000 bytes, got 4000"),
     "a zero mass": (inside('<inertial pos="0 0 0" mass="0"/>'), "mass: expected more than 0 kg, got 0.0"),
@@ -294,7 +294,7 @@ def test_a_text_that_is_no_arm_is_refused(rigid, text, said):
 
 def test_meshes_inside_the_folder_are_accepted_and_a_link_to_itself_leads_nowhere(rigid):
     """As are elements as deep in one another as may be."""
-    read_mjcf(rigid(inside("<body>" * MAX_DEPTH + "</body>" * MAX_DEPTH)))
+    read_mjcf(rigid(inside("<body>" * MAX_NESTED_ELEMENTS + "</body>" * MAX_NESTED_ELEMENTS)))
     file = rigid(mesh("a.stl", '<compiler meshdir="meshes"/>'))
     assert read_mjcf(file).find("asset/mesh") is not None
     (file.parent / "loop.stl").symlink_to("loop.stl")

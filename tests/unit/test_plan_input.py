@@ -38,7 +38,7 @@ def test_loads_of_the_process_act_where_they_are_said_to(kr500, file):
     np.testing.assert_array_equal(tasks.load.point, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
     tasks = read_tasks(write(file, DEG + MOMENT, rows[:, :9]), kr500, load)
     np.testing.assert_array_equal(tasks.load.wrench, [[0, 0, 0, 1, 2, 3], [0, 0, 0, 4, 5, 6]])
-    assert (tasks.load.point == kr500.vjm.load).all()
+    assert (tasks.load.point == kr500.vjm.load_point).all()
 
 
 BROKEN = [

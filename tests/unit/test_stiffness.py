@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.arm.elastic import Tube, check_compliance, eigenvalue_scale, tube_compliance
+from testbench.arm.elastic import Tube, check_compliance, unit_diagonal_scale, tube_compliance
 from testbench.errors import Array, BenchError
 from testbench.plant.cast import BeamSegments, beam_compliance
 
@@ -45,10 +45,10 @@ def test_scaled_eigenvalues_do_not_depend_on_the_unit_of_length():
     to_mm = np.diag([1e3, 1e3, 1e3, 1, 1, 1])
     scaled = []
     for matrix in (C, to_mm @ C @ to_mm):
-        d = eigenvalue_scale(matrix)
+        d = unit_diagonal_scale(matrix)
         scaled.append(np.linalg.eigvalsh(matrix / np.outer(d, d)))
     np.testing.assert_allclose(scaled[0], scaled[1], rtol=1e-13)
-    np.testing.assert_array_equal(eigenvalue_scale(np.diag([4.0, 0.0, -9.0])), [2, 1, 3])
+    np.testing.assert_array_equal(unit_diagonal_scale(np.diag([4.0, 0.0, -9.0])), [2, 1, 3])
 
 
 def coupled(share: float) -> Array:

@@ -306,7 +306,7 @@ def _coupled(file: Path, chain: ImportedChain, rows: Rows) -> ImportedChain:
     if joint_map is None:
         return chain
     names = [joint.name for joint in chain.joints]
-    words = tuple(f"{name} = {joint_map.sum_text(k)}" for k, name in enumerate(names) if name in rows)
+    words = tuple(f"{name} = {joint_map.joint_formula(k)}" for k, name in enumerate(names) if name in rows)
     return replace(chain, joint_map=joint_map, notes=(*chain.notes, Note("follow", words)))
 
 

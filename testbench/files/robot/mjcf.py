@@ -16,8 +16,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from testbench.arm.document import path_inside, place_of
-from testbench.arm.mjcf import numbers
+from testbench.arm.document import path_inside, xml_place
+from testbench.arm.mjcf import read_numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, primitive, stl_bytes
 from testbench.files.robot.robot import (
@@ -123,11 +123,11 @@ def _check_gravity(file: Path, root: ET.Element) -> None:
     stated = [e for e in root.findall("option") if "gravity" in e.attrib]
     if not stated:
         return
-    x, y, z = numbers(file, stated[-1], "gravity", 3)
+    x, y, z = read_numbers(file, stated[-1], "gravity", 3)
     if (x or y or z) and not (x == y == 0 and GRAVITY_RANGE[0] <= -z <= GRAVITY_RANGE[1]):
         problem = f"gravity: expected 0 0 -9.81 [m/s^2], or zeros, got {stated[-1].get('gravity')!r}"
         hint = "turn the body of the base instead, or scale the lengths to metres"
-        raise InputError(file, place_of(stated[-1]), f"{problem}; {hint}")
+        raise InputError(file, xml_place(stated[-1]), f"{problem}; {hint}")
 
 
 def _springs(model: mujoco.MjModel) -> Iterator[Note]:

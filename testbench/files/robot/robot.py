@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.document import parse_xml
-from testbench.arm.folder import ArmJoint, JointMap, build_map
+from testbench.arm.folder import ArmJoint, JointMap, build_joint_map
 from testbench.errors import Array, BenchError, InputError, read_bytes, read_text, shell_word
 from testbench.plant.shapes import Faces, GeomKind, Surface
 
@@ -585,7 +585,7 @@ def chain_map(file: Path, joints: Sequence[ImportedJoint], rows: Rows) -> JointM
     own = {joint.name: rows[joint.name] for joint in joints if joint.name in rows}
     rigid = [ArmJoint(joint.name, joint.lower, joint.upper, 0.0, joint.prismatic) for joint in joints]
     try:
-        return build_map(
+        return build_joint_map(
             rigid, {name: row for name, (row, _) in own.items()}, {name: x for name, (_, x) in own.items()}
         )
     except BenchError as err:

@@ -19,8 +19,8 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 import pinocchio as pin
 
-from testbench.arm.document import path_inside, place_of, unused_name
-from testbench.arm.mjcf import numbers
+from testbench.arm.document import path_inside, xml_place, unused_name
+from testbench.arm.mjcf import read_numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import (
     MAX_MESH_SIZE,
@@ -154,12 +154,12 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
         kind = joint.get("type", "")
         if kind not in (*MOVING, *ODD, "fixed"):
             problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
-            raise InputError(file, place_of(joint), problem)
+            raise InputError(file, xml_place(joint), problem)
         place = joint.find("origin")
         turn = np.abs(_numbers(file, place, "rpy", [0.0] * 3, joint)).max()
         if turn > MAX_TURN:
             problem = f"rpy: expected radians, up to 4 pi, got {turn:g}: is it in degrees?"
-            raise InputError(file, place_of(joint), problem)
+            raise InputError(file, xml_place(joint), problem)
         for e, key in (
             (place, "xyz"),
             (joint.find("axis"), "xyz"),
@@ -210,7 +210,7 @@ def _numbers(
     """Read an attribute as numbers, as many as the default has, which replaces a missing attribute."""
     if e is None or key not in e.attrib:
         return np.array(default, dtype=float)
-    return np.array(numbers(file, e, key, len(default), MAX_NUMBER, owner))
+    return np.array(read_numbers(file, e, key, len(default), MAX_NUMBER, owner))
 
 
 def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
@@ -220,12 +220,12 @@ def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
         return []
     mass = float(_numbers(file, inertial.find("mass"), "value", [0.0], link)[0])
     if mass < 0:
-        raise InputError(file, place_of(link), f"mass: expected more than 0 kg, got {mass}")
+        raise InputError(file, xml_place(link), f"mass: expected more than 0 kg, got {mass}")
     for key in ("xyz", "rpy"):
         _numbers(file, inertial.find("origin"), key, [0.0] * 3, link)
     if (tensor := inertial.find("inertia")) is not None:
         for key in INERTIA:
-            numbers(file, tensor, key, 1, np.inf, link)
+            read_numbers(file, tensor, key, 1, np.inf, link)
     found = ET.Element("inertial")
     found.extend(e for e in inertial if e.tag in ("origin", "mass", "inertia"))
     if found.find("inertia") is None:
@@ -240,10 +240,10 @@ def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
         return None
     ends = {"lower": "0", "upper": "0"} | limit.attrib
     lower, upper = (
-        numbers(file, ET.Element("limit", ends), key, 1, np.inf, e)[0] for key in ("lower", "upper")
+        read_numbers(file, ET.Element("limit", ends), key, 1, np.inf, e)[0] for key in ("lower", "upper")
     )
     if not lower < upper and (lower or upper):
-        raise InputError(file, place_of(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
+        raise InputError(file, xml_place(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
     return lower, upper
 
 
@@ -259,7 +259,7 @@ def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] |
     slides = e.get("type") == "prismatic"
     axis = np.ravel(axis)[:3] if slides else np.ravel(axis)[3:]
     if not abs(np.linalg.norm(axis) - 1) < THINNEST:
-        raise InputError(file, place_of(e), "axis: expected a direction, got zero")
+        raise InputError(file, xml_place(e), "axis: expected a direction, got zero")
     endless = limits is not None and max(map(abs, limits)) > ENDLESS
     limited = limits is not None and limits != (0, 0) and not endless
     lower, upper = limits if limits and limited else substitute_limits(prismatic=slides)
@@ -279,7 +279,7 @@ def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[st
         while chain[-1] in followed and len(chain) <= len(followed):
             chain.append(followed[chain[-1]])
             if chain[-1] == name:
-                raise InputError(file, place_of(e), f"it mimics itself: {' mimics '.join(chain)}")
+                raise InputError(file, xml_place(e), f"it mimics itself: {' mimics '.join(chain)}")
         terms = {name: 1.0}
         if other in moving or other not in joints:  # one that is not there is refused where an arm has it
             terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0], e)[0])
@@ -325,13 +325,13 @@ def _size(file: Path, form: ET.Element, kind: GeomKind) -> Array:
     """Read the size of a primitive in MuJoCo's convention, (3,) [m], lengths halved; zero without extent."""
     size = np.zeros(3)
     if form.tag not in (*FORMS, "mesh"):
-        raise InputError(file, place_of(form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
+        raise InputError(file, xml_place(form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
     if kind == "mesh":
         return size
-    found = np.concatenate([numbers(file, form, key, count) for key, count in FORMS[kind].items()])
+    found = np.concatenate([read_numbers(file, form, key, count) for key, count in FORMS[kind].items()])
     if not 0 <= min(found) <= max(found) <= MAX_MESH_SIZE:
         problem = f"expected sizes of 0 to {MAX_MESH_SIZE:g} m, got {found.tolist()}"
-        raise InputError(file, place_of(form), problem)
+        raise InputError(file, xml_place(form), problem)
     if min(found) > THINNEST:
         size[: len(found)] = found
         size[0 if kind == "box" else 1 :] /= 2
@@ -358,7 +358,7 @@ def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None],
     if colour is None and material is not None:
         colour = colours.get(material.get("name", ""))
     if colour is not None:
-        return np.array(numbers(file, colour, "rgba", 4))
+        return np.array(read_numbers(file, colour, "rgba", 4))
     return VISIBLE if mesh.rgba is None else mesh.rgba
 
 

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import GRAVITY, MAX_BYTES, asset_paths, read_meshes, read_mjcf
+from testbench.arm.mjcf import GRAVITY, MAX_MJCF_BYTES, asset_paths, read_meshes, read_mjcf
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.robot.meshes import (
     Weighed,
@@ -386,11 +386,11 @@ def write_elastic(arm: Arm, file: Path) -> None:
     Raises:
         InputError: When a file cannot be read or written, or would replace another one.
     """
-    source = arm.rigid.parent
+    source = arm.mjcf_path.parent
     if file.resolve().is_relative_to(source.resolve()):
         raise InputError(file, "", "expected a place outside the arm's own folder")
     text = elastic_mjcf(arm)
-    meshes = read_meshes({name: source / name for name in asset_paths(arm.rigid, read_mjcf(arm.rigid))})
+    meshes = read_meshes({name: source / name for name in asset_paths(arm.mjcf_path, read_mjcf(arm.mjcf_path))})
     for name, content in meshes.items():
         _check_mesh(content, file.parent / name, file.parent)
     with whole_files([*(file.parent / name for name in meshes), file]) as parts:
@@ -402,5 +402,5 @@ def _check_mesh(content: bytes, copy: Path, folder: Path) -> None:
     """Refuse a copy of a mesh outside of the folder, or in place of another file."""
     if not Path(os.path.realpath(copy)).is_relative_to(os.path.realpath(folder)):
         raise InputError(copy, "", f"expected a mesh inside of {folder}")
-    if os.path.lexists(copy) and not (copy.is_file() and read_bytes(copy, MAX_BYTES) == content):
+    if os.path.lexists(copy) and not (copy.is_file() and read_bytes(copy, MAX_MJCF_BYTES) == content):
         raise InputError(copy, "", "is not the arm's mesh; choose another folder, or move it away")

@@ -227,8 +227,8 @@ def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Iss
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    arm, root = vjm.arm, read_mjcf(vjm.arm.rigid)
-    base_pose = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
+    arm, root = vjm.arm, read_mjcf(vjm.arm.mjcf_path)
+    base_pose = body_pose(arm, find_body(arm.mjcf_path, root, arm.links[0].name), angle_unit(root))
     stands = base_pose @ np.linalg.inv(vjm.base) @ with_base_rotated(vjm, pull.g).base
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])

@@ -469,7 +469,7 @@ class _Trial:
         """
         free, theta = self.undone.free, self.fit.theta[list(self.undone.free.theta)]
         if len(theta) == 3:
-            return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ theta)
+            return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].beam_axes @ theta)
         if len(theta):
             return self.change.size + theta
         if free.targets and not observations.free.targets:

@@ -46,7 +46,7 @@ def write_arm(pen: Pen, cell: Cell, root: str, rigid: BodyFrames, bent: BodyFram
     """
     pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     names, shapes = cell.room.names, visual_shapes(cell.room)
-    hidden, moving = {cell.arm.load, *cell.arm.markers}, [] if bent is None else _moving(rigid, bent)
+    hidden, moving = {cell.arm.load_point, *cell.arm.markers}, [] if bent is None else _moving(rigid, bent)
     for body in sorted({shape.body for shape in shapes}):
         if names[body] in hidden:  # drawn by their roles
             continue

@@ -86,7 +86,7 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
         The state.
     """
     vjm, theta, gears = state.vjm, truth.theta_0.copy(), truth.gears
-    theta[_before(vjm)[1:]] += vjm.beam_axes[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
+    theta[_before(vjm)[1:]] += vjm.joint_axes_in_beam_frame[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
     theta_0, n, orders = (
         state.theta_0.copy(),
         np.zeros_like(state.n),
@@ -120,7 +120,7 @@ def _true_joints(vjm: Vjm, truth: Truth) -> Array:
         Compliance, (n,) [rad/(N m), m/N].
     """
     at, C = _before(vjm), truth.C_theta
-    links = np.einsum("na,nab,nb->n", vjm.beam_axes, C[at[:, :, None], at[:, None]], vjm.beam_axes)
+    links = np.einsum("na,nab,nb->n", vjm.joint_axes_in_beam_frame, C[at[:, :, None], at[:, None]], vjm.joint_axes_in_beam_frame)
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 

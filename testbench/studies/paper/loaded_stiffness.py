@@ -131,7 +131,7 @@ def _hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> l
     """
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load
-    point = np.tile(cell.vjm.load, (len(q), 1))
+    point = np.tile(cell.vjm.load_point, (len(q), 1))
     predicted, rows = _predict(cell, q, wrench, point), []
     for truth, plant in plants.items():
         moved = solve_equilibrium(plant, q, wrench, point).tool - solve_equilibrium(plant, q).tool
