@@ -215,7 +215,9 @@ def parse_xml(path: Path, text: str) -> ET.Element:
             if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
                 owner = next((own for own in root.iter() if e in own and own.get("name")), None)
                 place = xml_place(e, owner)
-                raise InputError(path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN_CHARACTERS]!r}")
+                raise InputError(
+                    path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN_CHARACTERS]!r}"
+                )
     return root
 
 
@@ -231,4 +233,8 @@ def xml_place(element: ET.Element, named_ancestor: ET.Element | None = None) -> 
     """
     name = element.get("name", "")[:MAX_SHOWN_CHARACTERS]
     own = f"<{element.tag} name={name!r}>" if name else f"<{element.tag}>"
-    return own if name or named_ancestor is None or named_ancestor is element else f"{xml_place(named_ancestor)}: {own}"
+    return (
+        own
+        if name or named_ancestor is None or named_ancestor is element
+        else f"{xml_place(named_ancestor)}: {own}"
+    )

@@ -32,7 +32,7 @@ from testbench.arm.elastic import (
     read_elastic,
     tube_compliance,
 )
-from testbench.arm.mjcf import angle_unit, find_body, read_numbers, read_mjcf
+from testbench.arm.mjcf import angle_unit, find_body, read_mjcf, read_numbers
 from testbench.display import Displayed
 from testbench.errors import (
     Array,
@@ -229,7 +229,9 @@ class JointMap:
         ]
         if self.q_0[joint]:
             size = 1e3 * self.q_0[joint] if self.chain_prismatic[joint] else np.degrees(self.q_0[joint])
-            terms.append(f"{'-' if size < 0 else '+'} {abs(size):.6g} {'mm' if self.chain_prismatic[joint] else 'deg'}")
+            terms.append(
+                f"{'-' if size < 0 else '+'} {abs(size):.6g} {'mm' if self.chain_prismatic[joint] else 'deg'}"
+            )
         text = " ".join(terms).removeprefix("+ ") or "0"
         return f"-{text[2:]}" if text.startswith("- ") else text
 
@@ -379,7 +381,9 @@ def find_arm(name: str | Path) -> Path:
     check_type(name, (str, Path), "arm")
     if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
         return Path(name)
-    folders = {folder.name: folder for root in ARM_FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
+    folders = {
+        folder.name: folder for root in ARM_FOLDERS if root.is_dir() for folder in sorted(root.iterdir())
+    }
     if str(name) in folders:
         return folders[str(name)]
     ours = ", ".join(sorted(folders))
@@ -598,7 +602,11 @@ class Arm(Displayed):
     @property
     def dependence_matrix(self) -> Array | None:
         """Return how all joints move with the free ones, (n, n) [1]; None where no joint follows others."""
-        return None if self.joint_map is None or self.joint_map.all_joints_free else self.joint_map.dependence_matrix
+        return (
+            None
+            if self.joint_map is None or self.joint_map.all_joints_free
+            else self.joint_map.dependence_matrix
+        )
 
     @property
     def full_turn_joints(self) -> Mask:
@@ -608,7 +616,9 @@ class Arm(Displayed):
         """
         hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         return (
-            hinges if self.dependence_matrix is None else hinges & (np.count_nonzero(self.dependence_matrix, axis=0) == 1)
+            hinges
+            if self.dependence_matrix is None
+            else hinges & (np.count_nonzero(self.dependence_matrix, axis=0) == 1)
         )
 
     def with_dependent_joints(self, q: Array) -> Array:
@@ -828,4 +838,6 @@ def _check_lengths(path: Path, elastic: ElasticDocument, arm_length: float) -> N
         if link.tube is not None and link.tube.length.value > MAX_TUBE_LENGTH_RATIO * arm_length > 0:
             got = f"got {link.tube.length.value:g} m; the whole arm is {arm_length:.3g} m long"
             place = link_place(path, index, link, "tube", "length")
-            raise InputError(path, place, f"expected at most {MAX_TUBE_LENGTH_RATIO * arm_length:.3g} m, {got}")
+            raise InputError(
+                path, place, f"expected at most {MAX_TUBE_LENGTH_RATIO * arm_length:.3g} m, {got}"
+            )

@@ -10,7 +10,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
-from testbench.arm.document import MAX_SHOWN_CHARACTERS, NUMBER_EXAMPLES, parse_xml, path_inside, xml_place, read_decimals
+from testbench.arm.document import (
+    MAX_SHOWN_CHARACTERS,
+    NUMBER_EXAMPLES,
+    parse_xml,
+    path_inside,
+    read_decimals,
+    xml_place,
+)
 from testbench.errors import InputError, read_bytes, read_text
 
 # --- Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is -------------
@@ -198,7 +205,11 @@ def read_numbers(
     """
     text = element.get(attribute)
     if text is None:
-        raise InputError(path, xml_place(element, named_ancestor), f"expected an attribute {attribute} of {count} number(s)")
+        raise InputError(
+            path,
+            xml_place(element, named_ancestor),
+            f"expected an attribute {attribute} of {count} number(s)",
+        )
     values = _parse_numbers(text, count, max_value)
     if values is None or len(values) != count:
         most = f" up to {max_value:g}" if math.isfinite(max_value) else ""
@@ -254,5 +265,7 @@ def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
             raise InputError(file, "", f"expected a mesh: {', '.join(MESH_SUFFIXES)}")
         contents[name] = read_bytes(file, MAX_MESH_BYTES)
         if sum(map(len, contents.values())) > MAX_ALL_MESH_BYTES:
-            raise InputError(file, "", f"expected at most {MAX_ALL_MESH_BYTES} bytes in all meshes of an arm together")
+            raise InputError(
+                file, "", f"expected at most {MAX_ALL_MESH_BYTES} bytes in all meshes of an arm together"
+            )
     return contents

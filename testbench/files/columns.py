@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.document import is_integer
 from testbench.arm.folder import Arm, ArmJoint
-from testbench.arm.mjcf import GRAVITY, find_body, read_numbers, read_mjcf
+from testbench.arm.mjcf import GRAVITY, find_body, read_mjcf, read_numbers
 from testbench.errors import Array, Ids, InputError, Mask
 from testbench.files.mapping import Named, Names
 from testbench.files.names import (
@@ -842,7 +842,9 @@ def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
     """Read the point where the load acts, (rows, 3) [m]."""
     found, rows = axes(columns, "point"), columns.table.rows
     if all(own is None for own in found):
-        return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point, {arm.load_point!r}"]
+        return np.tile(load_point(arm), (rows, 1)), [
+            f"the load acts at the arm's load point, {arm.load_point!r}"
+        ]
     return np.column_stack([columns.values_of(own) for own in found]), []
 
 

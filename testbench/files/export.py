@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import unused_name
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_numbers, read_mjcf
+from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_mjcf, read_numbers
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.export_own import (
     NEW_STAMP,
@@ -322,7 +322,9 @@ def compared_label(state: ArmState, frames: UrdfFrames, urdf: Path, done: Row) -
         "format": 1,
         "kind": KIND,
         "arm": arm.name,
-        "digests": {name: files.digest(arm.mjcf_path.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
+        "digests": {
+            name: files.digest(arm.mjcf_path.with_name(name)) for name in ("rigid.xml", "elastic.toml")
+        },
         "urdf_sha256": files.digest(urdf),
         "read_back": done.read_back,
         "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
@@ -343,7 +345,13 @@ def _joint_map(arm: Arm) -> dict[str, object]:
     if joint_map is None:
         return {}
     rows = {joint.name: row for joint, row in zip(arm.joints, joint_map.L.tolist(), strict=True)}
-    return {"joint_map": {"file_joints": list(joint_map.file_joint_names), "L": rows, "q_0": joint_map.q_0.tolist()}}
+    return {
+        "joint_map": {
+            "file_joints": list(joint_map.file_joint_names),
+            "L": rows,
+            "q_0": joint_map.q_0.tolist(),
+        }
+    }
 
 
 def _pose(pose: Array) -> dict[str, object]:
@@ -462,11 +470,17 @@ def _tensors(arm: Arm) -> dict[str, Array]:
         e = find_body(arm.mjcf_path, root, name).find("inertial")
         tensor = np.zeros((3, 3))
         if e is not None and "fullinertia" in e.attrib:
-            xx, yy, zz, xy, xz, yz = read_numbers(arm.mjcf_path, e, "fullinertia", NUMBERS_PER_ATTRIBUTE["fullinertia"])
+            xx, yy, zz, xy, xz, yz = read_numbers(
+                arm.mjcf_path, e, "fullinertia", NUMBERS_PER_ATTRIBUTE["fullinertia"]
+            )
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         elif e is not None and "diaginertia" in e.attrib:
             R = body_pose(arm, e, angle_unit(root))[:3, :3]
-            tensor = R @ np.diag(read_numbers(arm.mjcf_path, e, "diaginertia", NUMBERS_PER_ATTRIBUTE["diaginertia"])) @ R.T
+            tensor = (
+                R
+                @ np.diag(read_numbers(arm.mjcf_path, e, "diaginertia", NUMBERS_PER_ATTRIBUTE["diaginertia"]))
+                @ R.T
+            )
         found[name] = tensor
     return found
 
@@ -653,7 +667,11 @@ def six_axes(title: str, state: ArmState) -> Arm:
         BenchError: If it has other axes.
     """
     arm = state.vjm.arm
-    if arm.n_joints != AXES or arm.dependence_matrix is not None or any(joint.prismatic for joint in arm.joints):
+    if (
+        arm.n_joints != AXES
+        or arm.dependence_matrix is not None
+        or any(joint.prismatic for joint in arm.joints)
+    ):
         raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
     return arm
 

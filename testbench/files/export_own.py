@@ -235,7 +235,9 @@ def identified_rigid(state: ArmState) -> Rigid:
     vjm, n = state.vjm, state.vjm.arm.n_joints
     links, offsets = state.theta_0[: 6 * n + 6].reshape(-1, 6), state.theta_0[6 * n + 6 :]
     poses = [*vjm.placements, vjm.tool]
-    bent = [_bent(x, link.beam_axes, theta) for x, link, theta in zip(poses, vjm.arm.links, links, strict=True)]
+    bent = [
+        _bent(x, link.beam_axes, theta) for x, link, theta in zip(poses, vjm.arm.links, links, strict=True)
+    ]
     steps = [
         step @ _moved(axis, offset, prismatic=joint.prismatic)
         for step, axis, offset, joint in zip(bent, vjm.axes, offsets, vjm.arm.joints, strict=False)

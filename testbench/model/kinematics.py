@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_numbers, read_mjcf
+from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_mjcf, read_numbers
 from testbench.errors import Array, BenchError, Ids, InputError, check_array
 from testbench.model.vjm import Vjm
 

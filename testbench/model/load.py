@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, read_numbers, read_mjcf
+from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, read_mjcf, read_numbers
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium, check_array, check_type
 from testbench.model.kinematics import body_pose
@@ -252,7 +252,11 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
         return None
 
     where = {geom: stated(geom) for geom in root.iter("geom")}
-    return {geom for geom, e in where.items() if e is not None and read_numbers(arm.mjcf_path, e, "mass", 1) == [0.0]}
+    return {
+        geom
+        for geom, e in where.items()
+        if e is not None and read_numbers(arm.mjcf_path, e, "mass", 1) == [0.0]
+    }
 
 
 def weight_columns(chain: Chain) -> Array:

@@ -513,7 +513,9 @@ def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
 def _compliances(calibration: Calibration) -> list[Row]:
     """Of every joint with that of the link before it, beside the same of the arm's folder."""
     vjm, rows, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
-    for row, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.joint_axes_in_beam_frame, strict=False):
+    for row, joint, link, axis in zip(
+        known, vjm.arm.joints, vjm.arm.links, vjm.joint_axes_in_beam_frame, strict=False
+    ):
         part = slice(0, 3) if joint.prismatic else slice(3, 6)
         folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
         rows.append(Row(row, folder=UM * folder))

@@ -541,7 +541,9 @@ def _joint_rows(chain: ImportedChain) -> list[str]:
         return []
     lines = ["", "[joints]"]
     for k, joint in enumerate(chain.joints):
-        row = {name: c for name, c in zip(joint_map.file_joint_names, joint_map.L[k].tolist(), strict=True) if c}
+        row = {
+            name: c for name, c in zip(joint_map.file_joint_names, joint_map.L[k].tolist(), strict=True) if c
+        }
         offset = 1e3 * joint_map.q_0[k] if joint.prismatic else math.degrees(joint_map.q_0[k])
         if row == {joint.name: 1.0} and not offset:
             continue

@@ -513,7 +513,9 @@ def _of_plan(path: Path, model: ArmModel, mass: float | None) -> PosesWithLoads:
         assumed, note = _without_load(model, mass)
         hung, notes = np.full(len(q), assumed), (note,)
     labels = tuple(map(str, range(1, len(q) + 1)))
-    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load_point).for_poses(len(q))]
+    forces = (
+        [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load_point).for_poses(len(q))]
+    )
     return PosesWithLoads(
         path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes
     )

@@ -85,7 +85,9 @@ def test_shares_of_the_sag_are_each_spring_s_alone_and_what_is_to_confirm_is_in_
     [weight] = [item for item in sound.items if item.words.startswith("joint_5's compliance")]
     where = chain(cell.vjm, sound.sag.q)
     axis = where.J_theta[:3, 46].T  # joint 5 stands behind 42 of the links and four joints
-    load = -9.81 * (axis[:, 2] + np.cross(where.J_theta[3:, 46].T, where.rotation @ cell.vjm.load_point)[:, 2])
+    load = -9.81 * (
+        axis[:, 2] + np.cross(where.J_theta[3:, 46].T, where.rotation @ cell.vjm.load_point)[:, 2]
+    )
     alone = 0.7e-6 * load[:, None] * axis
     whole = sound.sag.whole
     assert weight.share == pytest.approx(float((alone * whole).sum() / (whole * whole).sum()), rel=1e-9)

@@ -38,7 +38,9 @@ from testbench.workflows.program import (
 
 ARM = load_arm(find_arm("kr500_l480"))
 #: A pendant that counts joint 3 from the horizontal, as FANUC's do.
-COUPLED = replace(ARM, joint_map=build_joint_map(ARM.joints, {"joint_3": {"joint_3": 1.0, "joint_2": -1.0}}, {}))
+COUPLED = replace(
+    ARM, joint_map=build_joint_map(ARM.joints, {"joint_3": {"joint_3": 1.0, "joint_2": -1.0}}, {})
+)
 ROUND_TRIP = 1e-6  #: What reading back may lose [rad, m].
 NAMES = sorted(known_languages())
 
@@ -191,7 +193,9 @@ def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_pa
     R[3] = Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()  # two axes coincide
     linear, posed = np.arange(n) % 2 == 1, np.arange(n) % 4 > 0
     file = tmp_path / f"way{language.suffix}"
-    write_moves(file, language, Motion(arm.to_file_joints(q), arm.file_joints, ["x"] * n, linear, posed, p, R))
+    write_moves(
+        file, language, Motion(arm.to_file_joints(q), arm.file_joints, ["x"] * n, linear, posed, p, R)
+    )
     for moved in (0.0, 2e-3):
         found = read(file, arm)
         np.testing.assert_array_equal(found.motions.linear, linear)

@@ -201,7 +201,9 @@ def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
         assert shown == pytest.approx(row.q_shown, abs=5e-5)
         for key in (*expected, *(key for key in ("travel_deg", "travel_mm") if key in cells)):
             assert float(cells[key]) == pytest.approx(row[key], abs=5e-3)
-    assert [[float(cells[joint.file_column]) for joint in joints] for cells in runs] == [row.q for row in f.plan]
+    assert [[float(cells[joint.file_column]) for joint in joints] for cells in runs] == [
+        row.q for row in f.plan
+    ]
     np.testing.assert_array_equal(read_loads(plan)[0], [row.load_kg for row in f.plan])
     np.testing.assert_array_equal(read_loads(plan)[1], [row.pull_N or [0, 0, 0] for row in f.plan])
     assert {cells[FORCE_COLUMNS[0]] for cells in runs} <= {"", "-500.0"}

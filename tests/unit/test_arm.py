@@ -243,7 +243,10 @@ TEXTS = {
     "bytes of a declared encoding": (LATIN, "expected UTF-8"),
     "a namespace of two lines": ('<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>', "<{a b}body>: not allowed"),
     **{
-        f"{n} nested bodies": (inside("<body>" * n + "</body>" * n), f"at most {MAX_NESTED_ELEMENTS} nested elements")
+        f"{n} nested bodies": (
+            inside("<body>" * n + "</body>" * n),
+            f"at most {MAX_NESTED_ELEMENTS} nested elements",
+        )
         for n in (MAX_NESTED_ELEMENTS + 1, 20_000)
     },
     "4 MB": (inside(f"<!--{'x' * 4_000_000}-->"), "expected at most 4000000 bytes, got 4000"),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.arm.elastic import Tube, check_compliance, unit_diagonal_scale, tube_compliance
+from testbench.arm.elastic import Tube, check_compliance, tube_compliance, unit_diagonal_scale
 from testbench.errors import Array, BenchError
 from testbench.plant.cast import BeamSegments, beam_compliance
 

@@ -19,7 +19,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 import pinocchio as pin
 
-from testbench.arm.document import path_inside, xml_place, unused_name
+from testbench.arm.document import path_inside, unused_name, xml_place
 from testbench.arm.mjcf import read_numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import (

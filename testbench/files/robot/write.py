@@ -390,7 +390,9 @@ def write_elastic(arm: Arm, file: Path) -> None:
     if file.resolve().is_relative_to(source.resolve()):
         raise InputError(file, "", "expected a place outside the arm's own folder")
     text = elastic_mjcf(arm)
-    meshes = read_meshes({name: source / name for name in asset_paths(arm.mjcf_path, read_mjcf(arm.mjcf_path))})
+    meshes = read_meshes(
+        {name: source / name for name in asset_paths(arm.mjcf_path, read_mjcf(arm.mjcf_path))}
+    )
     for name, content in meshes.items():
         _check_mesh(content, file.parent / name, file.parent)
     with whole_files([*(file.parent / name for name in meshes), file]) as parts:

@@ -120,7 +120,12 @@ def _true_joints(vjm: Vjm, truth: Truth) -> Array:
         Compliance, (n,) [rad/(N m), m/N].
     """
     at, C = _before(vjm), truth.C_theta
-    links = np.einsum("na,nab,nb->n", vjm.joint_axes_in_beam_frame, C[at[:, :, None], at[:, None]], vjm.joint_axes_in_beam_frame)
+    links = np.einsum(
+        "na,nab,nb->n",
+        vjm.joint_axes_in_beam_frame,
+        C[at[:, :, None], at[:, None]],
+        vjm.joint_axes_in_beam_frame,
+    )
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
