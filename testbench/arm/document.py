@@ -1,4 +1,4 @@
-"""TOML documents of arms and maps: their numbers, and the line of a key for messages."""
+"""TOML and XML files of users: strict parsing, and the place of a value in the file for error messages."""
 
 import os
 import re
@@ -13,16 +13,15 @@ from pydantic_core import PydanticCustomError
 
 from testbench.errors import InputError, read_text
 
-NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
-"""Pattern of a number, with a point as decimal mark."""
-INTEGER = r"^[+-]?[0-9]{1,19}$"
+DECIMAL_PATTERN = re.compile(r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$")
+"""Pattern of a decimal number, with a point as decimal mark."""
+INTEGER_PATTERN = re.compile(r"^[+-]?[0-9]{1,19}$")
 NUMBER_EXAMPLES = "such as 12, -0.5 or 2e-3"
-DECIMAL_PATTERN, INTEGER_PATTERN = re.compile(NUMBER), re.compile(INTEGER)
 MAX_DECIMAL_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
 
 
 def is_decimal(text: str) -> bool:
-    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_DECIMAL_CHARACTERS` characters long."""
+    """Tell whether a text is a decimal number in ASCII digits, such as -0.5 or 2e-3, and not too long."""
     return len(text) <= MAX_DECIMAL_CHARACTERS and DECIMAL_PATTERN.fullmatch(text) is not None
 
 
@@ -32,7 +31,13 @@ def is_integer(text: str) -> bool:
 
 
 def read_decimals(texts: Iterable[str]) -> list[float]:
-    """Convert texts to numbers, in order; a number too large for a double becomes infinite.
+    """Convert texts to numbers; a number too large for a double becomes infinite.
+
+    Args:
+        texts: Decimal numbers as text, such as "-0.5" or "2e-3".
+
+    Returns:
+        The numbers, in order.
 
     Raises:
         ValueError: At the first text that is no number.
@@ -44,7 +49,7 @@ def read_decimals(texts: Iterable[str]) -> list[float]:
     return list(map(float, texts))
 
 
-MAX_TOML_BYTES = 16_000_000  #: Largest file in which places are found [byte].
+MAX_TOML_BYTES = 16_000_000  #: Largest TOML file in which the place of a key is found [byte].
 TABLE_HEADER_PATTERN = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 KEY_PATTERN = re.compile(r"\s*([\w.-]+)\s*=")
 
@@ -53,7 +58,7 @@ KeyPath = tuple[str | int, ...]
 
 
 def toml_place(path: Path, keys: Sequence[str | int]) -> str:
-    """Find line, column and name of a value in TOML, or of the table that lacks it.
+    """Find line, column and name of a value in a TOML file, or of the table that lacks it.
 
     Args:
         path: The file, already read once.
@@ -111,18 +116,18 @@ def _place_in_line(line: str, start: int, keys: Sequence[str | int]) -> int:
 
 
 class StrictModel(BaseModel):
-    """Give data models that admit their keys alone and finite numbers, and convert nothing."""
+    """Define strict pydantic models: unknown keys and NaN are refused, and no type is converted."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
-MAX_SHOWN_CHARACTERS = 80  #: Most characters of a name or value that a message repeats.
+MAX_SHOWN_LENGTH = 80  #: Most characters of a name or value that a message repeats.
 FORBIDDEN_FIRST_CHARACTERS = "=+-@'"
 """Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
 
 def _check_name(name: str) -> str:
-    """Refuse a name that does not print, has blanks at an end, or begins with one of `FORBIDDEN_FIRST_CHARACTERS`."""
+    """Refuse a name that does not print, has blanks at an end, or begins with a forbidden character."""
     if not name.isprintable() or name != name.strip() or name[0] in FORBIDDEN_FIRST_CHARACTERS:
         problem = (
             "expected printable characters, no blank at the ends, and a first character other than {unfit}"
@@ -136,14 +141,14 @@ Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_check_
 
 
 def path_inside(folder: Path, file: Path) -> Path | None:
-    """Resolve a file of a folder, symbolic links followed.
+    """Resolve the path of a file, and check that the file is inside a folder; symbolic links are followed.
 
     Args:
         folder: The folder.
-        file: Path of the file from the folder.
+        file: Path of the file, relative to the folder.
 
     Returns:
-        The real path; None where it lies outside the folder or cannot be a path.
+        The real path; None if it is outside the folder, or cannot be a path.
     """
     home = os.path.realpath(folder)
     try:
@@ -157,11 +162,11 @@ def unused_name(name: str, taken_names: Container[str]) -> str:
     """Make a name that is not taken, by appending underscores.
 
     Args:
-        name: Name to begin with.
-        names: Names in use.
+        name: Wanted name.
+        taken_names: Names in use.
 
     Returns:
-        The name, unchanged if it is free.
+        The name, unchanged if it is not in use.
     """
     while name in taken_names:
         name += "_"
@@ -215,26 +220,20 @@ def parse_xml(path: Path, text: str) -> ET.Element:
             if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
                 owner = next((own for own in root.iter() if e in own and own.get("name")), None)
                 place = xml_place(e, owner)
-                raise InputError(
-                    path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN_CHARACTERS]!r}"
-                )
+                raise InputError(path, place, f"{key}: expected numbers, got {value[:MAX_SHOWN_LENGTH]!r}")
     return root
 
 
-def xml_place(element: ET.Element, named_ancestor: ET.Element | None = None) -> str:
+def xml_place(element: ET.Element, ancestor: ET.Element | None = None) -> str:
     """Name an XML element for a message by its tag and name attribute, such as "<body name='link_2'>".
 
     Args:
-        e: The element.
-        owner: An element around it that has a name; None if it needs none.
+        element: The element.
+        ancestor: A named element that contains it; None for none.
 
     Returns:
-        The name, behind that of the owner if the element has no name.
+        Tag and name; if the element has no name, after those of the ancestor.
     """
-    name = element.get("name", "")[:MAX_SHOWN_CHARACTERS]
+    name = element.get("name", "")[:MAX_SHOWN_LENGTH]
     own = f"<{element.tag} name={name!r}>" if name else f"<{element.tag}>"
-    return (
-        own
-        if name or named_ancestor is None or named_ancestor is element
-        else f"{xml_place(named_ancestor)}: {own}"
-    )
+    return own if name or ancestor is None or ancestor is element else f"{xml_place(ancestor)}: {own}"

@@ -1,10 +1,8 @@
 """Compliances of links and joints, and elastic.toml, which states them with unit, origin and note.
 
-`read_elastic` checks all that can be checked without the MJCF; `folder.load_arm` checks the rest.
-
-Compliances of links and joints: beam formulas and the check for conservativeness.
-
-Six-vectors are translation first, rotation second; SI units.
+Here are the compliance of a tube by beam theory, the check that a compliance is conservative, and the reader
+of elastic.toml. `read_elastic` checks all that can be checked without the MJCF; `folder.load_arm` checks the
+rest. Six-vectors have the translation first; units are SI.
 """
 
 from collections.abc import Callable
@@ -98,19 +96,17 @@ def tube_compliance(tube: Tube) -> Array:
 
 
 def rotated_compliance(C: Array, axis: Array, angle: float) -> Array:
-    """Express the compliance of a turned beam in the axes before the turn, diag(R, R) C diag(R, R)^T.
-
-    R is the rotation about the axis by the angle (Rodrigues).
+    """Rotate a compliance, C' = diag(R, R) C diag(R, R)^T, with the rotation R about an axis by an angle.
 
     Mathematics: `vjm-10`.
 
     Args:
-        C: Compliance in the beam's own axes, (6, 6) [m/N, rad/N, rad/(N m)].
-        axis: Axis of the rotation, of any length but zero, (3,) [1].
-        angle: Angle of the rotation [rad].
+        C: Compliance of a beam in its own axes, (6, 6) [m/N, rad/N, rad/(N m)].
+        axis: Axis by which the beam is rotated, of any length but zero, (3,) [1].
+        angle: Angle by which the beam is rotated [rad].
 
     Returns:
-        Compliance in the axes before, (6, 6) [m/N, rad/N, rad/(N m)].
+        Compliance of the rotated beam, in the axes before the rotation, (6, 6) [m/N, rad/N, rad/(N m)].
     """
     x, y, z = axis / np.linalg.norm(axis)
     W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -119,16 +115,16 @@ def rotated_compliance(C: Array, axis: Array, angle: float) -> Array:
 
 
 def unit_diagonal_scale(C: Array) -> Array:
-    """Compute scales that make eigenvalues of a compliance independent of units: the roots of its diagonal.
+    """Compute the scale s by which C / (s s^T) has a diagonal of ones: the roots of the diagonal of C.
 
-    Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length. Those of D^-1/2 C
-    D^-1/2 with D = abs(diag C) do not, and have the same signs (Sylvester).
+    Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length. Those of the scaled
+    matrix do not, and have the same signs (Sylvester).
 
     Args:
-        C: Symmetric compliance, (n, n).
+        C: Symmetric compliance, (n, n) [m/N, rad/N, rad/(N m)].
 
     Returns:
-        Positive scales, (n,); 1 where the diagonal is zero.
+        Positive scale s, (n,); 1 where the diagonal is zero.
     """
     d = np.sqrt(np.abs(np.diag(C)))
     return np.where(d > 0, d, 1.0)
@@ -139,13 +135,13 @@ def check_compliance(value: object, name: str) -> Array:
 
     Args:
         value: Anything that numpy can read as an array.
-        what: Name of the quantity, for messages.
+        name: Name of the quantity, for messages.
 
     Returns:
         Its symmetric part, (6, 6) [m/N, rad/N, rad/(N m)].
 
     Raises:
-        BenchError: When it is not 6x6, outside COMPLIANCE_RANGE, not symmetric or not positive definite.
+        BenchError: When it is not 6x6, outside `COMPLIANCE_RANGE`, not symmetric or not positive definite.
     """
     C = check_array(value, (6, 6), name)
     low, high = COMPLIANCE_RANGE
@@ -198,19 +194,19 @@ Unit = TypeVar("Unit")
 
 
 class Quantity(StrictModel, Generic[Value, Unit]):
-    """Hold a number with its unit, its origin and a note."""
+    """Hold a number of elastic.toml with its unit, its origin and a note."""
 
-    value: Value
-    origin: Origin
-    note: str = ""
-    unit: Unit
+    value: Value  #: The number, or a nested list of numbers.
+    origin: Origin  #: Where the number comes from.
+    note: str = ""  #: Remark for people.
+    unit: Unit  #: Unit of the number, as text.
 
 
 Length = Quantity[float, Literal["m"]]
 
 
 class TubeEntry(StrictModel):
-    """Describe a straight hollow circular beam."""
+    """Describe the table `tube` of a link in elastic.toml: a straight hollow circular beam."""
 
     length: Length
     outer_diameter: Length
@@ -220,24 +216,28 @@ class TubeEntry(StrictModel):
 
 
 class LinkEntry(StrictModel):
-    """Describe a link: its body, its beam axes, and either a tube or a compliance."""
+    """Describe one table [[link]] of elastic.toml: an elastic link, given as a tube or by its compliance."""
 
-    name: Name
-    axis: Vector3
-    normal: Vector3
-    tube: TubeEntry | None = None
+    name: Name  #: Name of the link's body in rigid.xml.
+    axis: Vector3  #: Beam axis x in the body's axes, a unit vector.
+    normal: Vector3  #: Beam axis y in the body's axes, a unit vector.
+    tube: TubeEntry | None = None  #: Equivalent tube; None if a compliance is given.
+    #: Compliance in the beam frame at the link's end, 6 rows of 6; None if a tube is given.
     compliance: Quantity[list[list[float]], Literal["m/N, rad/(N m)"]] | None = None
 
 
 class JointEntry(StrictModel):
-    """Describe an actuated joint and its compliance."""
+    """Describe one table [[joint]] of elastic.toml: an actuated joint and its compliance."""
 
-    name: Name
-    compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]
+    name: Name  #: Name of the joint in rigid.xml.
+    compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]  #: Compliance of the joint's spring.
 
 
 class CompensatorEntry(StrictModel):
-    """Describe a gas or coil spring between points of link 1 and link 2 that helps joint 2."""
+    """Describe the table [compensator] of elastic.toml: a spring from link 1 to link 2 that supports joint 2.
+
+    The fields have the meaning of those of `folder.Compensator`.
+    """
 
     foot: Quantity[Vector3, Literal["m"]]
     head: Quantity[Vector3, Literal["m"]]
@@ -246,19 +246,19 @@ class CompensatorEntry(StrictModel):
 
 
 class ElasticDocument(StrictModel):
-    """Describe the whole file elastic.toml."""
+    """Describe the whole file elastic.toml; every field has the name of its key in the file."""
 
-    format: Literal[1]
-    title: str
-    tool: Name
-    load: Name
-    markers: list[Name] = Field(min_length=1)
+    format: Literal[1]  #: Version of the format.
+    title: str  #: Title of the arm, for people.
+    tool: Name  #: Body whose origin is the tool centre point.
+    load: Name  #: Body whose origin is the load point.
+    markers: list[Name] = Field(min_length=1)  #: Bodies whose origins are the markers.
     #: Names out of tool, load point and markers whose positions are not confirmed yet.
     to_confirm: list[Name] = Field(default_factory=list)
-    payload: Quantity[float, Literal["kg"]] | None = None
-    compensator: CompensatorEntry | None = None
-    link: list[LinkEntry] = Field(min_length=1)
-    joint: list[JointEntry] = Field(default_factory=list)
+    payload: Quantity[float, Literal["kg"]] | None = None  #: Rated payload.
+    compensator: CompensatorEntry | None = None  #: Gravity compensator of joint 2.
+    link: list[LinkEntry] = Field(min_length=1)  #: Links from the base to the flange, n + 1.
+    joint: list[JointEntry] = Field(default_factory=list)  #: Joints from the base to the flange, n.
     #: Rows of q_model = L q_file + q_0 by the chain joint's name: coefficients of file joints [1], and
     #: offset_deg or offset_mm.
     joints: dict[Name, dict[Name, float]] = Field(default_factory=dict)
@@ -269,6 +269,9 @@ def read_elastic(path: Path) -> ElasticDocument:
 
     Args:
         path: The file.
+
+    Returns:
+        Content of the file.
 
     Raises:
         InputError: When the file cannot be read, is not TOML, or a value is wrong; the message names the
@@ -325,7 +328,7 @@ def _check_range(
 
 
 def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:
-    """Name the place of a link, or of a value of it, for a message.
+    """Find the place of a link in elastic.toml, or of a value of the link, for an error message.
 
     Args:
         path: The file elastic.toml.
@@ -334,7 +337,7 @@ def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:
         *keys: Keys inside the link's table that lead to the value.
 
     Returns:
-        Line, column, keys and name of the link.
+        Line, column, keys and name of the link as text.
     """
     return f"{toml_place(path, ['link', index, *keys])} ({link.name})"
 

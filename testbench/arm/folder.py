@@ -3,10 +3,11 @@
 An arm is a folder with `rigid.xml` (MJCF: kinematics, masses, geometry) and `elastic.toml` (which body is
 which link, and the true compliances, each number with its unit and origin). `load_arm` reads it.
 
-A pendant may count joint 3 from the horizontal, so that it moves with joint 2; a palletiser's hand is kept
-level by dependent joints. Both are one linear map from file joints to chain joints,
+Chain joints are the joints of the kinematic chain in rigid.xml. File joints are the numbers that files and
+the teach pendant show. They differ if the pendant counts joint 3 from the horizontal, so that it moves with
+joint 2, or if dependent joints keep a palletiser's hand level. One linear map describes both:
 q_model = L q_file + q_0 (`JointMap`). Files, programs, plans and limits that people read are in file joints;
-all mathematics is in the joints of the chain.
+all mathematics is in chain joints.
 """
 
 import math
@@ -32,7 +33,7 @@ from testbench.arm.elastic import (
     read_elastic,
     tube_compliance,
 )
-from testbench.arm.mjcf import angle_unit, find_body, read_mjcf, read_numbers
+from testbench.arm.mjcf import angle_unit, attribute_numbers, find_body, read_mjcf
 from testbench.display import Displayed
 from testbench.errors import (
     Array,
@@ -50,7 +51,7 @@ from testbench.errors import (
 
 # --- Linear map from file joints to chain joints: q_model = L q_file + q_0 ----------------------------------
 
-#: Singular value over the largest, or coefficient, below which it counts as zero [1].
+#: Coefficient of a joint map, or singular value over the largest, below which it counts as zero [1].
 ZERO_TOLERANCE = 1e-9
 MAX_COEFFICIENT = 1000.0  #: Largest coefficient of a file joint [1].
 MAX_LISTED_CHARACTERS = 100  #: Most characters of joint names in a message.
@@ -59,45 +60,46 @@ TWO_TURNS = 4 * math.pi  #: A hinge beyond this angle and its limits was given i
 
 @dataclass(frozen=True)
 class ArmJoint:
-    """Describe an actuated joint, a hinge or a slide, with its spring in series."""
+    """Describe an actuated joint of an arm, a hinge or a slide, and the compliance of its spring."""
 
     name: str  #: Name of the hinge or slide in rigid.xml.
     lower: float  #: Lower limit [rad, m].
     upper: float  #: Upper limit [rad, m].
-    compliance: float  #: True compliance [rad/(N m), m/N].
+    compliance: float  #: True compliance of the spring in series with the joint [rad/(N m), m/N].
     prismatic: bool = False  #: Whether it is a slide.
 
     @property
     def unit(self) -> Literal["rad", "m"]:
-        """Return the unit of its coordinate, rad or m."""
+        """Return the SI unit of the joint's coordinate: rad, or m for a slide."""
         return "m" if self.prismatic else "rad"
 
     @property
     def file_column(self) -> str:
-        """Name its column in a file, such as joint_2_rad."""
+        """Name the joint's column in a file in SI units, such as joint_2_rad."""
         return f"{self.name}_{self.unit}"
 
     @property
     def display_unit(self) -> Literal["deg", "mm"]:
-        """Return the unit in which people read its coordinate, deg or mm."""
+        """Return the unit in which people read the joint's coordinate: deg, or mm for a slide."""
         return "mm" if self.prismatic else "deg"
 
     @property
     def display_column(self) -> str:
-        """Name a column in the unit that people read, such as joint_2_deg."""
+        """Name the joint's column in a file in the units that people read, such as joint_2_deg."""
         return f"{self.name}_{self.display_unit}"
 
     @property
     def display_factor(self) -> float:
-        """Return the factor from its SI unit to the unit that people read, deg per rad or mm per m."""
+        """Return the factor from the joint's SI unit to its display unit: deg per rad, or mm per m."""
         return 1e3 if self.prismatic else 180 / math.pi
 
 
 @dataclass(frozen=True, eq=False)
 class JointMap:
-    """Hold the map q_model = L q_file + q_0 for n chain joints and m file joints, m <= n.
+    """Hold the linear map from m file joints to n chain joints, q_model = L q_file + q_0, m <= n.
 
-    With m < n the n - m chain joints that are not free follow the free ones.
+    Chain joints are those of the kinematic chain; file joints are the numbers in files and on the pendant.
+    If m < n, m chain joints are free, and the n - m others follow them.
     """
 
     file_joint_names: tuple[str, ...]  #: Names of the file joints, m.
@@ -106,15 +108,15 @@ class JointMap:
     L: Array  #: Coefficients, (n, m) [1].
     q_0: Array  #: Offsets, (n,) [rad, m].
     #: Indices of the free chain joints, which the others follow, (m,): m independent rows of L, preferably
-    #: those that are a file joint of their own.
+    #: those of chain joints that equal a file joint.
     free_joints: Ids
-    free_inverse: Array  #: Inverse of the free rows of L, (m, m) [1].
-    #: Motion of all joints per motion of the free ones, (n, n) [1]; columns of dependent joints are zero.
+    free_inverse: Array  #: Inverse of the rows of L of the free joints, (m, m) [1].
+    #: Derivative of all chain joints by the free ones, (n, n) [1]; columns of dependent joints are zero.
     dependence_matrix: Array
 
     @property
     def all_joints_free(self) -> bool:
-        """Tell whether no chain joint follows others, m = n."""
+        """Tell whether all chain joints are free, m = n, so that none follows others."""
         return len(self.file_joint_names) == len(self.q_0)
 
     def to_chain_joints(self, q: Array) -> Array:
@@ -129,7 +131,7 @@ class JointMap:
         return np.asarray(q @ self.L.T + self.q_0)
 
     def to_file_joints(self, q: Array) -> Array:
-        """Convert chain joints to file joints, by the free chain joints alone.
+        """Convert chain joints to file joints; only the free chain joints are read.
 
         Args:
             q: Chain joints, (..., n) [rad, m].
@@ -151,9 +153,7 @@ class JointMap:
         return np.asarray(change[..., self.free_joints] @ self.free_inverse.T) + 0.0
 
     def to_chain_torques(self, torque: Array) -> Array:
-        """Convert torques of file joints to torques of chain joints.
-
-        Both do the same work, so torque_file = L^T torque_model.
+        """Convert torques of file joints to torques of chain joints: both do the same work.
 
         Args:
             torque: Torques of the file joints, (..., m) [N m, N].
@@ -171,7 +171,7 @@ class JointMap:
         return np.asarray(torque @ self.free_inverse)
 
     def to_file_torques(self, torque: Array) -> Array:
-        """Convert torques of chain joints to torques of file joints, L^T torque.
+        """Convert torques of chain joints to torques of file joints, torque_file = L^T torque_model.
 
         Args:
             torque: Torques of the chain joints, (..., n) [N m, N].
@@ -182,7 +182,7 @@ class JointMap:
         return np.asarray(torque @ self.L)
 
     def with_dependent_joints(self, q: Array) -> Array:
-        """Move the dependent joints of poses to where the free joints bring them.
+        """Replace the dependent chain joints of poses by the values that follow from the free ones.
 
         Args:
             q: Chain joints, (..., n) [rad, m].
@@ -199,13 +199,14 @@ class JointMap:
         return moved
 
     def followed_joint(self, joint: int) -> tuple[int, float, float] | None:
-        """Find the one free joint that a chain joint follows, q_k = c q_j + offset.
+        """Find the free chain joint j that a dependent chain joint follows, q_joint = c q_j + offset.
 
         Args:
-            k: Index of the chain joint.
+            joint: Index of the dependent chain joint, from 0.
 
         Returns:
-            Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows none or several.
+            Index j, multiplier c [1] and offset [rad, m]; None if the joint is free, or follows none or
+            several joints.
         """
         drivers = np.flatnonzero(self.dependence_matrix[joint])
         if joint in self.free_joints or len(drivers) != 1:
@@ -214,13 +215,13 @@ class JointMap:
         return j, c, float(self.q_0[joint] - c * self.q_0[j])
 
     def joint_formula(self, joint: int) -> str:
-        """Write a chain joint as a sum of file joints, such as "joint_3 - joint_2".
+        """Write a chain joint as a sum of file joints, for people, such as "joint_3 - joint_2 + 90 deg".
 
         Args:
-            k: Index of the chain joint.
+            joint: Index of the chain joint, from 0.
 
         Returns:
-            The sum; its offset in degrees or millimetres.
+            The sum, with the offset in degrees or millimetres.
         """
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
@@ -237,18 +238,18 @@ class JointMap:
 
 
 def build_joint_map(
-    joints: Sequence[ArmJoint], rows: Mapping[str, Mapping[str, float]], q_0: Mapping[str, float]
+    joints: Sequence[ArmJoint], coefficients: Mapping[str, Mapping[str, float]], q_0: Mapping[str, float]
 ) -> JointMap | None:
-    """Build the joint map of a chain.
+    """Build the linear map from the file joints of an arm to its chain joints, q_model = L q_file + q_0.
 
-    File joints have the order of the chain: one named as a chain joint takes its place, any other the place
-    where it is needed first.
+    File joints have the order of the chain. One with the name of a chain joint takes the place of that joint;
+    any other takes the place of the first chain joint that depends on it.
 
     Args:
         joints: Joints of the chain, n.
-        rows: Coefficients of file joints by their name [1], for each chain joint that has a row; a joint
-            without a row is a file joint of its own.
-        q_0: Offsets by the chain joint's name [rad, m]; zero where there is none.
+        coefficients: Rows of L: by the name of the chain joint, then of the file joint [1]. A chain joint
+            that is missing equals the file joint of its name.
+        q_0: Offsets by the chain joint's name [rad, m]; a missing one is zero.
 
     Returns:
         The map; None where every chain joint is the file joint of its name.
@@ -259,13 +260,13 @@ def build_joint_map(
     """
     # names of file joints, in the order of the chain
     known = {joint.name: k for k, joint in enumerate(joints)}
-    coefficients = {joint.name: rows.get(joint.name, {joint.name: 1.0}) for joint in joints}
+    rows = {joint.name: coefficients.get(joint.name, {joint.name: 1.0}) for joint in joints}
     place: dict[str, tuple[int, int]] = {}
-    for k, row in enumerate(coefficients.values()):
+    for k, row in enumerate(rows.values()):
         for name in (name for name, c in row.items() if c):
             place.setdefault(name, (known.get(name, k), len(place)))
     names = tuple(sorted(place, key=lambda name: place[name]))
-    L = np.array([[float(row.get(name, 0.0)) for name in names] for row in coefficients.values()])
+    L = np.array([[float(row.get(name, 0.0)) for name in names] for row in rows.values()])
     L = L.reshape(len(joints), len(names))
     offsets = np.array([q_0.get(joint.name, 0.0) for joint in joints])
     if names == tuple(known) and np.array_equal(L, np.eye(len(names))) and not offsets.any():
@@ -274,9 +275,7 @@ def build_joint_map(
     if np.abs(L).max(initial=0.0) > MAX_COEFFICIENT:
         raise BenchError(f"expected coefficients up to {MAX_COEFFICIENT:g}, got {np.abs(L).max():g}")
     # free chain joints: m independent rows of L, those that are a file joint of their own first
-    alone = [
-        k for k, (name, row) in enumerate(coefficients.items()) if [n for n, c in row.items() if c] == [name]
-    ]
+    alone = [k for k, (name, row) in enumerate(rows.items()) if [n for n, c in row.items() if c] == [name]]
     free = _independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
         listed = shorten(", ".join(names), MAX_LISTED_CHARACTERS) or "none"
@@ -308,14 +307,14 @@ def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
 
 
 def file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
-    """Compute the least and the largest value of every file joint within the limits of the free chain joints.
+    """Compute the limits of every file joint from the limits of the free chain joints.
 
     Args:
-        joint_map: The joint map.
-        joints: Joints of the chain, n.
+        joint_map: Map between file joints and chain joints.
+        joints: Joints of the chain, n, with their limits.
 
     Returns:
-        Lower and upper values, (2, m) [rad, m].
+        Least and largest values of the file joints, (2, m) [rad, m].
     """
     ends = (
         np.array([[joint.lower, joint.upper] for joint in joints])[joint_map.free_joints]
@@ -326,17 +325,17 @@ def file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
 
 
 def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
-    """Narrow the limits of free joints so that joints that follow one of them stay within theirs.
+    """Narrow the limits of free chain joints, so that the joints that follow them stay within their limits.
 
     Args:
-        joint_map: The joint map.
-        joints: Joints of the chain, n.
+        joint_map: Map between file joints and chain joints.
+        joints: Joints of the chain, n, with their limits.
 
     Returns:
         Lower and upper limits of the chain joints, (2, n) [rad, m].
 
     Raises:
-        BenchError: When nothing is left between the limits of a joint.
+        BenchError: When no range is left for a joint.
     """
     limits = np.array([[joint.lower, joint.upper] for joint in joints]).T
     D = joint_map.dependence_matrix
@@ -369,14 +368,17 @@ ARM_FOLDERS = (PACKAGE_FOLDER / "models", PACKAGE_FOLDER.parent / "models")
 
 
 def find_arm(name: str | Path) -> Path:
-    """Find the folder of an arm, without reading it.
+    """Find the folder of an arm, without reading its files.
 
     Args:
         name: Path of the folder, or name of an arm that comes with testbench.
 
+    Returns:
+        Path of the folder.
+
     Raises:
-        InputError: When there is neither.
-        BenchError: When it is neither text nor a path.
+        InputError: When there is no such folder and no such arm.
+        BenchError: When the name is neither text nor a path.
     """
     check_type(name, (str, Path), "arm")
     if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
@@ -392,9 +394,12 @@ def find_arm(name: str | Path) -> Path:
 
 @dataclass(frozen=True)
 class Link:
-    """Describe an elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1)."""
+    """Describe an elastic link: its beam axes, and the compliance of the virtual joint at its end, Eq. (1).
 
-    name: str  #: Name of its body in rigid.xml.
+    The virtual joint is directly before the next actuated joint.
+    """
+
+    name: str  #: Name of the link's body in rigid.xml.
     beam_axes: Array  #: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
     #: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/N, rad/(N m)].
     compliance: Array
@@ -402,7 +407,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Compensator:
-    """Describe a spring from link 1 to link 2 that helps joint 2 to carry the arm."""
+    """Describe a gravity compensator: a spring from link 1 to link 2 that supports joint 2."""
 
     foot: Sequence[float]  #: Hinge point on link 1, in that body's frame, (3,) [m].
     head: Sequence[float]  #: Hinge point on link 2, in that body's frame, (3,) [m].
@@ -434,7 +439,7 @@ class Arm(Displayed):
     markers: tuple[str, ...]  #: Bodies that the tracker reads, the markers.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
     compensator: Compensator | None = None  #: Compensator of joint 2; None if elastic.toml states none.
-    #: Map from file joints to its joints; None where they are the same.
+    #: Map from file joints to chain joints; None where they are equal.
     joint_map: JointMap | None = None
 
     def summary(self) -> dict[str, object]:
@@ -454,10 +459,11 @@ class Arm(Displayed):
 
     @property
     def C_theta(self) -> Array:
-        """Assemble the true aggregated joint compliance of Eq. (6), block diagonal.
+        """Assemble the arm's compliance of all virtual joints of Eq. (6), block diagonal.
 
-        Its shape is (n_theta, n_theta) [m/N, rad/N, rad/(N m)]: a 6x6 block per link, then one entry per
-        joint.
+        Returns:
+            C_theta, (n_theta, n_theta) [m/N, rad/N, rad/(N m)]: a 6x6 block per link, then one entry per
+            joint.
         """
         C = np.zeros((self.n_theta, self.n_theta))
         for i, link in enumerate(self.links):
@@ -468,9 +474,9 @@ class Arm(Displayed):
 
     @property
     def file_joints(self) -> tuple[ArmJoint, ...]:
-        """Return the joints as files, programs and pendants count them, m of them.
+        """Return the m joints that files, programs and the pendant show, with their limits.
 
-        Without a joint map they are `joints`. With one their compliance is NaN.
+        Without a joint map they are `joints`. With one, their compliance is NaN.
         """
         if self.joint_map is None:
             return self.joints
@@ -490,7 +496,7 @@ class Arm(Displayed):
         return q if self.joint_map is None else self.joint_map.to_chain_joints(q)
 
     def to_file_joints(self, q: Array) -> Array:
-        """Convert chain joints to file joints.
+        """Convert chain joints to file joints, the inverse of `to_chain_joints`.
 
         Args:
             q: Chain joints, (..., n) [rad, m].
@@ -501,7 +507,7 @@ class Arm(Displayed):
         return q if self.joint_map is None else self.joint_map.to_file_joints(q)
 
     def change_to_file_joints(self, change: Array) -> Array:
-        """Convert a change of chain joints to a change of file joints.
+        """Convert a change of chain joints to a change of file joints; offsets drop out.
 
         Args:
             change: Change of the chain joints, (..., n) [rad, m].
@@ -513,7 +519,7 @@ class Arm(Displayed):
 
     @property
     def display_factors(self) -> Array:
-        """Return the factors from file joints in SI units to those that people read, (m,) [deg/rad, mm/m]."""
+        """Return factors that convert file joints from SI to display units, (m,) [deg/rad, mm/m]."""
         return np.array([joint.display_factor for joint in self.file_joints])
 
     def to_display_units(self, q: Array) -> Array:
@@ -539,15 +545,15 @@ class Arm(Displayed):
         return self.to_chain_joints(values / self.display_factors)
 
     def distance_to_limits(self, q: Array) -> Array:
-        """Compute how far each file joint alone may move until a chain joint reaches its limit.
+        """Compute how far each file joint alone can move until a chain joint reaches its limit.
 
         Args:
             q: Chain joints, (poses, n) [rad, m].
 
         Returns:
-            Distance to the nearest limit, negative beyond it, (poses, m) [deg, mm].
+            Distance of every file joint to its nearest limit, negative beyond it, (poses, m) [deg, mm].
         """
-        # slack of every chain joint; over |L| it is the way of a file joint that uses it up
+        # A chain joint with the slack s stops a file joint of the coefficient L after s / |L|.
         slack = np.minimum(q - self.limits[0], self.limits[1] - q)
         if self.joint_map is not None:
             L = np.abs(self.joint_map.L)
@@ -561,7 +567,7 @@ class Arm(Displayed):
 
         Args:
             q: Positions of the chain joints, (poses, n) [rad, m].
-            what: Name and unit of the argument, for the message.
+            name: Name and unit of the quantity, for the error message.
 
         Returns:
             The positions, (poses, n) [rad, m].
@@ -601,7 +607,7 @@ class Arm(Displayed):
 
     @property
     def dependence_matrix(self) -> Array | None:
-        """Return how all joints move with the free ones, (n, n) [1]; None where no joint follows others."""
+        """Return the derivative of all chain joints by the free ones, (n, n) [1]; None if all are free."""
         return (
             None
             if self.joint_map is None or self.joint_map.all_joints_free
@@ -610,7 +616,7 @@ class Arm(Displayed):
 
     @property
     def full_turn_joints(self) -> Mask:
-        """Tell which hinges may turn by whole turns without changing the arm's pose, (n,).
+        """Tell for which chain joints a rotation by 360 degrees does not change the arm's pose, (n,).
 
         These are the hinges that no other joint follows.
         """
@@ -622,7 +628,7 @@ class Arm(Displayed):
         )
 
     def with_dependent_joints(self, q: Array) -> Array:
-        """Move the dependent joints of poses to where the free joints bring them.
+        """Replace the dependent chain joints of poses by the values that follow from the free ones.
 
         Args:
             q: Chain joints, (..., n) [rad, m].
@@ -633,7 +639,7 @@ class Arm(Displayed):
         return q if self.joint_map is None else self.joint_map.with_dependent_joints(q)
 
     def clip_to_limits(self, q: Array) -> Array:
-        """Clip joints to their limits; dependent joints then follow the free ones.
+        """Clip chain joints to their limits; dependent joints then follow the free ones.
 
         Args:
             q: Chain joints, (..., n) [rad, m].
@@ -644,17 +650,17 @@ class Arm(Displayed):
         return self.with_dependent_joints(np.clip(q, *self.limits))
 
     def draw_poses(self, rng: np.random.Generator, count: int) -> Array:
-        """Draw poses evenly over the joint limits.
+        """Draw poses uniformly within the joint limits.
 
         Args:
-            rng: Source of the poses.
+            rng: Random number generator.
             count: Number of poses.
 
         Returns:
             Chain joints, (count, n) [rad, m], all within the limits.
 
         Raises:
-            PoseError: When dependent joints leave their limits in nearly all poses.
+            PoseError: When dependent joints are outside their limits in nearly all poses.
         """
         lower, upper = self.limits
         q = self.with_dependent_joints(rng.uniform(lower, upper, (count, self.n_joints)))
@@ -671,17 +677,18 @@ class Arm(Displayed):
 
 
 MJCF_JOINT_TYPES = "hinge", "slide"
+"""Types of joints in an arm's MJCF."""
 JOINT_COMPLIANCE_UNITS = "rad/(N m)", "m/N"
-"""MJCF's types of joints, and the units of their compliances."""
+"""Units of the compliance of a hinge and of a slide."""
 
 MAX_JOINT_COORDINATE = 1000.0  #: Largest joint limit or offset [rad, m].
-MAX_TITLE_CHARACTERS = 200  #: Most characters of a title.
+MAX_TITLE_CHARACTERS = 200  #: Most characters of an arm's title.
 MAX_REDRAWS = 300  #: Most times that poses with a dependent joint beyond its limits are drawn again.
 MAX_TUBE_LENGTH_RATIO = 3.0  #: Largest length of a tube over that of the whole arm [1].
 
 
 def load_arm(folder: str | Path) -> Arm:
-    """Read and check an arm's folder.
+    """Read and check the two files of an arm's folder, rigid.xml and elastic.toml.
 
     Args:
         folder: Folder with rigid.xml and elastic.toml, or the name of an arm that comes with testbench.
@@ -719,7 +726,8 @@ def load_arm(folder: str | Path) -> Arm:
     return _with_joint_map(toml_path, elastic, arm)
 
 
-OFFSET_KEYS = "offset_deg", "offset_mm"  #: Keys of a row's offset, for a hinge and for a slide.
+OFFSET_KEYS = "offset_deg", "offset_mm"
+"""Keys of the offset q_0 in a row of [joints] of elastic.toml, for a hinge and for a slide."""
 
 
 def _with_joint_map(path: Path, elastic: ElasticDocument, arm: Arm) -> Arm:
@@ -773,13 +781,13 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJo
     [element] = elements
     prismatic = element.get("type", "hinge") == "slide"
     unit = 1.0 if prismatic else angle_unit(root)
-    lower, upper = (x * unit for x in read_numbers(rigid, element, "range", 2))
-    moved = "pos" in element.attrib and any(read_numbers(rigid, element, "pos", 3))
+    lower, upper = (x * unit for x in attribute_numbers(rigid, element, "range", 2))
+    moved = "pos" in element.attrib and any(attribute_numbers(rigid, element, "pos", 3))
     problems = {
         f"expected a hinge or a slide, got {element.get('type')!r}": element.get("type", "hinge")
         not in MJCF_JOINT_TYPES,
         "expected no pos: the body's origin lies on the joint": moved,
-        "axis: expected a direction, got zero": not any(read_numbers(rigid, element, "axis", 3)),
+        "axis: expected a direction, got zero": not any(attribute_numbers(rigid, element, "axis", 3)),
         f"range: expected lower < upper, got {element.get('range')!r}": not lower < upper,
         f"range: expected limits up to {MAX_JOINT_COORDINATE:g} rad or m, got {element.get('range')!r}": (
             max(abs(lower), abs(upper)) > MAX_JOINT_COORDINATE
@@ -817,18 +825,18 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
 
 
 def chain_length(mjcf_path: Path, root: ET.Element, arm: Arm) -> float:
-    """Compute the length of the chain from the base to the tool, with its slides fully extended.
+    """Compute the length of an arm's chain from the base to the tool, with its slides fully extended.
 
     Args:
-        rigid: Path of the MJCF, for messages.
+        mjcf_path: Path of the MJCF, for messages.
         root: Root element of the MJCF.
         arm: Names of the bodies, and the joints' limits.
 
     Returns:
-        Sum of all steps between bodies and of the largest ways of the slides [m].
+        Sum of the distances between successive bodies, and of the largest strokes of the slides [m].
     """
     bodies = [find_body(mjcf_path, root, name) for name in (*(link.name for link in arm.links[1:]), arm.tool)]
-    steps = [read_numbers(mjcf_path, body, "pos", 3) for body in bodies if "pos" in body.attrib]
+    steps = [attribute_numbers(mjcf_path, body, "pos", 3) for body in bodies if "pos" in body.attrib]
     slides = [max(abs(j.lower), abs(j.upper)) for j in arm.joints if j.prismatic]
     return sum(math.hypot(*step) for step in steps) + sum(slides)
 

@@ -1,7 +1,7 @@
-"""Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is.
+"""Untrusted MJCF and mesh files of an arm: checked before MuJoCo reads them.
 
-MJCF can include any file of the disk, replicate without end and crash a reader. So an arm's file must pass a
-list of elements, and of attributes where the model reads them or gravity could change, before MuJoCo sees it.
+MJCF can include any file of the disk, replicate without end and crash a reader. So an arm's file may contain
+only listed elements, with only listed attributes where the model reads them or gravity could change.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from testbench.arm.document import (
-    MAX_SHOWN_CHARACTERS,
+    MAX_SHOWN_LENGTH,
     NUMBER_EXAMPLES,
     parse_xml,
     path_inside,
@@ -20,14 +20,14 @@ from testbench.arm.document import (
 )
 from testbench.errors import InputError, read_bytes, read_text
 
-# --- Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is -------------
+# --- MJCF: allowed elements and attributes, and their values ------------------------------------------------
 
 PLACEMENT_ATTRIBUTES = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
 ALLOWED_ELEMENTS = frozenset(
     "mujoco compiler option flag visual global quality headlight map scale rgba statistic asset material mesh"
     " default worldbody body inertial joint geom light camera contact exclude".split()
 )
-"""Elements that an arm may contain: rigid bodies on joints; no springs, motors, wind; no files but meshes."""
+"""Elements that an arm's MJCF may contain: rigid bodies on joints, and meshes; no springs, motors or wind."""
 ALLOWED_ATTRIBUTES = {
     element: frozenset(attributes.split())
     for element, attributes in {
@@ -40,23 +40,30 @@ ALLOWED_ATTRIBUTES = {
         "joint": "name type axis pos range limited armature damping group",
     }.items()
 }
-"""Attributes allowed in the elements that the model reads: it would miss others, such as gravity off."""
-NUMBERS_PER_ATTRIBUTE = {
+"""Attributes that an element may have, by its tag: the model would miss others, such as gravity off. Elements
+that are not listed may have any."""
+ATTRIBUTE_SIZES = {
     **{"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3},
     **{"diaginertia": 3, "fullinertia": 6},
 }
-"""Count of numbers of each attribute that places a body or gives its inertia."""
+"""Count of numbers in each attribute that places a body or gives its inertia."""
 MAX_ATTRIBUTE_VALUE = 1e6
 """Largest angle, mass or inertia of an arm [deg, rad, kg, kg m^2]; beyond it an exponent is wrong."""
 MAX_LENGTH = 1000.0  #: Largest length [m].
 MAX_ELEMENTS = 20_000  #: Most elements of an arm.
 MAX_MJCF_BYTES = 4_000_000  #: Largest size of an arm's MJCF [byte].
-MAX_NESTED_ELEMENTS = 64  #: Most nested elements.
+MAX_NESTING = 64  #: Most nested elements.
 GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
 
 
 def read_mjcf(path: Path) -> ET.Element:
-    """Read an arm's MJCF, check it against the lists of elements and attributes, and return its root element.
+    """Read the MJCF of an arm, and check that it contains allowed elements and attributes only.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Root element of the MJCF.
 
     Raises:
         InputError: When it is missing, too large, not well-formed, or contains what an arm may not.
@@ -71,7 +78,7 @@ def read_mjcf(path: Path) -> ET.Element:
 
 def _check_elements(path: Path, root: ET.Element) -> None:
     level, count = [root], 0
-    for _ in range(MAX_NESTED_ELEMENTS + 1):
+    for _ in range(MAX_NESTING + 1):
         for e in level:
             if e.tag not in ALLOWED_ELEMENTS:
                 allowed = f"not allowed in an arm; allowed are {sorted(ALLOWED_ELEMENTS)}"
@@ -84,7 +91,7 @@ def _check_elements(path: Path, root: ET.Element) -> None:
         count += len(level)
         level = [child for e in level for child in e]
     if level:
-        raise InputError(path, "", f"expected at most {MAX_NESTED_ELEMENTS} nested elements")
+        raise InputError(path, "", f"expected at most {MAX_NESTING} nested elements")
     if count > MAX_ELEMENTS:
         raise InputError(path, "", f"expected at most {MAX_ELEMENTS} elements, got {count}")
 
@@ -101,26 +108,26 @@ def _parse_numbers(text: str, count: int, largest: float) -> list[float] | None:
 def _check_values(path: Path, e: ET.Element) -> None:
     known = ALLOWED_ATTRIBUTES.get(e.tag)
     if known is not None and (extra := [key for key in e.attrib if key not in known]):
-        problem = f"{extra[0][:MAX_SHOWN_CHARACTERS]!r} is not allowed; allowed are {sorted(known)}"
+        problem = f"{extra[0][:MAX_SHOWN_LENGTH]!r} is not allowed; allowed are {sorted(known)}"
         raise InputError(path, xml_place(e), problem)
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(
             path, xml_place(e), "joint defaults are not allowed; write these attributes at each joint"
         )
     if e.tag == "option" and "gravity" in e.attrib:
-        gravity = read_numbers(path, e, "gravity", 3)
+        gravity = attribute_numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
             raise InputError(path, xml_place(e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
     if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
         problem = f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}"
         raise InputError(path, xml_place(e), problem)
     if e.tag == "inertial":
-        [mass], _ = read_numbers(path, e, "mass", 1), read_numbers(path, e, "pos", 3)
+        [mass], _ = attribute_numbers(path, e, "mass", 1), attribute_numbers(path, e, "pos", 3)
         if not mass > 0:
             raise InputError(path, xml_place(e), f"mass: expected more than 0 kg, got {mass}")
-    for key, count in NUMBERS_PER_ATTRIBUTE.items() if e.tag in ("body", "inertial") else ():
+    for key, count in ATTRIBUTE_SIZES.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
-            read_numbers(path, e, key, count, MAX_LENGTH if key == "pos" else MAX_ATTRIBUTE_VALUE)
+            attribute_numbers(path, e, key, count, MAX_LENGTH if key == "pos" else MAX_ATTRIBUTE_VALUE)
 
 
 def _check_files(path: Path, root: ET.Element) -> None:
@@ -141,28 +148,28 @@ def _mesh_folder(path: Path, root: ET.Element) -> Path:
 
 
 def mesh_files(path: Path, root: ET.Element) -> dict[str, Path]:
-    """List the mesh files of an MJCF.
+    """List the mesh files that an MJCF names.
 
     Args:
         path: Path of the MJCF.
         root: Its root element.
 
     Returns:
-        Paths by the names that the MJCF has for them.
+        Path of every file, by the file's name in the MJCF.
     """
     folder = _mesh_folder(path, root)
     return {name: folder / name for e in root.iter("mesh") if (name := e.get("file"))}
 
 
 def asset_paths(path: Path, root: ET.Element) -> list[str]:
-    """List the files that the MJCF names, such as meshes.
+    """List the paths of the mesh files that an MJCF names, for a copy of the arm's folder.
 
     Args:
         path: Path of the MJCF.
         root: Its root element.
 
     Returns:
-        Their paths from the MJCF's folder, sorted.
+        Paths relative to the folder of the MJCF, sorted.
 
     Raises:
         InputError: When a path is absolute or leads out of the folder, so that a copy of the folder lacks the
@@ -179,23 +186,23 @@ def asset_paths(path: Path, root: ET.Element) -> list[str]:
     return sorted(paths)
 
 
-def read_numbers(
+def attribute_numbers(
     path: Path,
     element: ET.Element,
     attribute: str,
     count: int,
     max_value: float = MAX_ATTRIBUTE_VALUE,
-    named_ancestor: ET.Element | None = None,
+    ancestor: ET.Element | None = None,
 ) -> list[float]:
-    """Read an attribute of an element as a fixed count of numbers.
+    """Read an attribute of an MJCF or URDF element that consists of a fixed count of numbers.
 
     Args:
-        path: Path of the MJCF, for messages.
-        e: The element.
-        key: Name of the attribute.
+        path: Path of the file, for messages.
+        element: The element.
+        attribute: Name of the attribute.
         count: Count of numbers.
-        largest: Largest absolute value of a number.
-        owner: An element around it that messages name; None for none.
+        max_value: Largest absolute value of a number, in units of the file.
+        ancestor: A named element that contains it, for messages; None for none.
 
     Returns:
         The numbers, in units of the file.
@@ -207,19 +214,19 @@ def read_numbers(
     if text is None:
         raise InputError(
             path,
-            xml_place(element, named_ancestor),
+            xml_place(element, ancestor),
             f"expected an attribute {attribute} of {count} number(s)",
         )
     values = _parse_numbers(text, count, max_value)
     if values is None or len(values) != count:
         most = f" up to {max_value:g}" if math.isfinite(max_value) else ""
-        problem = f"expected {count} number(s){most}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN_CHARACTERS]!r}"
-        raise InputError(path, xml_place(element, named_ancestor), f"{attribute}: {problem}")
+        problem = f"expected {count} number(s){most}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN_LENGTH]!r}"
+        raise InputError(path, xml_place(element, ancestor), f"{attribute}: {problem}")
     return values
 
 
 def angle_unit(root: ET.Element) -> float:
-    """Find the size of the unit of a file's angles [rad]; MJCF's default is the degree."""
+    """Return the unit of the angles in an MJCF [rad], given its root element: pi / 180 by default."""
     angle = "degree"
     for compiler in root.iter("compiler"):
         angle = compiler.get("angle", angle)
@@ -227,15 +234,18 @@ def angle_unit(root: ET.Element) -> float:
 
 
 def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
-    """Find the body of a name.
+    """Find the <body> element of an MJCF that has a given name.
 
     Args:
         path: Path of the MJCF, for messages.
         root: Its root element.
         name: Name of the body.
 
+    Returns:
+        The element.
+
     Raises:
-        InputError: When there is none, or more than one.
+        InputError: When no body, or more than one, has this name.
     """
     names = [b.get("name") for b in root.iter("body")]
     matches = [b for b in root.iter("body") if b.get("name") == name]
@@ -245,7 +255,7 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
     return matches[0]
 
 
-# --- Mesh files of an arm: checked for kind and size, and read, before MuJoCo sees them ---------------------
+# --- Mesh files: checked for kind and size, and read --------------------------------------------------------
 
 MESH_SUFFIXES = ("stl", "obj", "msh")  #: Suffixes of mesh files that MuJoCo reads.
 MAX_MESH_BYTES = 64_000_000  #: Largest mesh file [byte].
@@ -253,7 +263,13 @@ MAX_ALL_MESH_BYTES = 256_000_000  #: Largest size of all mesh files of an arm to
 
 
 def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
-    """Read the mesh files of an arm; paths and contents are by the names that the MJCF has for them.
+    """Read the mesh files of an arm.
+
+    Args:
+        files: Path of every file, by the file's name in the MJCF.
+
+    Returns:
+        Content of every file, by the same names.
 
     Raises:
         InputError: When a file is no plain file, of a kind that MuJoCo does not read, or too large; or when

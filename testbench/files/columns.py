@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.document import is_integer
 from testbench.arm.folder import Arm, ArmJoint
-from testbench.arm.mjcf import GRAVITY, find_body, read_mjcf, read_numbers
+from testbench.arm.mjcf import GRAVITY, attribute_numbers, find_body, read_mjcf
 from testbench.errors import Array, Ids, InputError, Mask
 from testbench.files.mapping import Named, Names
 from testbench.files.names import (
@@ -835,7 +835,7 @@ def load_point(arm: Arm) -> Array:
         InputError: When rigid.xml has no such body, or its position is not three numbers.
     """
     body = find_body(arm.mjcf_path, read_mjcf(arm.mjcf_path), arm.load_point)
-    return np.array(read_numbers(arm.mjcf_path, body, "pos", 3) if "pos" in body.attrib else [0.0] * 3)
+    return np.array(attribute_numbers(arm.mjcf_path, body, "pos", 3) if "pos" in body.attrib else [0.0] * 3)
 
 
 def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:

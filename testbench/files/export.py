@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import unused_name
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_mjcf, read_numbers
+from testbench.arm.mjcf import ATTRIBUTE_SIZES, angle_unit, attribute_numbers, find_body, read_mjcf
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.export_own import (
     NEW_STAMP,
@@ -470,15 +470,15 @@ def _tensors(arm: Arm) -> dict[str, Array]:
         e = find_body(arm.mjcf_path, root, name).find("inertial")
         tensor = np.zeros((3, 3))
         if e is not None and "fullinertia" in e.attrib:
-            xx, yy, zz, xy, xz, yz = read_numbers(
-                arm.mjcf_path, e, "fullinertia", NUMBERS_PER_ATTRIBUTE["fullinertia"]
+            xx, yy, zz, xy, xz, yz = attribute_numbers(
+                arm.mjcf_path, e, "fullinertia", ATTRIBUTE_SIZES["fullinertia"]
             )
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         elif e is not None and "diaginertia" in e.attrib:
             R = body_pose(arm, e, angle_unit(root))[:3, :3]
             tensor = (
                 R
-                @ np.diag(read_numbers(arm.mjcf_path, e, "diaginertia", NUMBERS_PER_ATTRIBUTE["diaginertia"]))
+                @ np.diag(attribute_numbers(arm.mjcf_path, e, "diaginertia", ATTRIBUTE_SIZES["diaginertia"]))
                 @ R.T
             )
         found[name] = tensor

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
-from testbench.arm.document import NUMBER, is_integer
+from testbench.arm.document import DECIMAL_PATTERN, is_integer
 from testbench.errors import Array, Ids, InputError, Mask, printable
 from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, find_unit, squeeze
@@ -513,7 +513,9 @@ class TableCells:
             grouped = pc.match_substring_regex(plain, GROUPED[mark])
             whole = pc.replace_substring_regex(plain, rf"[^0-9{mark}+-]", "")
             pointed = _pointed(pc.if_else(grouped, whole, plain), mark)
-            values = _parsed(pc.if_else(pc.match_substring_regex(pointed, NUMBER), pointed, "nan"))
+            values = _parsed(
+                pc.if_else(pc.match_substring_regex(pointed, DECIMAL_PATTERN.pattern), pointed, "nan")
+            )
         bad = np.flatnonzero(~np.isfinite(values) & ~blank)
         if len(bad):
             text = self.texts(k)[bad[0]]

@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS_PER_ATTRIBUTE, angle_unit, find_body, read_mjcf, read_numbers
+from testbench.arm.mjcf import ATTRIBUTE_SIZES, angle_unit, attribute_numbers, find_body, read_mjcf
 from testbench.errors import Array, BenchError, Ids, InputError, check_array
 from testbench.model.vjm import Vjm
 
@@ -99,7 +99,7 @@ def build_tree(arm: Arm) -> pin.Model:
         body = find_body(arm.mjcf_path, root, link.name)
         [actuated] = body.findall("joint")
         kind = pin.JointModelPrismaticUnaligned if joint.prismatic else pin.JointModelRevoluteUnaligned
-        axis = np.array(read_numbers(arm.mjcf_path, actuated, "axis", 3))
+        axis = np.array(attribute_numbers(arm.mjcf_path, actuated, "axis", 3))
         last = model.addJoint(last, kind(axis / np.linalg.norm(axis)), placement * pose(body), joint.name)
         placement = pin.SE3.Identity()
         _add_frame(model, link.name, last, placement)
@@ -184,7 +184,7 @@ def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
     pose = np.eye(4)
     pose[:3, :3] = _rotation(arm, body, unit)
     if "pos" in body.attrib:
-        pose[:3, 3] = read_numbers(arm.mjcf_path, body, "pos", 3)
+        pose[:3, 3] = attribute_numbers(arm.mjcf_path, body, "pos", 3)
     return pose
 
 
@@ -209,7 +209,7 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
     if not named:
         return np.eye(3)
     [key] = named
-    values = np.array(read_numbers(arm.mjcf_path, body, key, NUMBERS_PER_ATTRIBUTE[key]))
+    values = np.array(attribute_numbers(arm.mjcf_path, body, key, ATTRIBUTE_SIZES[key]))
     try:
         if key == "quat":
             return np.asarray(pin.Quaternion(*_unit_vector(values)).matrix())

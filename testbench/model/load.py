@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, read_mjcf, read_numbers
+from testbench.arm.mjcf import GRAVITY, angle_unit, attribute_numbers, find_body, read_mjcf
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium, check_array, check_type
 from testbench.model.kinematics import body_pose
@@ -223,8 +223,8 @@ def _mass_and_moments(arm: Arm, body: ET.Element, light: set[ET.Element], pose: 
     """Read mass and first moments of one body in the axes of the one it is fixed to, (4,) [kg, kg m]."""
     inertial = body.find("inertial")
     if inertial is not None:
-        [mass] = read_numbers(arm.mjcf_path, inertial, "mass", 1)
-        centre = pose @ [*read_numbers(arm.mjcf_path, inertial, "pos", 3), 1.0]
+        [mass] = attribute_numbers(arm.mjcf_path, inertial, "mass", 1)
+        centre = pose @ [*attribute_numbers(arm.mjcf_path, inertial, "pos", 3), 1.0]
         return mass * np.array([1.0, *centre[:3]])
     if not light.issuperset(body.findall("geom")):
         problem = "expected an <inertial>, or shapes of mass 0: MuJoCo would take the mass from its shapes"
@@ -255,7 +255,7 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
     return {
         geom
         for geom, e in where.items()
-        if e is not None and read_numbers(arm.mjcf_path, e, "mass", 1) == [0.0]
+        if e is not None and attribute_numbers(arm.mjcf_path, e, "mass", 1) == [0.0]
     }
 
 

@@ -90,7 +90,7 @@ class Vjm(Displayed):
         return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 
     @cached_property
-    def joint_axes_in_beam_frame(self) -> Array:
+    def axes_in_beam(self) -> Array:
         """Compute the unit axis of each joint in the beam frame of the link before it, (n, 3) [1]."""
         frames = np.array([link.beam_axes for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
         return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))

@@ -660,7 +660,7 @@ def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
     arm, first = unknowns.vjm.arm, unknowns.starts["geometry"]
     for k in range(1, arm.n_joints):
-        link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.joint_axes_in_beam_frame[k]
+        link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.axes_in_beam[k]
         own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
         shift, turn = own[:3], own[3:]
         across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's

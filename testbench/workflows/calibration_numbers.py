@@ -131,7 +131,7 @@ def _joints(active: ActiveUnknowns) -> Iterator[Named]:
     a, b = unknowns.structure.a, unknowns.structure.b
     for k, joint in enumerate(arm.joints):
         v, row = np.zeros(arm.n_theta), np.zeros(unknowns.size)
-        v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = unknowns.vjm.joint_axes_in_beam_frame[k]
+        v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = unknowns.vjm.axes_in_beam[k]
         row[unknowns.columns("elastic")] = v[a] * v[b] * np.where(a == b, 1, 2)  # v^T C_theta v, of the link
         row[unknowns.columns("elastic")] += (a == b) & (a == 6 * len(arm.links) + k)
         yield joint.name, "um/N" if joint.prismatic else "urad/(N m)", row
@@ -513,9 +513,7 @@ def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
 def _compliances(calibration: Calibration) -> list[Row]:
     """Of every joint with that of the link before it, beside the same of the arm's folder."""
     vjm, rows, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
-    for row, joint, link, axis in zip(
-        known, vjm.arm.joints, vjm.arm.links, vjm.joint_axes_in_beam_frame, strict=False
-    ):
+    for row, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.axes_in_beam, strict=False):
         part = slice(0, 3) if joint.prismatic else slice(3, 6)
         folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
         rows.append(Row(row, folder=UM * folder))

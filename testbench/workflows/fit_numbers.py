@@ -304,7 +304,7 @@ def _square(block: Array) -> list[list[float | None]]:
 def _axis_in_link(vjm: Vjm, k: int) -> Array:
     """Return what joint k moves of the virtual joint of the link before it, a unit vector, (6,)."""
     v = np.zeros(6)
-    v[(0 if vjm.arm.joints[k].prismatic else 3) + np.arange(3)] = vjm.joint_axes_in_beam_frame[k]
+    v[(0 if vjm.arm.joints[k].prismatic else 3) + np.arange(3)] = vjm.axes_in_beam[k]
     return v
 
 

@@ -10,7 +10,7 @@ from refused import refused
 from spoil import swap
 
 from testbench.arm.folder import load_arm
-from testbench.arm.mjcf import MAX_NESTED_ELEMENTS, read_mjcf
+from testbench.arm.mjcf import MAX_NESTING, read_mjcf
 
 MODELS = Path(__file__).parents[2] / "models"
 LENGTH, AXIS = r"(?<=tube\.length = \{ value = )[^,]+", r"(?<=axis = )\[.*?\]"
@@ -245,9 +245,9 @@ TEXTS = {
     **{
         f"{n} nested bodies": (
             inside("<body>" * n + "</body>" * n),
-            f"at most {MAX_NESTED_ELEMENTS} nested elements",
+            f"at most {MAX_NESTING} nested elements",
         )
-        for n in (MAX_NESTED_ELEMENTS + 1, 20_000)
+        for n in (MAX_NESTING + 1, 20_000)
     },
     "4 MB": (inside(f"<!--{'x' * 4_000_000}-->"), "expected at most 4000000 bytes, got 4000"),
     "a zero mass": (inside('<inertial pos="0 0 0" mass="0"/>'), "mass: expected more than 0 kg, got 0.0"),
@@ -297,7 +297,7 @@ def test_a_text_that_is_no_arm_is_refused(rigid, text, said):
 
 def test_meshes_inside_the_folder_are_accepted_and_a_link_to_itself_leads_nowhere(rigid):
     """As are elements as deep in one another as may be."""
-    read_mjcf(rigid(inside("<body>" * MAX_NESTED_ELEMENTS + "</body>" * MAX_NESTED_ELEMENTS)))
+    read_mjcf(rigid(inside("<body>" * MAX_NESTING + "</body>" * MAX_NESTING)))
     file = rigid(mesh("a.stl", '<compiler meshdir="meshes"/>'))
     assert read_mjcf(file).find("asset/mesh") is not None
     (file.parent / "loop.stl").symlink_to("loop.stl")

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.document import path_inside, xml_place
-from testbench.arm.mjcf import read_numbers
+from testbench.arm.mjcf import attribute_numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, primitive, stl_bytes
 from testbench.files.robot.robot import (
@@ -123,7 +123,7 @@ def _check_gravity(file: Path, root: ET.Element) -> None:
     stated = [e for e in root.findall("option") if "gravity" in e.attrib]
     if not stated:
         return
-    x, y, z = read_numbers(file, stated[-1], "gravity", 3)
+    x, y, z = attribute_numbers(file, stated[-1], "gravity", 3)
     if (x or y or z) and not (x == y == 0 and GRAVITY_RANGE[0] <= -z <= GRAVITY_RANGE[1]):
         problem = f"gravity: expected 0 0 -9.81 [m/s^2], or zeros, got {stated[-1].get('gravity')!r}"
         hint = "turn the body of the base instead, or scale the lengths to metres"

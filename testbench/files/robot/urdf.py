@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from testbench.arm.document import path_inside, unused_name, xml_place
-from testbench.arm.mjcf import read_numbers
+from testbench.arm.mjcf import attribute_numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import (
     MAX_MESH_SIZE,
@@ -210,7 +210,7 @@ def _numbers(
     """Read an attribute as numbers, as many as the default has, which replaces a missing attribute."""
     if e is None or key not in e.attrib:
         return np.array(default, dtype=float)
-    return np.array(read_numbers(file, e, key, len(default), MAX_NUMBER, owner))
+    return np.array(attribute_numbers(file, e, key, len(default), MAX_NUMBER, owner))
 
 
 def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
@@ -225,7 +225,7 @@ def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
         _numbers(file, inertial.find("origin"), key, [0.0] * 3, link)
     if (tensor := inertial.find("inertia")) is not None:
         for key in INERTIA:
-            read_numbers(file, tensor, key, 1, np.inf, link)
+            attribute_numbers(file, tensor, key, 1, np.inf, link)
     found = ET.Element("inertial")
     found.extend(e for e in inertial if e.tag in ("origin", "mass", "inertia"))
     if found.find("inertia") is None:
@@ -240,7 +240,7 @@ def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
         return None
     ends = {"lower": "0", "upper": "0"} | limit.attrib
     lower, upper = (
-        read_numbers(file, ET.Element("limit", ends), key, 1, np.inf, e)[0] for key in ("lower", "upper")
+        attribute_numbers(file, ET.Element("limit", ends), key, 1, np.inf, e)[0] for key in ("lower", "upper")
     )
     if not lower < upper and (lower or upper):
         raise InputError(file, xml_place(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
@@ -328,7 +328,7 @@ def _size(file: Path, form: ET.Element, kind: GeomKind) -> Array:
         raise InputError(file, xml_place(form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
     if kind == "mesh":
         return size
-    found = np.concatenate([read_numbers(file, form, key, count) for key, count in FORMS[kind].items()])
+    found = np.concatenate([attribute_numbers(file, form, key, count) for key, count in FORMS[kind].items()])
     if not 0 <= min(found) <= max(found) <= MAX_MESH_SIZE:
         problem = f"expected sizes of 0 to {MAX_MESH_SIZE:g} m, got {found.tolist()}"
         raise InputError(file, xml_place(form), problem)
@@ -358,7 +358,7 @@ def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None],
     if colour is None and material is not None:
         colour = colours.get(material.get("name", ""))
     if colour is not None:
-        return np.array(read_numbers(file, colour, "rgba", 4))
+        return np.array(attribute_numbers(file, colour, "rgba", 4))
     return VISIBLE if mesh.rgba is None else mesh.rgba
 
 

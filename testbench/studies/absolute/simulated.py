@@ -86,7 +86,7 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
         The state.
     """
     vjm, theta, gears = state.vjm, truth.theta_0.copy(), truth.gears
-    theta[_before(vjm)[1:]] += vjm.joint_axes_in_beam_frame[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
+    theta[_before(vjm)[1:]] += vjm.axes_in_beam[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
     theta_0, n, orders = (
         state.theta_0.copy(),
         np.zeros_like(state.n),
@@ -122,9 +122,9 @@ def _true_joints(vjm: Vjm, truth: Truth) -> Array:
     at, C = _before(vjm), truth.C_theta
     links = np.einsum(
         "na,nab,nb->n",
-        vjm.joint_axes_in_beam_frame,
+        vjm.axes_in_beam,
         C[at[:, :, None], at[:, None]],
-        vjm.joint_axes_in_beam_frame,
+        vjm.axes_in_beam,
     )
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
