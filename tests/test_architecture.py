@@ -299,14 +299,15 @@ def test_each_heavy_package_has_one_door(package):
 
 
 def declared():
-    """Packages by what pyproject.toml needs them for, and those that docs/dependencies.md lists."""
+    """Packages by what pyproject.toml needs them for, and those that the page of dependencies lists."""
     root = PACKAGE.parent
     about = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     project, groups = about["project"], about["dependency-groups"]
     wanted = {"run": project["dependencies"], **project["optional-dependencies"], **groups}
     names = {use: {re.match(r"[\w-]+", one)[0] for one in own} for use, own in wanted.items()}
-    page = (root / "docs" / "dependencies.md").read_text(encoding="utf-8")
-    return names, set(re.findall(r"\[([\w-]+)\]\(https:", page))
+    pages = [root / "docs" / "dependencies.md", *(root / "docs" / "tables").glob("packages_to_*.csv")]
+    listed = "".join(page.read_text(encoding="utf-8") for page in pages)
+    return names, set(re.findall(r"\[([\w-]+)\]\(https:", listed))
 
 
 IMPORTED_AS = {

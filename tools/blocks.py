@@ -1,7 +1,7 @@
 """Parts of hand-written pages that are numbers: each stands between a mark and `<!-- end -->`.
 
 `<!-- from STUDY: PART; PART -->`: of the report of a full run, tables by name or blocks of its template, such
-as title and answer. `<!-- bench -->`: the rows of bench.json.
+as title and answer. `<!-- bench -->`: where bench.json was measured; its rows are in tables/speed.csv.
 `<!-- expected -->`, `<!-- covered -->`: of the tables beside the pages of studies. A part whose run is not
 there stays as it was.
 """
@@ -47,7 +47,7 @@ def fill(page: Path, runs: Path, bench: Path) -> bool:
     text = page.read_text(encoding="utf-8")
     found = FROM.sub(lambda mark: _from(page, runs, mark), text)
     tables: dict[str, Callable[[], str]] = {
-        "bench": lambda: bars(bench),
+        "bench": lambda: bars(bench, page.parent / "tables"),
         "expected": expected,
         "covered": covered,
     }
@@ -82,8 +82,16 @@ def _part(page: Path, report: Report, name: str) -> str:
     raise InputError(page, name, f"no such block, and no such table; tables are {', '.join(report.tables)}")
 
 
-def bars(file: Path) -> str:
-    """The first of each benchmark's bars that `make bench` held; empty where it did not run."""
+def bars(file: Path, folder: Path) -> str:
+    """Write the first of each benchmark's bars, and say how they were measured.
+
+    Args:
+        file: bench.json.
+        folder: Folder of speed.csv, which holds them.
+
+    Returns:
+        The sentence; empty where `make bench` did not run.
+    """
     if not file.is_file():
         return ""
     record = json.loads(file.read_text(encoding="utf-8"))
@@ -93,8 +101,10 @@ def bars(file: Path) -> str:
         for letter, row in sorted(held.items())
         if letter.strip()
     ]
-    table, processor = lines(["what", "measured", "bar"], rows), record["machine"]["processor"]
-    return f"{table}\n\nMedians of one run on one thread of {processor}."
+    folder.mkdir(exist_ok=True)
+    with (folder / "speed.csv").open("w", encoding="utf-8", newline="") as out:
+        csv.writer(out, lineterminator="\n").writerows([["what", "measured", "bar"], *rows])
+    return f"Medians of one run on one thread of {record['machine']['processor']}."
 
 
 def _bar(row: dict[str, Any]) -> str:

@@ -3,6 +3,7 @@
 python tools/count_doubts.py --seed 1000 --seeds 500 --planted 100
 """
 
+import csv
 import sys
 from argparse import ArgumentParser
 from collections import Counter
@@ -14,6 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from testbench.report.badge import wilson
+from testbench.report.markdown import lines
 from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import build_cell
 
@@ -23,6 +25,7 @@ sys.path.append(str(ROOT / "tests" / "physics"))
 from mistakes import MISTAKES, named  # noqa: E402
 from sound_sets import PAYLOAD, sound  # noqa: E402
 
+HEADS = ["mistake", "doubt that names it", "sets", "named first, % (95 %)", "no doubt, %", "named instead"]
 OFTEN = 0.98  #: Share of the data sets from which on a mistake has no row of its own.
 
 
@@ -63,7 +66,7 @@ def rate(held):
 
 
 def table(found):
-    """A row for each mistake named in less than 98 %, the most seldom first, then one for all others."""
+    """Cells of a row for each mistake named in less than 98 %, the most seldom first, then for all others."""
     rows, always, others = [], [], []
     for name, mistake in MISTAKES.items():
         own = [(doubt, right(name, doubt)) for case, _, doubt in found if case == name]
@@ -72,13 +75,11 @@ def table(found):
             always.append(mistake.words)
             others += own
         elif own:
-            names = mistake.names.replace(" ", " or ")
-            rows.append((often, f"| {mistake.words} | {names} | {counted(own)} |"))
-    yield "| mistake | doubt that names it | sets | named first, % (95 %) | no doubt, % | named instead |"
-    yield "| --- | --- | ---: | ---: | ---: | --- |"
+            rows.append((often, [mistake.words, mistake.names.replace(" ", " or "), *counted(own)]))
+    yield HEADS
     yield from (row for _, row in sorted(rows, key=lambda row: row[0]))
     if others:
-        yield f"| each of {len(always)}: {'; '.join(always)} | its own | {counted(others)} |"
+        yield [f"each of {len(always)}: {'; '.join(always)}", "its own", *counted(others)]
 
 
 def counted(found):
@@ -86,7 +87,7 @@ def counted(found):
     silent = 100 * sum(doubt is None for doubt, _ in found) / len(found)
     other = Counter(doubt for doubt, well in found if doubt and not well).most_common(2)
     instead = ", ".join(f"{doubt} ({count})" for doubt, count in other)
-    return f"{len(found)} | {rate([well for _, well in found])} | {silent:.1f} | {instead}"
+    return [len(found), rate([well for _, well in found]), f"{silent:.1f}", instead]
 
 
 def words(found):
@@ -102,11 +103,12 @@ def words(found):
 
 
 def main():
-    """Count, and print the table."""
+    """Count, and print the table; write it with `--into`."""
     flags = ArgumentParser(description=__doc__)
     flags.add_argument("--seed", type=int, default=1000, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="sound data sets")
     flags.add_argument("--planted", type=int, default=100, help="data sets in which mistakes are planted")
+    flags.add_argument("--into", type=Path, help="CSV file for the table: docs/tables/wrong_inputs.csv")
     flags.add_argument("--fault", action="append", choices=MISTAKES, help="again for more; all else")
     asked = flags.parse_args()
     planted = range(asked.seed, asked.seed + asked.planted)
@@ -114,7 +116,11 @@ def main():
     with ProcessPoolExecutor() as workers:
         seeds = range(asked.seed, asked.seed + asked.seeds)
         found = [row for own in workers.map(work, seeds) for row in own]
-    sys.stdout.write("\n".join([*table(found), "", "".join(words(found))]))
+    heads, *rows = table(found)
+    print(lines(heads, [[str(cell) for cell in row] for row in rows]), "", *words(found), sep="\n")
+    if asked.into:
+        with asked.into.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([heads, *rows])
 
 
 if __name__ == "__main__":

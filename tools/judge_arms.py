@@ -1,4 +1,4 @@
-"""Judge the default on true arms that no model contains: the tables of docs/limits.md and docs/judged.
+"""Judge the default on true arms that no model contains: the tables of docs/judged.
 
 python tools/judge_arms.py runs/judged.jsonl --seed 780001 --seeds 100
 
@@ -319,7 +319,7 @@ def main():
     flags.add_argument("--seed", type=int, default=780001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
-    flags.add_argument("--into", type=Path, help="page for tables: see `write`")
+    flags.add_argument("--into", type=Path, help="folder for the tables as CSV, such as docs/judged")
     asked = flags.parse_args()
     with threadpool_limits(1):
         run(asked.files[0], asked.kind or KINDS, range(asked.seed, asked.seed + asked.seeds))
@@ -332,18 +332,11 @@ def main():
         write(found, asked.into)
 
 
-def write(found, page):
-    """Put each table between its marks `<!-- judged NAME -->` of a page, or into judged/NAME.csv beside."""
-    text = page.read_text(encoding="utf-8")
-    for name, (heads, *body) in found.items():
-        before, mark, rest = text.partition(f"<!-- judged {name} -->\n")
-        if mark:
-            _, end, after = rest.partition("<!-- end -->")
-            text = f"{before}{mark}{markdown.lines(heads, body)}\n\n{end}{after}"
-        else:
-            with (page.parent / "judged" / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows([heads, *body])
-    page.write_text(text, encoding="utf-8")
+def write(found, folder):
+    """Write each table as NAME.csv."""
+    for name, table in found.items():
+        with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(table)
 
 
 if __name__ == "__main__":

@@ -196,22 +196,26 @@ def _short(table: Table, most: int) -> str:
 
 
 def _tables(found: Report, folder: Path) -> Iterator[tuple[str, Table]]:
-    """Writes every table that has rows: a column a quantity, two more for the ends of its spread."""
+    """Write every table that has rows into a folder."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for key, table in found.tables.items():
-        if not table.rows:
-            continue
-        with (folder / f"{key}.csv").open("w", encoding="utf-8", newline="") as file:
-            cells = [[_cells(column, row) for column in table.columns] for row in table.rows]
-            wide = [any(len(own) > 1 for own in column) for column in zip(*cells, strict=True)]
-            heads = [_heads(c, spread) for c, spread in zip(table.columns, wide, strict=True)]
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(chain.from_iterable(heads))
-            for row in cells:
-                filled = [[*own, *[""] * 2][: len(head)] for own, head in zip(row, heads, strict=True)]
-                writer.writerow(chain.from_iterable(filled))
-        yield key, table
+        if table.rows:
+            write_table(table, folder / f"{key}.csv")
+            yield key, table
+
+
+def write_table(table: Table, file: Path) -> None:
+    """Write a table as CSV: a column per quantity, two more for the ends of its spread."""
+    cells = [[_cells(column, row) for column in table.columns] for row in table.rows]
+    wide = [any(len(own) > 1 for own in column) for column in zip(*cells, strict=True)]
+    heads = [_heads(c, spread) for c, spread in zip(table.columns, wide, strict=True)]
+    with file.open("w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(chain.from_iterable(heads))
+        for row in cells:
+            filled = [[*own, *[""] * 2][: len(head)] for own, head in zip(row, heads, strict=True)]
+            writer.writerow(chain.from_iterable(filled))
 
 
 def _heads(column: TableColumn, spread: bool) -> list[str]:

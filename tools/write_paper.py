@@ -4,24 +4,27 @@ python tools/write_paper.py [RUNS] [--out FILE]
 
 The template is jinja2's; under a study's name it finds its `report`, its `tables` and its `words`,
 under `printed` what the printed matrices of section 5.1 tell, under `section_6` the paper's statements of
-section 6 and what could explain its errors.
+section 6 and what could explain its errors. Tables of section 6 that are too long for the page are CSV files
+in docs/paper.
 """
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import section_6
 import typer
 from jinja2 import Environment, StrictUndefined, TemplateError
+from pages import write_table
 from printed_matrices import printed_matrices, tables
 
 from testbench.arm.folder import find_arm
 from testbench.errors import InputError
 from testbench.report.markdown import as_markdown, counted, grid
 from testbench.report.report import read_report
-from testbench.report.schema import show_truth, written_out
+from testbench.report.schema import Table, show_truth, written_out
 from testbench.runs import command
 from testbench.studies.paper import single_link
 from testbench.workflows.cell import build_cell
@@ -30,6 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"
 TEMPLATE = ROOT / "docs" / "paper.md.in"
 GRAVITY = "gravity_calibration"
+BESIDE = ("claims", "candidates", "stopped")  #: Tables of section 6 that are files beside the page.
 STUDIES = ("single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness", GRAVITY)
 
 app = typer.Typer(add_completion=False)
@@ -50,6 +54,9 @@ def main(
         raise InputError(TEMPLATE, "", str(err)) from err
     try:
         out.write_text(page, encoding="utf-8")
+        out.with_suffix("").mkdir(exist_ok=True)
+        for name in BESIDE:
+            write_table(tried[name], out.with_suffix("") / f"section_6_{name}.csv")
     except OSError as err:
         raise InputError(out, "", f"cannot be written: {err.strerror}") from err
     print(out)
@@ -58,11 +65,26 @@ def main(
 def _filled(values: Mapping[str, object]) -> str:
     """The template with these values; what is no Markdown is escaped, of several blank lines one is left."""
     jinja = Environment(undefined=StrictUndefined, finalize=_kept, trim_blocks=True, lstrip_blocks=True)
-    jinja.filters |= {"grid": grid, "counted": counted, "yes": show_truth}
+    jinja.filters |= {"grid": grid, "counted": counted, "yes": show_truth, "in_words": in_words, "only": only}
     template = jinja.from_string(TEMPLATE.read_text(encoding="utf-8"))
     lines = written_out(template.render(values)).strip().split("\n")
     kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
     return "\n".join(line.rstrip() for line in kept) + "\n"
+
+
+def in_words(table: Table) -> Table:
+    """Keep the statements without a number of the paper; another table has its numbers beside ours."""
+    [published] = [column for column in table.columns if column.name == "published"]
+    return replace(
+        table,
+        columns=tuple(column for column in table.columns if column.name not in ("published", "found")),
+        rows=[row for row in table.rows if published.value(row) is None],
+    )
+
+
+def only(table: Table, keys: str) -> Table:
+    """Keep the columns with these keys, which blanks separate."""
+    return replace(table, columns=tuple(column for column in table.columns if column.name in keys.split()))
 
 
 def _kept(value: object) -> str:
