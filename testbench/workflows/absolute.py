@@ -45,7 +45,7 @@ from testbench.identify.absolute.state import (
     torque_scale,
     undetermined_frames,
 )
-from testbench.identify.diagnosis.diagnose import unplaced_series
+from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Issue
@@ -185,7 +185,7 @@ def raise_explanation(vjm: Vjm) -> Iterator[None]:
     try:
         yield
     except Misfit as err:
-        issue = unplaced_series(vjm, err.series)
+        issue = explain_unregistered_series(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
         if issue is not None and issue.name != "kinematics" and _helps(issue):
             hint = f"; {describe(issue, vjm.arm, err.series.joints).sentence}"
@@ -256,7 +256,7 @@ def calibrate_with_masses(
 
 def hidden_geometry(calibrated: Calibrated) -> str:
     """Say what geometry that no arm has may hide, such as a joint's zero."""
-    why = unplaced_series(calibrated.calibration.state.vjm, calibrated.series[0])
+    why = explain_unregistered_series(calibrated.calibration.state.vjm, calibrated.series[0])
     if why is None or why.name == "kinematics":
         return "is the zero of a joint wrong, or is it another arm?"
     return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joints).sentence

@@ -22,7 +22,7 @@ from testbench.files.mapping import Map
 from testbench.files.names import What
 from testbench.files.read_pairs import Export, read_export
 from testbench.identify.diagnosis.deflections import deflection_scale
-from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
+from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.metric import cad_prior, scale_by_prior
@@ -229,7 +229,7 @@ def register_export(cell: Cell, export: Export, options: ReadingOptions) -> tupl
     except InputError:
         raise
     except BenchError as err:
-        doubt = unplaced_runs(cell.vjm, export.data)
+        doubt = explain_unregistered_runs(cell.vjm, export.data)
         if doubt is None:
             raise
         words = describe(doubt, cell.arm, export.columns.joints).sentence

@@ -10,7 +10,7 @@ from sound_sets import PAYLOAD, Sound
 from testbench import BenchError, register_dataset
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Doubt
-from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
+from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.metric import Prior
@@ -42,7 +42,7 @@ def named(own: Sound) -> list[Doubt]:
     try:
         found = register_dataset(vjm, data, "tracker" if own.declared else "auto")
     except BenchError as why:
-        issue = unplaced_runs(vjm, data)
+        issue = explain_unregistered_runs(vjm, data)
         return [describe(issue, vjm.arm) if issue else Doubt("refused", str(why))]
     found = diagnose(Submission(vjm, data, found, own.declared), own.prior)
     return [describe(issue, vjm.arm) for issue in found]

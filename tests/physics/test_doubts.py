@@ -20,21 +20,21 @@ from sound_sets import sound
 from testbench.data.dataset import Dataset, select, select_rows
 from testbench.identify.diagnosis import diagnose as diagnosis
 from testbench.identify.diagnosis.deflections import (
-    SOUND_BACKLASH,
-    SOUND_STIFFENING,
-    residual_model,
-    sound_joint_columns,
+    USUAL_BACKLASH,
+    USUAL_STIFFENING,
+    backlash_and_stiffening_columns,
+    fit_residual_model,
 )
-from testbench.identify.diagnosis.diagnose import RUNS_AT_A_TIME, diagnose
+from testbench.identify.diagnosis.diagnose import RUNS_PER_BATCH, diagnose
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
 from testbench.identify.diagnosis.kinematics import (
-    MAX_ROUNDS,
+    MAX_CORRECTION_ROUNDS,
     Issue,
     Observations,
     Submission,
     best_hypothesis,
+    correct_one_by_one,
     score_test,
-    undo_one_by_one,
 )
 from testbench.identify.diagnosis.moves import p_value
 from testbench.identify.metric import cad_prior, scale_by_prior
@@ -113,8 +113,8 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     """Shapes and couplings have a width of their own: Bayes' formulas in the readings, dense."""
     own = sets["levels"]
     vjm, structure = own.cell.vjm, all153(own.cell.arm)
-    fitted = residual_model(vjm, scale_by_prior(cad_prior(own.cell.arm), vjm, structure), own.data)
-    h, prior = fitted.h, fitted.scaling
+    fitted = fit_residual_model(vjm, scale_by_prior(cad_prior(own.cell.arm), vjm, structure), own.data)
+    h, prior = fitted.hyperparameters, fitted.scaling
     assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
     blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
     size = np.exp(h[blocks])
@@ -125,7 +125,7 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     mean = prior.L @ (size * prior.expected + D * (G.T @ np.linalg.solve(S, apart)))
     unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
-    joints = sound_joint_columns(vjm, own.data, structure, fitted.pi)
+    joints = backlash_and_stiffening_columns(vjm, own.data, structure, fitted.pi)
     known = np.eye(len(G)) / fitted.misfit**2 - fitted.U @ fitted.U.T
     np.testing.assert_allclose(known @ (S + joints @ joints.T), np.eye(len(G)), rtol=0, atol=1e-5)
     np.testing.assert_allclose(
@@ -138,10 +138,12 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
     own = sets["levels"]
     vjm, data, s = own.cell.vjm, own.data, all153(own.cell.arm)
     C = own.cell.arm.C_theta
-    found = sound_joint_columns(vjm, data, s, s.entries(C)).reshape(data.runs, len(data.markers), 3, -1, 2)
+    found = backlash_and_stiffening_columns(vjm, data, s, s.entries(C)).reshape(
+        data.runs, len(data.markers), 3, -1, 2
+    )
     turn = (C @ generalised_load(chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
     for j in range(turn.shape[1]):
-        for k, size in enumerate((SOUND_BACKLASH * np.sign(turn), SOUND_STIFFENING * turn * np.abs(turn))):
+        for k, size in enumerate((USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn))):
             q = data.q + size * np.eye(turn.shape[1])[j]
             moved = tool_points(vjm, q, vjm.markers) - tool_points(vjm, data.q, vjm.markers)
             moved /= np.sqrt(2) * data.sigma
@@ -161,7 +163,7 @@ def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, m
     assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
     data = select(own.data, own.data.run == 1)
     given = Submission(
-        own.cell.vjm, data, RegisteredDataset(own.cell.vjm, data, None, "base", ()), declared=False
+        own.cell.vjm, data, RegisteredDataset(own.cell.vjm, data, None, "base", ()), frame_stated=False
     )
     assert [issue.name for issue in diagnose(given, own.prior)] == ["pose"]
 
@@ -184,7 +186,7 @@ def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], added)
     own, table = sets["levels"], added["TABLE"]
     vjm, data = own.cell.vjm, replace(own.data, q=own.data.q / 0.9)
-    given = Submission(vjm, data, RegisteredDataset(vjm, data, None, "base", ()), declared=False)
+    given = Submission(vjm, data, RegisteredDataset(vjm, data, None, "base", ()), frame_stated=False)
     [first, *_] = diagnose(given, own.prior, table)
     assert first.name == "gon"
     words = describe(first, vjm.arm, hypotheses=table).sentence
@@ -195,7 +197,7 @@ def test_mistakes_are_undone_one_after_the_other():
     """Each from data without those before; what cannot be undone is told once."""
     seen = []
 
-    def undo(data, model):
+    def correct_worst(data, model):
         seen.append((data, model))
         worst = max(data, default=0)
         rest = data if worst == 3 else tuple(x for x in data if x != worst)
@@ -203,8 +205,8 @@ def test_mistakes_are_undone_one_after_the_other():
 
     for data, kinds in (((5, 4), ["5", "4"]), ((5, 3, 1), ["5", "3"]), (tuple(range(10, 20)), "")):
         seen.clear()
-        found, rest, model = undo_one_by_one(data, 0, undo)
-        assert [one.name for one in found] == kinds or len(found) == MAX_ROUNDS
+        found, rest, model = correct_one_by_one(data, 0, correct_worst)
+        assert [one.name for one in found] == kinds or len(found) == MAX_CORRECTION_ROUNDS
         assert model == len(found)
         assert seen[-1][1] == len(seen) - 1
         assert not set(rest) & {int(one.name) for one in found if one.name != "3"}
@@ -277,9 +279,9 @@ def test_the_score_test_is_a_bayes_factor_and_the_chance_of_a_step_that_of_fishe
     for k in range(3):
         S = np.eye(20) + Z[k] @ Z[k].T
         wide, narrow = (multivariate_normal(np.zeros(20), C).logpdf(e[k]) for C in (S, np.eye(20)))
-        assert found.nats[k] == pytest.approx(wide - narrow)
-        np.testing.assert_allclose(found.b[k], Z[k].T @ np.linalg.solve(S, e[k]))
-    step = Issue("tracker_moved", size=np.zeros(3), numbers={"free": 40.0}, nats=6.0)
+        assert found.log_bayes_factor[k] == pytest.approx(wide - narrow)
+        np.testing.assert_allclose(found.expected_size[k], Z[k].T @ np.linalg.solve(S, e[k]))
+    step = Issue("tracker_moved", size=np.zeros(3), numbers={"free": 40.0}, log_likelihood_gain=6.0)
     assert p_value(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 
@@ -293,13 +295,13 @@ def told(vjm, data, frame="base"):
 def test_single_runs_are_found_among_many(sets):
     """More runs than are weighed together."""
     once, rng = sets["levels"].data, np.random.default_rng(3)
-    many = select_rows(once, np.tile(np.arange(once.runs), RUNS_AT_A_TIME // once.runs + 1))
+    many = select_rows(once, np.tile(np.arange(once.runs), RUNS_PER_BATCH // once.runs + 1))
     before, after = (x + 1e-6 * rng.standard_normal(x.shape) for x in (many.before, many.after))
     run = np.arange(many.runs) + 1
     data = replace(
         many, run=run, pose=many.pose + 1000 * ((run - 1) // once.runs), before=before, after=after
     )
-    assert data.runs > RUNS_AT_A_TIME
+    assert data.runs > RUNS_PER_BATCH
     after[[3, data.runs - 2], 1] += 3e-3
     told = named(replace(sets["levels"], data=replace(data, after=after)))
     assert {(d.name, d.sentence.split(":")[0]) for d in told} == {

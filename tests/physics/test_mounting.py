@@ -8,7 +8,7 @@ from serial_arms import write_arm
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.diagnosis.gravity import (
     DOWN,
-    angle,
+    angle_between,
     mounting_by_own_weight,
     rotation_from_down,
     with_base_rotated,
@@ -47,7 +47,9 @@ def test_own_weight_tells_how_the_base_stands(upright, tmp_path, how):
     found = mounting_by_own_weight(calibration.state, calibration.series, prior)
     true = cell.vjm.base[:3, :3].T @ DOWN
     assert how in describe(found, upright.arm).sentence
-    assert np.degrees(angle(found.size[:3], true)) < 2  # a level tracker is off by half a degree, the fit too
+    assert (
+        np.degrees(angle_between(found.size[:3], true)) < 2
+    )  # a level tracker is off by half a degree, the fit too
     stands = Rotation.from_quat(found.size[3:], scalar_first=True).as_matrix()
     np.testing.assert_allclose(stands @ found.size[:3], DOWN, atol=1e-12)
     calibration = calibrate(cell.vjm, series, prior, ONLY)

@@ -19,7 +19,7 @@ from testbench.identify.absolute.fit import (
     select_and_solve,
 )
 from testbench.identify.absolute.state import nominal_state
-from testbench.identify.diagnosis.diagnose import unplaced_series
+from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.metric import cad_prior
 from testbench.model.load import read_weights
@@ -223,9 +223,9 @@ def test_circles_of_one_joint_each_tell_couplings_orders_and_slips(kr500, circle
             s, q=np.where(np.arange(36)[:, None] < 20, s.q, np.roll(s.q, -1, axis=0))
         ),
     }
-    assert unplaced_series(kr500.vjm, circles) is None
+    assert explain_unregistered_series(kr500.vjm, circles) is None
     for words, plant in planted.items():
-        assert words in describe(unplaced_series(kr500.vjm, plant(circles)), kr500.arm).sentence
+        assert words in describe(explain_unregistered_series(kr500.vjm, plant(circles)), kr500.arm).sentence
 
 
 def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):

@@ -51,7 +51,12 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.posterior import deviations_root
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
-from testbench.identify.diagnosis.kinematics import MAX_ROWS, Issue, find_row_shift, of_series
+from testbench.identify.diagnosis.kinematics import (
+    MAX_COMPARED_ROWS,
+    Issue,
+    find_row_shift,
+    observations_of_series,
+)
 from testbench.identify.diagnosis.moves import divide_at_moves
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
@@ -303,7 +308,7 @@ def check_last_joint_sign(
     """
     if any(readings.rotation is not None for readings in series):
         return
-    thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
+    thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_COMPARED_ROWS)) for readings in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
         mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[
@@ -330,8 +335,8 @@ def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
         Misfit: When the rows of one series belong to other poses from some row on.
     """
     for readings in series:
-        if readings.distance is None and (slip := find_row_shift(of_series(vjm, readings))):
-            first = readings.row[slip.first]
+        if readings.distance is None and (slip := find_row_shift(observations_of_series(vjm, readings))):
+            first = readings.row[slip.first_row]
             raise Misfit(f"{readings.name}: its rows from {first} on do not fit those before", readings)
 
 

@@ -1,1 +1,1 @@
-"""Find mistakes in readings: one table of hypotheses, each undone, fitted again and compared."""
+"""Find mistakes in readings: one table of hypotheses, each corrected, fitted again and compared."""

@@ -1,7 +1,8 @@
-"""Diagnosis of runs and series: certain mistakes first, then the place of the arm, then loads and moves.
+"""Diagnosis of runs: certain mistakes, then frame and kinematics, then loads, deflections and moves in time.
 
-Certain mistakes need no fit: equal or repeated readings, absurd sizes. A pair shows that the tracker, or the
-targets on the tool, moved only if they moved between its two readings. Otherwise the order in time shows it.
+Mistakes that are certain without a fit are, for example, equal or repeated readings. A pair of readings shows
+a move of the tracker, or of the targets on the tool, only if it happened between the two readings. All other
+moves are found from the order of the readings in time.
 """
 
 from collections.abc import Iterator
@@ -17,33 +18,33 @@ from testbench.identify.absolute.state import ArmState, Mount, nominal_state, to
 from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (
     DOWN,
-    REVERSED_ANGLE,
-    angle,
+    MIN_REVERSED_ANGLE,
+    angle_between,
     gravity_by_tracker,
-    mounting,
-    sags_like_hanging,
+    mounting_issue,
+    sags_as_hanging,
     suspected_gravity,
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
 from testbench.identify.diagnosis.kinematics import (
+    EXPECTED_DISTANCE_OVER_REACH,
     IDENTITY_FRAME,
-    SOUND_DISTANCE,
     FittedObservations,
     FreeParameters,
     Issue,
     Observations,
     Submission,
     best_hypothesis,
-    fit,
-    listed_issues,
-    of_series,
+    fit_kinematics,
+    issues_without_fit,
+    observations_of_series,
 )
 from testbench.identify.diagnosis.moves import (
+    candidate_rows,
     most_significant_step,
     nuisance_model,
     p_value,
-    step_places,
-    with_shift,
+    with_rms_shift,
 )
 from testbench.identify.metric import Prior, scale_by_prior
 from testbench.identify.registered import RegisteredDataset
@@ -53,114 +54,116 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
 from testbench.progress import stepwise
 
-NO_PARAMETERS = FreeParameters()
-HUGE_DEFLECTION = 20.0  #: Deflection over a sound distance from which loaded readings are of something else.
-RUNS_AT_A_TIME, MAX_PARTS = 90, 12  #: Runs that are tested together, and greatest number of such batches.
-#: Mistakes that a registration mends: the loads can be looked at all the same.
+NO_FREE_PARAMETERS = FreeParameters()
+#: Median deflection, over the expected distance, above which loaded readings must fit the kinematics [1].
+MAX_DEFLECTION_RATIO = 20.0
+RUNS_PER_BATCH, MAX_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
+#: Mistakes that the registration corrects, so that the loads are tested anyway.
 CORRECTED_BY_REGISTRATION = ("frame", "targets")
 
 
 def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
     """Find probable mistakes in runs.
 
-    The checks come in this order: plain mistakes, frame and kinematics, the sign of the work, then loads,
-    deflections and their order in time.
+    The order of the tests is: mistakes that are certain without a fit, frame and kinematics, the sign of the
+    work, single poses, then loads, deflections and moves in time.
 
     Args:
         submission: The arm and the runs.
-        prior: Prior of the compliances, from the arm's folder.
+        prior: Nominal prior of the compliances.
         hypotheses: The table of mistakes.
 
     Returns:
-        Issues, the most probable first; none for sound runs. A mistake of all poses or of all readings ends
-        the checks, because it would spoil them, unless the registration corrects it.
+        Issues, the most probable first; none for sound runs. A mistake in all poses or all readings ends the
+        tests, because it would spoil them, unless the registration corrects it.
 
     Raises:
         BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
     """
     registered = submission.registered
-    check_runs(registered.vjm, registered.data)
-    plain = listed_issues(submission, hypotheses.without_fit)
-    if registered.data.lines.any():
-        return plain or _along_lines(registered, prior, hypotheses)
-    said, placed = _placed(submission, hypotheses)
-    if plain or any(issue.name not in CORRECTED_BY_REGISTRATION for issue in said):
-        return [*said, *plain]
     data, vjm = registered.data, registered.vjm
-    size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
-    if vjm.arm.joints and size > HUGE_DEFLECTION * placed.observations.scale:
-        station_data = submission.data if registered.frame == "base" else _of_one_station(submission.data)
-        loaded, _ = best_hypothesis(
-            _observations(vjm, station_data, station_data.after, _free_parameters(registered)),
-            hypotheses.kinematics,
-            "loaded",
-        )
-        if loaded is not None:
-            return [loaded, *said]
+    check_runs(vjm, data)
+    certain = issues_without_fit(submission, hypotheses.without_fit)
+    if data.lines.any():
+        return certain or _along_lines(registered, prior, hypotheses)
+    # Frame, targets and kinematics: by the unloaded readings, and by the loaded ones if they are far off.
+    issues, fitted = _kinematic_issues(submission, hypotheses)
+    if certain or any(issue.name not in CORRECTED_BY_REGISTRATION for issue in issues):
+        return [*issues, *certain]
+    deflection = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
+    if vjm.arm.joints and deflection > MAX_DEFLECTION_RATIO * fitted.observations.expected_distance:
+        runs = submission.data if registered.frame == "base" else _of_one_station(submission.data)
+        loaded = _observations(vjm, runs, runs.after, _free_parameters(registered))
+        issue, _ = best_hypothesis(loaded, hypotheses.kinematics, "loaded")
+        if issue is not None:
+            return [issue, *issues]
+    # The sign of the work: targets that move against the force.
     loads = LoadedRuns(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, gravity_by_tracker(registered))
-    if against := listed_issues(data, hypotheses.work):
-        hung = _mounting_issue(loads, placed.observations)
-        return [*hung, *said, *([] if hung else against)]
-    off = listed_issues(placed, hypotheses.single_poses)
-    said += off
-    wrong = [issue.numbers["pose"] for issue in off]
-    loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if off else data)
+    if against := issues_without_fit(data, hypotheses.force_work):
+        hung = _mounting_issue(loads, fitted.observations)
+        return [*hung, *issues, *([] if hung else against)]
+    # Single poses; the loads are tested without them.
+    wrong_poses = issues_without_fit(fitted, hypotheses.single_poses)
+    issues += wrong_poses
+    wrong = [issue.numbers["pose"] for issue in wrong_poses]
+    loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if wrong else data)
     if not loads.data.seen.any():
-        return said
-    moved = moves_in_time(vjm, loads.data, prior)
-    pushed = _load_issues(loads, hypotheses)
-    if any(issue.name == "mounting" for issue in pushed):
-        return [*pushed, *said]
-    runs = {row.name for row in hypotheses.single_runs}
-    if all(issue.name in runs for issue in pushed):  # else a mistake of all loads may look like a step
-        return [*moved, *said, *pushed]
-    return [*said, *pushed, *moved]
+        return issues
+    # Loads, deflections and moves in time. A mistake in all loads may look like a move: it comes first.
+    moves = find_moves(vjm, loads.data, prior)
+    of_loads = _load_issues(loads, hypotheses)
+    if any(issue.name == "mounting" for issue in of_loads):
+        return [*of_loads, *issues]
+    of_runs = {row.name for row in hypotheses.single_runs}
+    if all(issue.name in of_runs for issue in of_loads):
+        return [*moves, *issues, *of_loads]
+    return [*issues, *of_loads, *moves]
 
 
 def _along_lines(registered: RegisteredDataset, prior: Prior, hypotheses: Hypotheses) -> list[Issue]:
-    """Find mistakes of loads and readings along lines; these do not show where targets or trackers are."""
+    """Find mistakes in loads and readings along lines; these do not show where targets or trackers are."""
     data, vjm = registered.data, registered.vjm
-    if against := listed_issues(data, hypotheses.work):
+    if against := issues_without_fit(data, hypotheses.force_work):
         return against
     loads = LoadedRuns(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, None)
     every = tuple(row for row in hypotheses.all_loads if row.name != "tracker_moved")
     return _load_issues(loads, replace(hypotheses, all_loads=every))
 
 
-def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], FittedObservations]:
-    """Find mistakes about the places of arm, targets and tracker; return the readings with their fit too."""
+def _kinematic_issues(
+    submission: Submission, hypotheses: Hypotheses
+) -> tuple[list[Issue], FittedObservations]:
+    """Find mistakes in frame, targets and kinematics; return them, and the fitted unloaded readings."""
     registered = submission.registered
-    if registered.frame == "base" or not submission.declared:
-        observations = _observations(submission.folder_model, submission.data, submission.data.before)
-        raw, best_fit = best_hypothesis(observations, hypotheses.kinematics)
-        if registered.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
-            # a tracker's frame is no mistake; the reason that it was not found is one
-            raw = unplaced_runs(submission.folder_model, submission.data, hypotheses) or (
-                raw if raw.name == "frame" else None
-            )
-        mistaken = raw is not None and raw.name not in ("frame", "kinematics")
-        if registered.frame == "base" or mistaken:
-            return ([] if raw is None else [raw]), FittedObservations(observations, best_fit)
+    if registered.frame == "base" or not submission.frame_stated:
+        # The readings as they are, in the base's frame.
+        observations = _observations(submission.nominal_model, submission.data, submission.data.before)
+        issue, fitted = best_hypothesis(observations, hypotheses.kinematics)
+        if registered.registration is None and issue is not None and issue.name in ("frame", "kinematics"):
+            # A tracker's frame is no mistake, but the reason why it was not found is one.
+            reason = explain_unregistered_runs(submission.nominal_model, submission.data, hypotheses)
+            issue = reason or (issue if issue.name == "frame" else None)
+        if registered.frame == "base" or (issue is not None and issue.name not in ("frame", "kinematics")):
+            return ([] if issue is None else [issue]), FittedObservations(observations, fitted)
+    # The readings of one tracker, in its frame; then all of them, as registered.
     data = _of_one_station(submission.data)
-    issue, _ = best_hypothesis(
-        _observations(registered.vjm, data, data.before, _free_parameters(registered)), hypotheses.kinematics
-    )
+    unloaded = _observations(registered.vjm, data, data.before, _free_parameters(registered))
+    issue, _ = best_hypothesis(unloaded, hypotheses.kinematics)
+    issues = [issue] if issue else issues_without_fit(submission, hypotheses.registration)
     observations = _observations(registered.vjm, registered.data, registered.data.before)
-    return ([issue] if issue else listed_issues(submission, hypotheses.registration)), FittedObservations(
-        observations, fit(observations)
-    )
+    return issues, FittedObservations(observations, fit_kinematics(observations))
 
 
-def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) -> Issue | None:
-    """Find the mistake that keeps readings from being brought into the base's frame.
+def explain_unregistered_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) -> Issue | None:
+    """Find the mistake that prevents the registration of runs in the base's frame.
 
     Args:
-        vjm: The arm as its folder has it.
+        vjm: Nominal model of the arm.
         data: Runs of one or several stations.
         hypotheses: The table of mistakes.
 
     Returns:
-        The mistake; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
+        The issue; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
         fit.
     """
     names = np.zeros(data.runs) if data.station is None else data.station
@@ -173,44 +176,44 @@ def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) 
     return min(filter(None, issues), key=lambda issue: issue.name == "kinematics", default=None)
 
 
-def unplaced_series(vjm: Vjm, series: Series) -> Issue | None:
-    """Find the mistake that keeps absolute readings from fitting the arm in any frame.
+def explain_unregistered_series(vjm: Vjm, series: Series) -> Issue | None:
+    """Find the mistake that prevents absolute readings from fitting the arm in any frame.
 
     Args:
-        vjm: The arm as its folder has it.
+        vjm: Nominal model of the arm.
         series: The readings.
 
     Returns:
-        The mistake; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
+        The issue; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
         fit.
     """
     if series.distance is not None:
         return None
-    return best_hypothesis(of_series(vjm, series), HYPOTHESES.kinematics, "all")[0]
+    return best_hypothesis(observations_of_series(vjm, series), HYPOTHESES.kinematics, "all")[0]
 
 
 def _mounting_issue(loads: LoadedRuns, observations: Observations) -> list[Issue]:
-    """Name the mounting of the base if it makes targets move against stated weights."""
+    """Find the mounting of the base that makes targets move against stated weights."""
     vjm, data = loads.vjm, loads.data
-    pull = suspected_gravity(vjm, loads.scaling, data, loads.level)
-    if pull is None:
+    gravity = suspected_gravity(vjm, loads.scaling, data, loads.tracker_gravity)
+    if gravity is None:
         return []
-    if angle(pull.g, DOWN) > REVERSED_ANGLE and not pull.confirmed_by_level:
+    if angle_between(gravity.g, DOWN) > MIN_REVERSED_ANGLE and not gravity.confirmed_by_tracker:
         model = loads.scaling
         pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected)
-        if not sags_like_hanging(
+        if not sags_as_hanging(
             observations, _observations(vjm, data, data.after), model.structure.matrix(pi)
         ):
             return []
-    return [mounting(vjm, pull)]
+    return [mounting_issue(vjm, gravity)]
 
 
 def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
-    """Find mistakes of loads: of all runs from a part of the runs, of single runs from all."""
+    """Find mistakes in all loads from the first batch of runs, in single runs from all batches."""
     data = loads.data
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(RUNS_AT_A_TIME, MAX_READINGS // readings_per_run))))
-    subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_PARTS))]
+    parts = max(1, -(-data.runs // max(1, min(RUNS_PER_BATCH, MAX_READINGS // readings_per_run))))
+    subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
     issues = load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
     runs = {row.name for row in hypotheses.single_runs}
     if any(issue.name not in runs for issue in issues):
@@ -218,7 +221,7 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     for subset in stepwise(subsets[1:], "looking for mistakes"):
         more = load_issues(replace(loads, data=subset), hypotheses.all_loads, hypotheses.single_runs)
         issues += [issue for issue in more if issue.name in runs]
-    return sorted(issues, key=lambda issue: -(issue.nats or 0))
+    return sorted(issues, key=lambda issue: -(issue.log_likelihood_gain or 0))
 
 
 def _of_one_station(data: Dataset) -> Dataset:
@@ -234,66 +237,69 @@ def _free_parameters(registered: RegisteredDataset) -> FreeParameters:
 
 
 def _observations(
-    vjm: Vjm, data: Dataset, position: Array, free: FreeParameters = NO_PARAMETERS
+    vjm: Vjm, data: Dataset, position: Array, free: FreeParameters = NO_FREE_PARAMETERS
 ) -> Observations:
-    """Collect readings, unloaded or loaded, of the runs that have unloaded readings of their own."""
+    """Collect readings, unloaded or loaded; loads of a pose that share unloaded readings count once."""
     every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
-    runs = np.sort(np.unique(every, axis=0, return_index=True)[1])  # several loads of a pose may share them
+    runs = np.sort(np.unique(every, axis=0, return_index=True)[1])
     return Observations(
         vjm=vjm,
         q=data.q[runs],
         markers=marker_points(vjm, data.markers),
         position=position[runs],
         seen=data.seen[runs],
-        scale=SOUND_DISTANCE * vjm.reach,
+        expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         names=data.markers,
         runs=data.run[runs],
         poses=data.pose[runs],
-        free=free,
+        free_parameters=free,
     )
 
 
 # --- Moves between two readings -----------------------------------------------------------------------------
 
 MAX_P_VALUE = 0.05
-"""Probability of a step as clear in sound readings, above which a step is not reported."""
-MIN_POSES = 3  #: Poses before and behind a step that is reported.
-MAX_ORDER = 2  #: Highest order of periodic errors that may explain a step: few poses determine no more.
+"""Largest probability of a reported move, or a clearer one, in sound readings [1]."""
+MIN_POSES_BESIDE_STEP = 3  #: Fewest poses before and after a move that is reported.
+#: Highest order of the periodic joint errors that may explain a move instead; few poses determine no more.
+MAX_PERIODIC_ORDER = 2
 MAX_TARGETS = 30
-"""Targets that are used, evenly chosen out of more: all move together, and each adds unknowns."""
-MOUNT_NAME = "targets"  #: Name of the mount in reports.
+"""Most targets that are used, evenly spaced: all move together, and each adds unknowns."""
+MOUNT_NAME = "targets"  #: Name of the mount of all targets.
 
 
-def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
-    """Find moves of tracker or targets between two readings of runs, at most one step per station.
+def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
+    """Find moves of the tracker or the targets between two readings of runs, at most one per station.
 
-    It is the step that `calibrate` looks for (`moves`): from one reading on all lie elsewhere than the arm
-    says, by a move that no error of geometry, spring or slow joint error explains. Only steps count whose
-    chance is below MAX_P_VALUE divided by twice the number of places.
+    From the move on, all readings are displaced against the arm by a rigid motion that no error of geometry,
+    compliance or slow joint error explains. A move is reported if its p-value is below MAX_P_VALUE divided by
+    twice the number of tested places.
 
     Args:
         vjm: The arm's virtual joint model, with targets as measured.
         data: Runs in the base's frame, in order of time.
-        prior: Prior of the compliances, from the arm's folder.
+        prior: Nominal prior of the compliances.
 
     Returns:
-        Moves of targets, then of trackers; none when there are too few readings. In their numbers `before`
-        and `after`, 2 k is the unloaded reading of run k and 2 k + 1 the loaded one.
+        Moves of targets, then of trackers; none when there are too few readings. Their numbers `before` and
+        `after` identify the readings on both sides: 2 k is the unloaded reading of run k, 2 k + 1 the loaded.
     """
     series = tuple(_series_in_time(select_rows(data, select_evenly(np.arange(data.runs)))))
-    steps = [step_places(readings, MIN_POSES) for readings in series]
+    steps = [candidate_rows(readings, MIN_POSES_BESIDE_STEP) for readings in series]
     if not vjm.arm.joints or not any(map(len, steps)):
         return []
     try:
         state, noise = first_fit(
-            _folder_state(vjm, series), series, scale_by_prior(prior, vjm, joints_only(vjm.arm))
+            _nominal_base_state(vjm, series), series, scale_by_prior(prior, vjm, joints_only(vjm.arm))
         )
     except BenchError:  # too few readings to determine arm and targets: no step can be found
         return []
-    linear = nuisance_model(state, series, noise, scale_by_prior(prior, vjm, all153(vjm.arm)), MAX_ORDER)
+    linear = nuisance_model(
+        state, series, noise, scale_by_prior(prior, vjm, all153(vjm.arm)), MAX_PERIODIC_ORDER
+    )
     clear = MAX_P_VALUE / (2 * sum(map(len, steps)))
     moves = [
-        with_shift(linear, readings, step)
+        with_rms_shift(linear, readings, step)
         for readings, step in most_significant_step(linear, series, steps)
         if p_value(step) < clear
     ]
@@ -302,7 +308,7 @@ def moves_in_time(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
 
 
 def _series_in_time(data: Dataset) -> Iterator[Series]:
-    """Sort the readings of every station by time; 2 run is an unloaded reading, 2 run + 1 a loaded one.
+    """Sort the readings of every station by time; rows 2 k and 2 k + 1 are the unloaded and loaded run k.
 
     An unloaded reading that several loads share is listed once.
     """
@@ -321,8 +327,8 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
         yield select_rows(replace(series, name=name, row=2 * series.row + loaded, pose=poses), first)
 
 
-def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
-    """Build the arm as its folder has it, in the base's frame."""
+def _nominal_base_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
+    """Build the nominal arm with trackers in the base's frame and nominal targets."""
     weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),

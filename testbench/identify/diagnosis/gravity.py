@@ -1,7 +1,7 @@
-"""Gravity from another side than the arm's folder has it: a base that hangs, stands on a wall or is tilted.
+"""Gravity in another direction than the nominal one: a base that hangs, stands on a wall or is tilted.
 
-A hung weight pulls along -z of the folder's world. If the base is mounted otherwise, it pulls along a unit
-vector g of these axes. Deflections are linear in the force. So g follows by least squares from the
+A hung weight pulls along -z of the nominal world frame. If the base is mounted otherwise, it pulls along a
+unit vector g of these axes. Deflections are linear in the force. So g follows by least squares from the
 deflections d_k that the expected compliances have under the same force along x, y and z:
 
     d = x_1 d_1 + x_2 d_2 + x_3 d_3,    g = x / |x|
@@ -28,7 +28,7 @@ from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.evidence import first_fit
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
-from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit
+from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit_kinematics
 from testbench.identify.metric import Prior, PriorScaling, scale_by_prior
 from testbench.identify.registered import RegisteredDataset
 from testbench.identify.registration import Frame
@@ -39,25 +39,27 @@ from testbench.model.structure import joints_only
 from testbench.model.vjm import Vjm, chain, rotation
 
 DOWN = np.array([0.0, 0.0, -1.0])
-VERTICAL_ANGLE = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
-#: Greatest tilt of a tracker that is levelled by its feet, and of a floor [rad].
-LEVEL_ANGLE = np.deg2rad(3.0)
-MIN_TILT = np.deg2rad(5.0)  #: Angle of g from -z, by deflections, from which a mounting is examined [rad].
-SNAP_ANGLE = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or a level tracker [rad].
-REVERSED_ANGLE = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
-FAR_ANGLE, MIN_EXPLAINED = np.deg2rad(45.0), 0.7
-"""Angle of g [rad], and share of the typical deflection that it explains, from which it is certain."""
-MIN_READINGS = 6  #: Least readings that determine the three numbers of a direction.
-ROUNDS = 5  #: Weightings of the least squares.
-ROUNDING = 1e-9  #: Rounding error of a rotation matrix [1].
+MAX_WEIGHT_ANGLE = np.deg2rad(1.0)  #: Largest angle between a weight and the vertical [rad].
+#: Largest tilt of a floor, and of a tracker that is levelled by its feet [rad].
+MAX_LEVEL_TILT = np.deg2rad(3.0)
+MIN_TILT = np.deg2rad(5.0)  #: Least angle between -z and g by deflections of a wrong mounting [rad].
+#: Largest angle from g to the direction of a ceiling, a wall or a level tracker that replaces it [rad].
+SNAP_ANGLE = np.deg2rad(22.0)
+MIN_REVERSED_ANGLE = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
+MIN_CERTAIN_ANGLE, MIN_EXPLAINED_SHARE = np.deg2rad(45.0), 0.7
+"""Angle of g from -z [rad], and share of the typical deflection that it explains [1], above which g is
+certain."""
+MIN_READINGS = 6  #: Fewest readings from which a direction of gravity is estimated.
+REWEIGHTINGS = 5  #: Reweighted solutions of the robust least squares.
+ROUNDING_ERROR = 1e-9  #: Rounding error of a rotation matrix [1].
 
 
 def with_gravity_along(data: Dataset, g: Array) -> Dataset:
-    """Rotate all wrenches from gravity along -z to gravity along g.
+    """Rotate the wrenches of all runs from gravity along -z to gravity along g.
 
     Args:
-        data: The runs, with loads stated for gravity along -z.
-        g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
+        data: The runs, with wrenches stated for gravity along -z.
+        g: Direction of gravity in the nominal world frame, a unit vector, (3,) [1].
     """
     return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ rotation_from_down(g).T).reshape(-1, 6))
 
@@ -66,8 +68,8 @@ def with_base_rotated(vjm: Vjm, g: Array) -> Vjm:
     """Rotate the arm's base so that gravity along g becomes gravity along -z.
 
     Args:
-        vjm: The arm as its folder has it.
-        g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
+        vjm: Nominal model of the arm.
+        g: Direction of gravity in the nominal world frame, a unit vector, (3,) [1].
 
     Returns:
         The arm as it is mounted.
@@ -81,11 +83,10 @@ def rotation_from_down(g: Array) -> Array:
     """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
-    angle = float(np.arctan2(size, DOWN @ g))
-    return rotation(axis / size if size > ROUNDING else np.eye(3)[0], angle)
+    return rotation(axis / size if size > ROUNDING_ERROR else np.eye(3)[0], angle_between(DOWN, g))
 
 
-def angle(a: Array, b: Array) -> float:
+def angle_between(a: Array, b: Array) -> float:
     """Compute the angle between two vectors, atan2(|a x b|, a . b).
 
     Args:
@@ -99,9 +100,9 @@ def angle(a: Array, b: Array) -> float:
 
 
 def gravity_by_tracker(registered: RegisteredDataset) -> Array | None:
-    """Find gravity in the folder's world, a unit vector, (3,), from a tracker that stands level.
+    """Find gravity in the nominal world frame, a unit vector, (3,), from a tracker that stands level.
 
-    It is None without a registration, or when stations disagree.
+    The result is None without a registration, or when stations disagree.
     """
     if registered.frame != "tracker" or registered.registration is None:
         return None
@@ -109,90 +110,98 @@ def gravity_by_tracker(registered: RegisteredDataset) -> Array | None:
 
 
 def mean_gravity(frames: Iterable[Frame]) -> Array | None:
-    """Average the direction of gravity, (3,) [1], over frames of trackers that stand level.
+    """Average the direction of gravity, (3,) [1], over the frames of trackers that stand level.
 
-    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world. The result is None when
-    one frame differs from the mean by LEVEL_ANGLE or more.
+    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the nominal world frame. The result is
+    None when one frame differs from the mean by MAX_LEVEL_TILT or more.
     """
     directions = np.array([DOWN @ frame.rotation for frame in frames])
     mean = directions.mean(axis=0) / np.linalg.norm(directions.mean(axis=0))
-    return mean if max(angle(direction, mean) for direction in directions) < LEVEL_ANGLE else None
+    return mean if max(angle_between(direction, mean) for direction in directions) < MAX_LEVEL_TILT else None
 
 
 @dataclass(frozen=True)
 class GravityDirection:
-    """Hold the direction of gravity, as found from the loads and from a level tracker."""
+    """Hold an estimated direction of gravity, and the evidence for it."""
 
-    g: Array  #: Gravity in the folder's world, a unit vector, (3,) [1].
-    level: Array | None = None  #: Gravity by the z axis of a level tracker, (3,) [1]; None if unknown.
-    explained: float = 0.0  #: Share of the typical deflection that the prior explains with this gravity [1].
+    g: Array  #: Gravity in the nominal world frame, a unit vector, (3,) [1].
+    #: Gravity by the z axis of a level tracker, (3,) [1]; None if unknown.
+    tracker_gravity: Array | None = None
+    #: Share of the typical deflection that the prior explains with this gravity [1].
+    explained_share: float = 0.0
 
     @property
-    def confirmed_by_level(self) -> bool:
+    def confirmed_by_tracker(self) -> bool:
         """Tell whether a level tracker has gravity within SNAP_ANGLE of this direction."""
-        return self.level is not None and bool(angle(self.level, self.g) < SNAP_ANGLE)
+        return self.tracker_gravity is not None and bool(
+            angle_between(self.tracker_gravity, self.g) < SNAP_ANGLE
+        )
 
     @property
     def is_certain(self) -> bool:
-        """Tell whether gravity is beyond FAR_ANGLE from -z and explains over MIN_EXPLAINED of the sag.
+        """Tell whether gravity is certainly not along -z, because no other mistake has this effect.
 
-        No other mistake does both.
+        Its angle from -z is above MIN_CERTAIN_ANGLE, and it explains over MIN_EXPLAINED_SHARE of the sag.
         """
-        return angle(self.g, DOWN) > FAR_ANGLE and self.explained > MIN_EXPLAINED
+        return angle_between(self.g, DOWN) > MIN_CERTAIN_ANGLE and self.explained_share > MIN_EXPLAINED_SHARE
 
 
-def weights_only(data: Dataset) -> bool:
-    """Tell whether there are loads and all are weights: forces within VERTICAL_ANGLE of -z."""
+def loads_are_weights(data: Dataset) -> bool:
+    """Tell whether some runs have loads and all forces are weights, within MAX_WEIGHT_ANGLE of -z."""
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
-    return bool(pushed.any()) and all(angle(vector, DOWN) <= VERTICAL_ANGLE for vector in force[pushed])
+    return bool(pushed.any()) and all(
+        angle_between(vector, DOWN) <= MAX_WEIGHT_ANGLE for vector in force[pushed]
+    )
 
 
 def suspected_gravity(
-    vjm: Vjm, scaling: PriorScaling, data: Dataset, level: Array | None
+    vjm: Vjm, scaling: PriorScaling, data: Dataset, tracker_gravity: Array | None
 ) -> GravityDirection | None:
-    """Find another direction of gravity than that of the arm's folder, if the deflections show one.
+    """Find a direction of gravity other than the nominal one, if the deflections show one.
 
     The direction is the least-squares x / |x| of d = x_1 d_1 + x_2 d_2 + x_3 d_3, with d_k the deflections
-    under gravity along axis k. A level tracker near it takes precedence.
+    under gravity along axis k. If a level tracker is near this direction, its direction is used.
 
     Args:
         vjm: The arm's virtual joint model.
         scaling: Prior of its compliances.
         data: Loaded runs.
-        level: Gravity in the folder's world if the tracker stands level, a unit vector, (3,) [1]; None if
-            unknown.
+        tracker_gravity: Gravity in the nominal world frame by a level tracker, a unit vector, (3,) [1]; None
+            if unknown.
 
     Returns:
-        The direction of gravity. None when it is as in the folder, when a load is no weight, or when there
-        are fewer than MIN_READINGS readings.
+        The direction of gravity. None when it is nominal, when a load is no weight, or when there are fewer
+        than MIN_READINGS readings.
     """
-    if not weights_only(data) or np.count_nonzero(data.seen) < MIN_READINGS:
+    if not loads_are_weights(data) or np.count_nonzero(data.seen) < MIN_READINGS:
         return None
-    g, explained = _by_deflections(vjm, scaling, data)
-    if level is not None and angle(level, DOWN) < LEVEL_ANGLE:
-        return None  # it stands upright, whatever else is wrong
-    if level is not None and angle(level, g) < min(SNAP_ANGLE, angle(g, DOWN)):
-        return GravityDirection(snap_direction(level, LEVEL_ANGLE), level, explained)
-    return (
-        None
-        if angle(g, DOWN) < MIN_TILT
-        else GravityDirection(snap_direction(g, SNAP_ANGLE), level, explained)
-    )
+    g, explained_share = _by_deflections(vjm, scaling, data)
+    if tracker_gravity is not None and angle_between(tracker_gravity, DOWN) < MAX_LEVEL_TILT:
+        return None  # the base stands upright, whatever else is wrong
+    if tracker_gravity is not None and angle_between(tracker_gravity, g) < min(
+        SNAP_ANGLE, angle_between(g, DOWN)
+    ):
+        return GravityDirection(
+            snap_direction(tracker_gravity, MAX_LEVEL_TILT), tracker_gravity, explained_share
+        )
+    if angle_between(g, DOWN) < MIN_TILT:
+        return None
+    return GravityDirection(snap_direction(g, SNAP_ANGLE), tracker_gravity, explained_share)
 
 
 def snap_direction(g: Array, angle_limit: float) -> Array:
-    """Replace a direction by the nearest one of a ceiling or a wall, if that is near.
+    """Replace a direction of gravity by the nearest one of a ceiling or a wall, if that is near.
 
     Args:
         g: Direction of gravity, a unit vector, (3,) [1].
-        angle_limit: Angle from which the direction is kept as it is [rad].
+        angle_limit: Largest angle to the nearest one [rad]; beyond it the direction is kept.
 
     Returns:
         The nearest of +z, +-x and +-y, or g, (3,) [1].
     """
-    nearest = min((*np.eye(3), *-np.eye(3)[:2]), key=lambda side: angle(g, side))
-    return nearest if angle(g, nearest) < angle_limit else g
+    nearest = min((*np.eye(3), *-np.eye(3)[:2]), key=lambda side: angle_between(g, side))
+    return nearest if angle_between(g, nearest) < angle_limit else g
 
 
 def _by_deflections(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> tuple[Array, float]:
@@ -201,22 +210,22 @@ def _by_deflections(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> tuple[Arr
     read = [single_readings(vjm, scaling.structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         x = np.linalg.lstsq(A * weight[:, None], y * weight)[0]
         off = np.linalg.norm((y - A @ x).reshape(-1, 3), axis=1)
         weight = np.repeat(1 / np.sqrt(1 + np.square(off / max(float(np.median(off)), 1e-12))), 3)
     typical = float(np.median(np.linalg.norm(y.reshape(-1, 3), axis=1)))
-    explained = 1 - float(np.median(off)) / max(typical, 1e-12)
-    return np.asarray(x / max(float(np.linalg.norm(x)), 1e-300)), explained
+    explained_share = 1 - float(np.median(off)) / max(typical, 1e-12)
+    return np.asarray(x / max(float(np.linalg.norm(x)), 1e-300)), explained_share
 
 
-def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Issue:
-    """Report a base that is mounted so that gravity has the direction of the pull.
+def mounting_issue(vjm: Vjm, gravity: GravityDirection, log_likelihood_gain: float | None = None) -> Issue:
+    """Make the issue of a base that is mounted so that gravity has another direction than the nominal one.
 
     Args:
-        vjm: The arm as its folder has it.
-        pull: Direction of gravity.
-        nats: Nats that the readings gain by it; None if they were not compared.
+        vjm: Nominal model of the arm.
+        gravity: Estimated direction of gravity.
+        log_likelihood_gain: Gain over the nominal direction [nats]; None if they were not compared.
 
     Returns:
         The issue. Its size, (7,) [1], holds gravity in the base's axes, then a quaternion (w, x, y, z): the
@@ -229,73 +238,79 @@ def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Iss
 
     arm, root = vjm.arm, read_mjcf(vjm.arm.mjcf_path)
     base_pose = body_pose(arm, find_body(arm.mjcf_path, root, arm.links[0].name), angle_unit(root))
-    stands = base_pose @ np.linalg.inv(vjm.base) @ with_base_rotated(vjm, pull.g).base
+    stands = base_pose @ np.linalg.inv(vjm.base) @ with_base_rotated(vjm, gravity.g).base
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
-    turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
-    size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
-    return Issue("mounting", (arm.links[0].name,), size, {"level": pull.confirmed_by_level}, nats)
+    turn = turn * np.sign(turn[np.abs(turn) > ROUNDING_ERROR][0])
+    size = np.concatenate([gravity.g @ vjm.base[:3, :3], turn])
+    numbers = {"tracker_agrees": gravity.confirmed_by_tracker}
+    return Issue("mounting", (arm.links[0].name,), size, numbers, log_likelihood_gain)
 
 
-MAX_ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
+MAX_ROWS_PER_SERIES = 150  #: Most rows of a series that are fitted, evenly spaced.
 MIN_CARRYING_COMPLIANCE = 0.05
-"""Compliance over the folder's below which the fit would make a joint that carries weight negative."""
-CARRYING_SHARE = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
+"""Fitted over nominal compliance below which a joint that carries weight is held at the bound of zero [1]."""
+#: Typical torque of a joint that carries weight, over the largest torque of all joints, at least [1].
+MIN_TORQUE_SHARE = 0.05
 MAX_SCATTER = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
-MIN_HANGING_NATS, FITTING_SHARE = 8.0, 0.8
-"""Log-likelihood from which an arm hangs [nats]; share of the readings, the nearest, that count [1]."""
-PROBE_TILT = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
-MIN_MOUNTING_NATS, MIN_MOUNTING_NATS_LEVELLED = 20.0, 7.0
-"""Log-likelihood that a mounting has to gain, and the same where a level tracker agrees [nats]."""
-#: Ratio of scatter to that with the folder's mounting, above which no mounting is reported [1].
+MIN_HANGING_GAIN, NEAREST_SHARE = 8.0, 0.8
+"""Least log-likelihood gain of a hanging arm [nats]; share of the readings that count, the nearest [1]."""
+#: Tilts at which the scatter is computed to find the tilt of least scatter [rad].
+PROBE_TILT = np.deg2rad(15.0)
+MIN_MOUNTING_GAIN, MIN_MOUNTING_GAIN_BY_TRACKER = 20.0, 7.0
+"""Least log-likelihood gain of another mounting, and the same if a level tracker agrees [nats]."""
+#: Scatter over that with the nominal mounting, above which no mounting is reported [1].
 MAX_SCATTER_RATIO = 0.9
 
 
 def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Prior) -> Issue | None:
-    """Find a base mounting under which gravity explains absolute readings much better.
+    """Find another mounting of the base under which gravity explains absolute readings much better.
 
-    With scatter s of the readings in n poses, a mounting gains 3 n log(s_folder / s_mounting) nats.
+    With the scatter s of the readings in n poses, a mounting has the log-likelihood gain
+    3 n log(s_nominal / s_mounting).
 
     Args:
-        state: The arm as calibrated with the mounting of its folder.
+        state: The arm as calibrated with the nominal mounting.
         series: The readings of the calibration.
-        prior: Prior of the compliances, from the folder.
+        prior: Nominal prior of the compliances.
 
     Returns:
-        The mounting; None when the one of the folder explains the readings as well, or when they scatter too
+        The issue; None when the nominal mounting explains the readings as well, or when they scatter too
         much to tell.
     """
-    level = mean_gravity(state.frames.values())
-    turned = level is not None and angle(level, DOWN) > LEVEL_ANGLE
+    tracker_gravity = mean_gravity(state.frames.values())
+    turned = tracker_gravity is not None and angle_between(tracker_gravity, DOWN) > MAX_LEVEL_TILT
     if not turned and not _springs_at_zero(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS)) for readings in series]
+    series = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS_PER_SERIES)) for readings in series]
     poses = sum(len(np.unique(readings.pose)) for readings in series)
-    folder_scatter = _scatter(state, series, prior, DOWN)
-    if folder_scatter > MAX_SCATTER * state.vjm.reach:
+    nominal_scatter = _scatter(state, series, prior, DOWN)
+    if nominal_scatter > MAX_SCATTER * state.vjm.reach:
         return None
     # Other directions: first the one in which trackers stand level, then walls, ceiling and tilts.
-    first = [snap_direction(level, LEVEL_ANGLE)] if level is not None and turned else []
+    first = (
+        [snap_direction(tracker_gravity, MAX_LEVEL_TILT)] if tracker_gravity is not None and turned else []
+    )
     others = (
-        joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, folder_scatter))
+        joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, nominal_scatter))
         if _springs_at_zero(state)
         else ()
     )
-    for directions, least in ((first, MIN_MOUNTING_NATS_LEVELLED), (others, MIN_MOUNTING_NATS)):
+    for directions, least in ((first, MIN_MOUNTING_GAIN_BY_TRACKER), (others, MIN_MOUNTING_GAIN)):
         tried = [(_scatter(state, series, prior, g), g) for g in directions]
         scatter, g = min(tried, key=lambda trial: trial[0], default=(np.inf, DOWN))
-        nats = 3 * poses * float(np.log(folder_scatter / scatter)) if np.isfinite(scatter) else 0.0
-        if scatter < MAX_SCATTER_RATIO * folder_scatter and nats > least:
-            return mounting(state.vjm, GravityDirection(g, level), nats)
+        gain = 3 * poses * float(np.log(nominal_scatter / scatter)) if np.isfinite(scatter) else 0.0
+        if scatter < MAX_SCATTER_RATIO * nominal_scatter and gain > least:
+            return mounting_issue(state.vjm, GravityDirection(g, tracker_gravity), gain)
     return None
 
 
 def _springs_at_zero(state: ArmState) -> bool:
-    """Tell whether springs of joints that carry weight are held at zero."""
+    """Tell whether the compliances of joints that carry weight are held at zero."""
     compliance, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
-    folder = np.array([joint.compliance for joint in joints])
-    carries = state.torque_scale > CARRYING_SHARE * state.torque_scale.max(initial=0)
-    return bool((carries & (compliance < MIN_CARRYING_COMPLIANCE * folder)).any())
+    nominal = np.array([joint.compliance for joint in joints])
+    carries = state.torque_scale > MIN_TORQUE_SHARE * state.torque_scale.max(initial=0)
+    return bool((carries & (compliance < MIN_CARRYING_COMPLIANCE * nominal)).any())
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
@@ -313,14 +328,16 @@ def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) 
     )
 
 
-def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, folder_scatter: float) -> Iterator[Array]:
+def _tilts(
+    state: ArmState, series: Sequence[Series], prior: Prior, nominal_scatter: float
+) -> Iterator[Array]:
     """Yield the tilt of least variance, by a parabola through probes about both level axes."""
     slope, bend = np.zeros(2), np.zeros(2)
     for k in range(2):
         low, high = (
             _scatter(state, series, prior, _tilted_gravity(s * PROBE_TILT * np.eye(2)[k])) for s in (-1, 1)
         )
-        slope[k], bend[k] = (high**2 - low**2) / 2, (high**2 + low**2) / 2 - folder_scatter**2
+        slope[k], bend[k] = (high**2 - low**2) / 2, (high**2 + low**2) / 2 - nominal_scatter**2
     if np.isfinite(slope).all() and (bend > 0).all():
         yield _tilted_gravity(-PROBE_TILT * slope / (2 * bend))
 
@@ -331,38 +348,40 @@ def _tilted_gravity(by: Array) -> Array:
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
 
 
-def sags_like_hanging(before: Observations, after: Observations, C_theta: Array) -> bool:
-    """Tell whether the unloaded readings sag as those of a hanging arm, not as those of an upright one.
+def sags_as_hanging(unloaded: Observations, loaded: Observations, C_theta: Array) -> bool:
+    """Tell whether own weight bends the arm in its unloaded readings like a hanging arm, not an upright one.
 
-    Call it when targets move against stated weights. Three mistakes do that: the arm hangs, readings before
-    and after are exchanged, or the force has the other sign. With RMS distances s of the
-    nearest FITTING_SHARE of the readings in n poses, hanging gains 3 n log(s_upright / s_hanging) nats;
-    s_upright is the smaller one of both readings.
+    This matters when targets move against stated weights. Three mistakes do that: the arm hangs, readings
+    before and after are exchanged, or the force has the other sign. With RMS distances s of the nearest
+    NEAREST_SHARE of the readings in n poses, a hanging arm has the log-likelihood gain
+    3 n log(s_upright / s_hanging); s_upright is the smaller one of the unloaded and the loaded readings.
 
     Args:
-        before: Unloaded readings, as in the file.
-        after: Loaded readings.
+        unloaded: Unloaded readings.
+        loaded: Loaded readings.
         C_theta: Expected compliances, scaled to the readings, (n_theta, n_theta) [m/N, rad/(N m)].
 
     Returns:
-        Whether hanging gains more than MIN_HANGING_NATS nats; False when the folder has no masses.
+        Whether this gain exceeds MIN_HANGING_GAIN; False when the nominal model has no masses.
     """
-    vjm = before.vjm
+    vjm = unloaded.vjm
     try:
         weights = read_weights(vjm.arm)
     except InputError:  # its weight is unknown
         return False
     left = []
-    for observations, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):
+    for observations, g in ((unloaded, -DOWN), (loaded, DOWN), (unloaded, DOWN)):
         turned = with_base_rotated(vjm, g)
         where = chain(turned, observations.q)
         theta = (C_theta @ own_weight(where, weights)).T
         sag = displacement(where, theta, observations.markers) @ rotation_from_down(g).T
         bare = replace(
-            observations, position=observations.position - sag, free=FreeParameters(frame=True, targets=True)
+            observations,
+            position=observations.position - sag,
+            free_parameters=FreeParameters(frame=True, targets=True),
         )
-        off = np.sort(fit(bare).distances(observations))
-        left.append(float(np.sqrt(np.square(off[: int(np.ceil(FITTING_SHARE * len(off)))]).mean())))
+        off = np.sort(fit_kinematics(bare).distances(observations))
+        left.append(float(np.sqrt(np.square(off[: int(np.ceil(NEAREST_SHARE * len(off)))]).mean())))
     hung, *upright = left
-    poses = len(np.unique(before.q, axis=0))  # all that is read in one shares its errors of geometry
-    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > MIN_HANGING_NATS
+    poses = len(np.unique(unloaded.q, axis=0))  # all that is read in one shares its errors of geometry
+    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > MIN_HANGING_GAIN

@@ -1,21 +1,23 @@
-"""The mechanism of the diagnosis, and its fit of positions to the kinematics.
+"""Mistakes as data (issue, correction, hypothesis), and the test of positions against the kinematics.
 
-A mistake is data: a change of readings, loads or arm that undoes it, and the words that describe it. Every
-mistake is undone in turn, the changed data are fitted again, and both fits are compared by
+A `Hypothesis` is one kind of mistake. Its corrections change the readings, the loads or the arm so that the
+mistake is gone. The diagnosis corrects one mistake at a time, fits the corrected data again and compares
+both fits. With the loss L, the negative log-likelihood of a fit, the mistake has the log-likelihood gain
 
-    nats = loss as read - loss with the mistake undone - cost of its parameters
+    gain = L(as read) - L(corrected) - cost of the correction's parameters   [nats]
 
-Where the mistake b adds Z b to the readings, no second fit is needed: with the residuals e, a projector 1 - P
-that takes out all that the fit explains, and b ~ N(0, 1) in the units of Z, the same number is
+The most probable mistake becomes an `Issue`. If a mistake of size b adds Z b to the readings, no second fit
+is needed. With the residuals e, a projector 1 - P that takes out all that the fit explains, and b ~ N(0, 1)
+in the units of Z, the gain is the logarithm of a Bayes factor (Kass and Raftery 1995):
 
-    g = Z^T (1 - P) e,   M = Z^T (1 - P) Z + 1,   nats = (g^T M^-1 g - log det M) / 2
+    g = Z^T (1 - P) e,   M = Z^T (1 - P) Z + I,   gain = (g^T M^-1 g - log det M) / 2
 
-the logarithm of a Bayes factor (Kass and Raftery 1995). `hypotheses` holds the table of mistakes.
+`hypotheses` holds the table of all mistakes.
 
 Positions must agree with the kinematics up to the errors of a sound arm: calibration, own weight, a target
 that is a few millimetres off. Cauchy's loss keeps a few wrong readings from being taken for a mistake in all.
 
-Two searches among more candidates than can be fitted: orders of the joints, and rows that slipped.
+Two mistakes have more candidates than can be fitted: orders of the joints, and rows that slipped.
 
 Of six joints there are 720 orders. With the joints in the right one, the tool's pose R, p by the kinematics
 and a target m on the tool, readings y fit some frame where
@@ -46,7 +48,7 @@ from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, skew, tool
 
 # --- A mistake as data --------------------------------------------------------------------------------------
 
-MAX_ROUNDS = 5  #: Most rounds of undoing mistakes one after the other.
+MAX_CORRECTION_ROUNDS = 5  #: Most rounds in which mistakes are corrected one after the other.
 Case = TypeVar("Case")
 Data = TypeVar("Data")
 Model = TypeVar("Model")
@@ -60,147 +62,147 @@ def _nothing() -> Array:
 
 @dataclass(frozen=True)
 class Issue:
-    """Hold one suspected mistake in readings; `hypotheses.describe` puts it into a sentence."""
+    """Hold one suspected mistake in readings, loads or arm; `hypotheses.describe` returns its sentence."""
 
     name: str  #: Name of the hypothesis, such as "frame".
-    where: tuple[str, ...] = ()  #: Names of the joints, links, targets, runs or series that it concerns.
-    size: Array = field(default_factory=_nothing)  #: Size of the mistake, (k,), SI.
-    #: Other numbers for the sentence, by name, SI.
+    where: tuple[str, ...] = ()  #: Names of the joints, links, targets, runs or series with the mistake.
+    size: Array = field(default_factory=_nothing)  #: Estimated size of the mistake, (k,), SI units.
+    #: Other numbers of the sentence, by name, SI units.
     numbers: Mapping[str, float] = field(default_factory=dict)
-    #: Log-likelihood gained by assuming the mistake [nats]; None for a plain mistake.
-    nats: float | None = None
+    #: Log-likelihood gained by correcting the mistake [nats]; None if it is certain without a fit.
+    log_likelihood_gain: float | None = None
     #: Which readings do not fit the kinematics; None for mistakes of other kinds.
     readings: ReadingKind | None = None
 
 
 @dataclass(frozen=True)
-class Change(Generic[Case]):
-    """Hold one way to undo a mistake.
+class Correction(Generic[Case]):
+    """Hold one way to correct a mistake, and how to test it.
 
-    A change with `undone` is fitted again; one with `columns` is tested by the score test. One that has
-    neither is plain and needs no fit.
+    If it has `corrected` data, these are fitted again. If it has a `jacobian`, the score test estimates the
+    size of the mistake. If it has neither, the mistake is certain without a fit.
     """
 
-    where: tuple[str, ...] = ()  #: Places of the mistake, as in `Issue`.
+    where: tuple[str, ...] = ()  #: Names of the joints, links, targets or runs, as in `Issue`.
     size: Array = field(default_factory=_nothing)  #: Size, as in `Issue`; a fit adds its free parameters.
-    numbers: Mapping[str, float] = field(default_factory=dict)  #: Numbers, as in `Issue`.
-    undone: Case | None = None  #: The data without the mistake, to be fitted again.
-    columns: Array | None = None  #: Z of the score test on `rows`, (rows, z) [standard deviations].
-    rows: tuple[int, int] | None = None  #: First row, and the one after the last; None for all.
-    prior_deviation: float = 1.0  #: Size of a mistake b = 1 of the score test, SI.
-    parameters: int = 0  #: Number of parameters that the choice of this change counts as.
-    #: Tells whether a size is larger than those of arms and readings without a mistake.
+    numbers: Mapping[str, float] = field(default_factory=dict)  #: Other numbers, as in `Issue`.
+    corrected: Case | None = None  #: The data without the mistake, to be fitted again.
+    #: Change Z of the whitened readings per prior deviation of each of z parameters, (rows, z) [1].
+    jacobian: Array | None = None
+    #: First of the equations that the Jacobian covers, and the one after the last; None for all equations.
+    equations: tuple[int, int] | None = None
+    prior_deviation: float = 1.0  #: Prior standard deviation of the mistake's size, SI units.
+    parameter_count: int = 0  #: Number of free parameters that the choice of this correction counts as.
+    #: Tells whether a size exceeds that in sound arms and readings.
     is_large: Callable[[Array], bool] = lambda _: True
 
 
 @dataclass(frozen=True)
 class Hypothesis(Generic[Case]):
-    """Define one kind of mistake: a row of the table."""
+    """Define one kind of mistake: how to correct it, and how to describe it."""
 
     name: str  #: Identifier in programs and in models.json.
-    changes: Callable[[Case], Iterable[Change[Case]]]  #: Yields the ways to undo the mistake in the data.
-    words: Callable[[Issue, Arm], str]  #: Describes an issue: the mistake and its size.
-    remedy: str = ""  #: Check that the user should make.
-    nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
+    #: Yields the ways to correct the mistake in the data.
+    corrections: Callable[[Case], Iterable[Correction[Case]]]
+    sentence: Callable[[Issue, Arm], str]  #: Describes an issue of this kind: the mistake and its size.
+    remedy: str = ""  #: Question that the user should answer to find the cause.
+    min_gain: float = 0.0  #: Least log-likelihood gain of a mistake in the loads [nats].
     #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
     many_parameters: bool = False
 
 
 @dataclass(frozen=True)
 class Submission:
-    """Hold what a user submits: an arm and its runs."""
+    """Hold an arm and its runs as a user submits them."""
 
-    vjm: Vjm  #: The arm as its folder has it.
-    data: Dataset  #: The runs as they were read.
+    vjm: Vjm  #: Nominal model of the arm.
+    data: Dataset  #: The runs as read from the file.
     #: The runs in the base's frame, with targets found from the unloaded readings.
     registered: RegisteredDataset
-    declared: bool  #: Whether the frame of the readings was stated, not guessed.
+    frame_stated: bool  #: Whether the frame of the readings was stated, not guessed.
 
     @property
-    def folder_model(self) -> Vjm:
-        """Build the model with targets where the arm's folder has them.
-
-        Targets that the folder lacks are where the registration found them.
-        """
+    def nominal_model(self) -> Vjm:
+        """Build the arm's model with nominal targets; the others are where the registration found them."""
         nominal = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
         return with_markers(self.registered.vjm, nominal)
 
 
-def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
-    """List the mistakes that need no fit.
+def issues_without_fit(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
+    """List the mistakes that are certain without a fit.
 
     Args:
-        case: Data that the hypotheses test, such as the submitted runs.
-        hypotheses: Rows of the table.
+        case: Data that the hypotheses examine, such as the submitted runs.
+        hypotheses: Kinds of mistakes whose corrections have neither corrected data nor a Jacobian.
 
     Returns:
-        One issue per change that they find, in the order of the table.
+        One issue per correction, in the order of the hypotheses.
     """
     return [
-        Issue(row.name, change.where, change.size, change.numbers)
+        Issue(row.name, correction.where, correction.size, correction.numbers)
         for row in hypotheses
-        for change in row.changes(case)
+        for correction in row.corrections(case)
     ]
 
 
-def longer_than(*least: float) -> Callable[[Array], bool]:
-    """Make a test of a mistake's size: whether one of its vectors of three numbers exceeds its limit, SI."""
-    return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > limit for k, limit in enumerate(least))
+def longer_than(*limits: float) -> Callable[[Array], bool]:
+    """Make a test of sizes (3 k,): is any of the k vectors (3,) longer than its limit (SI units)?"""
+    return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > limit for k, limit in enumerate(limits))
 
 
-def any_above(least: float) -> Callable[[Array], bool]:
-    """Make a test of a mistake's size: whether the magnitude of any of its numbers exceeds a limit, SI."""
-    return lambda size: bool(np.abs(size).max() > least)
+def any_above(limit: float) -> Callable[[Array], bool]:
+    """Make a test of sizes (k,): is the magnitude of any of the k numbers above the limit (SI units)?"""
+    return lambda size: bool(np.abs(size).max() > limit)
 
 
 @dataclass(frozen=True)
-class Score:
-    """Hold size and likelihood gain of linear mistakes, for one or for a batch."""
+class ScoreTest:
+    """Hold the result of `score_test` for one linear mistake or for a batch of them."""
 
-    b: Array  #: Expected sizes, in units of their prior deviation, (..., z) [1].
-    gain: Array  #: Twice the decrease of the loss, g^T (M + I)^-1 g, (...) [1].
-    nats: Array  #: Logarithms of the Bayes factors, (...) [nats].
+    expected_size: Array  #: Expected sizes b, in units of their prior deviation, (..., z) [1].
+    chi2_decrease: Array  #: Decrease of the weighted sum of squares, g^T (M + I)^-1 g, (...) [1].
+    log_bayes_factor: Array  #: Logarithms of the Bayes factors for the mistakes, (...) [nats].
 
 
-def score_test(g: Array, M: Array) -> Score:
-    """Compare readings with and without a linear mistake b ~ N(0, 1), without a second fit.
+def score_test(g: Array, M: Array) -> ScoreTest:
+    """Test for a mistake b ~ N(0, I) that adds Z b to the readings, without a second fit.
 
-    With H = M + I, the expected size is b = H^-1 g, and the logarithm of the Bayes factor is
-
-        nats = (g^T H^-1 g - log det H) / 2
+    With H = M + I, the expected size is b = H^-1 g, and the logarithm of the Bayes factor for the mistake is
+    (g^T H^-1 g - log det H) / 2 (Kass and Raftery 1995).
 
     Args:
-        g: Z^T W e, with e the residuals and W = 1 - P on whitened equations, (..., z) [1].
-        M: Z^T W Z, (..., z, z) [1].
+        g: Score Z^T W e, with e the residuals and W their inverse covariance, (..., z) [1].
+        M: Information Z^T W Z about b from the readings, (..., z, z) [1].
 
     Returns:
-        Expected sizes, gains g^T H^-1 g and nats (Kass and Raftery 1995).
+        Expected sizes, decreases of chi squared and logarithms of the Bayes factors.
     """
     H = M + np.eye(g.shape[-1])
     b = np.asarray(np.linalg.solve(H, g[..., None])[..., 0])
-    gain = np.asarray((b * g).sum(axis=-1))
-    return Score(b, gain, np.asarray((gain - np.linalg.slogdet(H)[1]) / 2))
+    decrease = np.asarray((b * g).sum(axis=-1))
+    return ScoreTest(b, decrease, np.asarray((decrease - np.linalg.slogdet(H)[1]) / 2))
 
 
-def undo_one_by_one(
+def correct_one_by_one(
     data: Data,
     model: Model,
-    undo: Callable[[Data, Model], tuple[Sequence[Issue], Data, Model] | None],
+    correct_worst: Callable[[Data, Model], tuple[Sequence[Issue], Data, Model] | None],
 ) -> tuple[list[Issue], Data, Model]:
-    """Find the worst mistake, undo it, fit again and look for the next, up to MAX_ROUNDS times.
+    """Correct the worst mistake, fit again and look for the next one, up to MAX_CORRECTION_ROUNDS times.
 
     Args:
         data: The readings.
         model: Model fitted to them.
-        undo: Function of data and model. It returns the worst mistakes, the data without them and the model
-            fitted to these; None when it finds no mistake. The search ends when it returns the same data.
+        correct_worst: Function of data and model. It returns the worst mistakes, the data without them and
+            the model fitted to these; None when it finds no mistake. The search ends when it returns the
+            same data.
 
     Returns:
         The mistakes in the order in which they were found, the data without them and the last model.
     """
     issues: list[Issue] = []
-    for _ in range(MAX_ROUNDS):
-        step = undo(data, model)
+    for _ in range(MAX_CORRECTION_ROUNDS):
+        step = correct_worst(data, model)
         if step is None:
             break
         before = data
@@ -213,52 +215,58 @@ def undo_one_by_one(
 
 # --- Readings and the arm's kinematics: the fit, and mistakes that explain the readings better --------------
 
-SOUND_DISTANCE = 1.5e-3  #: Distance of targets of a sound arm from its kinematics, over its reach [1].
+#: Distance of targets of a sound arm from its nominal kinematics, over its reach [1].
+EXPECTED_DISTANCE_OVER_REACH = 1.5e-3
 IDENTITY_FRAME = Frame(np.eye(3), np.zeros(3))
-PARAMETER_NATS = 4.0  #: Log-likelihood that a free number has to gain [nats].
-ROUNDS = 8  #: Most rounds of reweighting and fitting.
-LOSS_TOLERANCE = 1e-6  #: Change of the loss below which the rounds end [nats].
-MAX_ROWS = 300  #: Most rows that are compared, selected evenly.
-HALF, NEARLY_ALL = 0.5, 0.95
-"""Quantiles of the reported distance [1]: NEARLY_ALL where half of the readings fit in spite of a mistake."""
-MIN_NATS_PER_READING, MIN_NATS = 0.3, 20.0
-"""Log-likelihood that a mistake has to gain to be an issue, per reading and in total [nats]."""
-MIN_GAIN_SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
-UNFIT_DISTANCE = 8.0  #: Median distance, over `scale`, above which readings do not fit the arm [1].
-ORIENTATION_ARM = 0.3  #: Distance of the three targets that hold an orientation from the first target [m].
+PARAMETER_COST = 4.0  #: Log-likelihood that each free parameter has to gain [nats].
+MAX_STEPS = 8  #: Most Gauss-Newton steps of a fit.
+LOSS_TOLERANCE = 1e-6  #: Change of the loss below which the steps end [nats].
+MAX_COMPARED_ROWS = 300  #: Most rows that are compared, selected evenly.
+MEDIAN, HIGH_QUANTILE = 0.5, 0.95
+"""Quantiles of the distance that a sentence states [1]: the high one if half of the readings fit anyway."""
+MIN_GAIN_PER_READING, MIN_GAIN = 0.3, 20.0
+"""Least log-likelihood gain of an issue, per reading and in total [nats]."""
+MIN_GAIN_SHARE = 0.9  #: Least gain of an issue, over the largest gain of all mistakes [1].
+#: Median distance over the expected distance above which readings do not fit the arm [1].
+MAX_MEDIAN_DISTANCE = 8.0
+#: Distance of the three targets that represent an orientation from the first target [m].
+ORIENTATION_TARGET_DISTANCE = 0.3
 
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """Select which parameters a fit leaves free."""
+    """Select the parameters that a fit of readings to the kinematics estimates."""
 
-    frame: bool = False  #: Position and orientation of the arm's base in the frame of the readings.
-    targets: bool = False  #: Positions of the targets in the tool's frame.
-    theta: tuple[int, ...] = ()  #: Virtual joints with a free constant: a joint's zero, a link's end.
+    frame: bool = False  #: Whether the pose of the arm's base in the frame of the readings is free.
+    targets: bool = False  #: Whether the positions of the targets in the tool's frame are free.
+    #: Indices of the virtual joints with a free constant, such as a joint's zero or a link's end.
+    theta: tuple[int, ...] = ()
     mirrored: bool = False  #: Whether the frame is left-handed.
-    #: Whether no nominal targets are known: distant readings then count too, at first.
+    #: Whether no nominal targets are known; the fit then gives distant readings more weight at first.
     targets_unknown: bool = False
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Hold readings of targets in poses, and their unknowns."""
+    """Hold readings of m targets that are compared with the kinematics, and the parameters that are free."""
 
     vjm: Vjm  #: The arm's virtual joint model.
-    q: Array  #: Actuated joints, (poses, n) [rad, m].
+    q: Array  #: Joint positions, (rows, n) [rad, m].
     markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
-    position: Array  #: Positions of the targets as read, (poses, m, 3) [m].
-    seen: Mask  #: Tells which targets were read, (poses, m).
+    position: Array  #: Measured positions of the targets, (rows, m, 3) [m].
+    seen: Mask  #: Tells which targets were read, (rows, m).
     names: tuple[str, ...]  #: Names of the targets.
-    runs: Ids  #: Run of each row, (poses,).
-    poses: Ids  #: Pose of each row, (poses,).
-    scale: float  #: Typical distance of a sound reading from the arm's kinematics [m].
-    free: FreeParameters = FreeParameters()
-    #: Orientations, tracker from target, (poses, 3, 3) [1], held as the last three targets; None if not read.
+    runs: Ids  #: Identifier of each row's run, (rows,).
+    poses: Ids  #: Identifier of each row's pose, (rows,).
+    #: Typical distance of a sound reading from the kinematics [m]: the scale of Cauchy's loss.
+    expected_distance: float
+    free_parameters: FreeParameters = FreeParameters()  #: Parameters that a fit estimates.
+    #: Orientations, tracker from target, (rows, 3, 3) [1], also held as the last three targets; None if not
+    #: read.
     rotation: Array | None = None
 
     def select(self, rows: Ids) -> "Observations":
-        """Select some rows.
+        """Return the readings of some rows.
 
         Args:
             rows: Indices of the rows, (r,).
@@ -274,34 +282,34 @@ class Observations:
             rotation=rotation,
         )
 
-    def oriented(self, position: Array, rotation: Array) -> "Observations":
-        """Replace positions and orientations of the readings.
+    def with_orientations(self, position: Array, rotation: Array) -> "Observations":
+        """Return the readings with other positions and orientations.
 
-        An orientation R is held as three more targets, ORIENTATION_ARM from the first one along the columns
-        of R.
+        Three more targets represent an orientation R. They are ORIENTATION_TARGET_DISTANCE from the first
+        target, along the columns of R.
 
         Args:
-            position: Positions of the m targets, (poses, m, 3) [m].
-            rotation: Orientations, tracker from target, (poses, 3, 3) [1].
+            position: Positions of the m targets, (rows, m, 3) [m].
+            rotation: Orientations, tracker from target, (rows, 3, 3) [1].
 
         Returns:
-            The readings, (poses, m + 3, 3) [m], with these positions and orientations.
+            The readings; their positions are (rows, m + 3, 3) [m].
         """
-        more = position[:, :1] + ORIENTATION_ARM * np.where(
+        more = position[:, :1] + ORIENTATION_TARGET_DISTANCE * np.where(
             self.seen[:, -3:, None], rotation.swapaxes(1, 2), 0
         )
         return replace(self, position=np.concatenate([position, more], axis=1), rotation=rotation)
 
 
-def of_series(vjm: Vjm, series: Series) -> Observations:
-    """Prepare absolute readings whose frame and targets are both unknown.
+def observations_of_series(vjm: Vjm, series: Series) -> Observations:
+    """Convert absolute readings to observations with free frame and targets.
 
     Args:
         vjm: The arm's virtual joint model.
         series: The readings.
 
     Returns:
-        The readings, with frame and targets free. Orientations, if read, are three more targets.
+        The observations. Orientations, if read, are three more targets.
     """
     there, m = series.seen, len(series.markers)
     if series.rotation is not None:
@@ -315,32 +323,34 @@ def of_series(vjm: Vjm, series: Series) -> Observations:
         names=series.markers,
         runs=series.row,
         poses=series.pose,
-        scale=SOUND_DISTANCE * vjm.reach,
-        free=FreeParameters(frame=True, targets=True, targets_unknown=True),
+        expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
+        free_parameters=FreeParameters(frame=True, targets=True, targets_unknown=True),
     )
     return (
-        observations if series.rotation is None else observations.oriented(series.position, series.rotation)
+        observations
+        if series.rotation is None
+        else observations.with_orientations(series.position, series.rotation)
     )
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Hold the best fit of the free parameters."""
+class KinematicFit:
+    """Hold the free parameters of `Observations` with the smallest loss, and the residuals."""
 
-    frame: Frame  #: From the arm's base to the frame of the readings.
+    frame: Frame  #: Frame of the readings from the arm's base.
     markers: Array  #: Targets in the tool's frame, (m, 3) [m].
     theta: Array  #: Constants of the virtual joints, (n_theta,) [m, rad].
-    residual: Array  #: Fit minus readings, (poses, m, 3) [m]; zero where nothing was read.
-    loss: float  #: Cauchy's loss [nats].
-    free_numbers: int  #: Number of free parameters.
+    residual: Array  #: Fitted minus measured positions, (rows, m, 3) [m]; zero where nothing was read.
+    loss: float  #: Cauchy's loss, summed over the readings [nats].
+    parameter_count: int  #: Number of free parameters.
 
     @property
     def cost(self) -> float:
-        """Compute the loss plus PARAMETER_NATS for every free number [nats]."""
-        return self.loss + PARAMETER_NATS * self.free_numbers
+        """Compute the loss plus PARAMETER_COST for each free parameter [nats]."""
+        return self.loss + PARAMETER_COST * self.parameter_count
 
     def distances(self, observations: Observations) -> Array:
-        """Compute the distance of every reading from the fitted position of its target.
+        """Compute the distance between the measured and the fitted position for every reading.
 
         Args:
             observations: The readings that were fitted.
@@ -350,8 +360,8 @@ class Fit:
         """
         return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.seen])
 
-    def distance_quantile(self, observations: Observations, share: float = HALF) -> float:
-        """Compute a quantile of the distances between readings and fit.
+    def distance_quantile(self, observations: Observations, share: float = MEDIAN) -> float:
+        """Compute a quantile of the distances between measured and fitted positions.
 
         Args:
             observations: The readings that were fitted.
@@ -365,16 +375,16 @@ class Fit:
 
 @dataclass(frozen=True)
 class FittedObservations:
-    """Hold readings with their fit, after a mistake of all of them is undone."""
+    """Hold readings and their fit to the kinematics, from which single wrong poses and readings are found."""
 
-    observations: Observations  #: The readings.
-    fit: Fit  #: The fit to them.
+    observations: Observations  #: The readings, after a mistake in all of them is corrected.
+    fit: KinematicFit  #: Their fit.
 
 
-def cauchy(residual: Array, scale: float) -> Array:
-    """Compute Cauchy's loss 3/2 log(1 + |r|^2 / (3 scale^2)).
+def cauchy_loss(residual: Array, scale: float) -> Array:
+    """Compute Cauchy's robust loss 3/2 log(1 + |r|^2 / (3 scale^2)).
 
-    Its second-order term is that of a Gauss loss; large residuals count only logarithmically.
+    It equals half the squared error for small residuals; large residuals count only logarithmically.
 
     Args:
         residual: Residuals r, (..., 3) [m].
@@ -389,72 +399,75 @@ def cauchy(residual: Array, scale: float) -> Array:
 def best_hypothesis(
     observations: Observations,
     hypotheses: Sequence[Hypothesis[Observations]],
-    which: ReadingKind = "unloaded",
-) -> tuple[Issue | None, Fit]:
-    """Find the mistake that explains readings best: each is undone, fitted again and compared.
+    reading_kind: ReadingKind = "unloaded",
+) -> tuple[Issue | None, KinematicFit]:
+    """Find the mistake that explains readings best: correct each in turn, fit again and compare.
 
-    The gain of a mistake is the cost of the fit as read, minus the cost with the mistake undone, minus
-    PARAMETER_NATS times its parameters. It has to exceed MIN_NATS, and MIN_NATS_PER_READING per reading.
+    The gain of a mistake is the cost of the fit as read, minus the cost of the corrected fit, minus
+    PARAMETER_COST times the correction's parameters. It has to exceed MIN_GAIN, and MIN_GAIN_PER_READING
+    times the number of readings.
 
     Args:
         observations: The readings, with the parameters that are free in any case, such as an unknown frame.
-        hypotheses: Rows of the table.
-        which: ReadingKind readings these are, for the sentence.
+        hypotheses: Kinds of mistakes with corrected data.
+        reading_kind: Kind of the readings, for the sentence.
 
     Returns:
-        The mistake, and the fit of all readings with it undone. The mistake is "kinematics" when the readings
-        do not fit and no hypothesis explains them, and None when they fit; the fit is then that of the
-        readings as they are.
+        The issue, and the fit of all readings with this mistake corrected. If the readings do not fit and no
+        hypothesis explains them, the issue is "kinematics"; if they fit, it is None. The fit is then that of
+        the readings as they are.
     """
     sample = _thinned(observations)
-    start = fit(sample)
+    start = fit_kinematics(sample)
     typical = start.distance_quantile(sample)
     unfit = (
-        Issue("kinematics", numbers={"now": typical}, readings=which)
-        if typical > UNFIT_DISTANCE * observations.scale
+        Issue("kinematics", numbers={"now": typical}, readings=reading_kind)
+        if typical > MAX_MEDIAN_DISTANCE * observations.expected_distance
         else None
     )
-    needed = max(MIN_NATS, MIN_NATS_PER_READING * sample.seen.sum())
-    as_read = start if sample is observations else fit(observations)
+    needed = max(MIN_GAIN, MIN_GAIN_PER_READING * sample.seen.sum())
+    as_read = start if sample is observations else fit_kinematics(observations)
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
 
-    # Undo every mistake; the most probable one is large, gains enough, and leaves readings that fit.
-    trials = list(_undone(observations, hypotheses, start.cost))
+    # Correct every mistake; the most probable one is large, gains enough, and leaves readings that fit.
+    trials = list(_trials(observations, hypotheses, start.cost))
     needed = max(needed, MIN_GAIN_SHARE * max((trial.gain for trial in trials), default=0.0))
     good = [
-        trial for trial in trials if trial.gain > needed and trial.change.is_large(trial.size(observations))
+        trial
+        for trial in trials
+        if trial.gain > needed and trial.correction.is_large(trial.size(observations))
     ]
     if not good:
         return unfit, as_read
     best = max(good, key=lambda trial: (not trial.hypothesis.many_parameters, trial.gain))
     now = best.fit.distance_quantile(best.sample)
-    if now > UNFIT_DISTANCE * observations.scale:
+    if now > MAX_MEDIAN_DISTANCE * observations.expected_distance:
         return unfit, as_read
 
-    # How far most readings were off, and are with the mistake undone.
-    share = HALF if now < HALF * typical else NEARLY_ALL
+    # Distance of most readings from the fit, as read and corrected.
+    share = MEDIAN if now < MEDIAN * typical else HIGH_QUANTILE
     numbers = {
         "was": start.distance_quantile(sample, share),
         "now": best.fit.distance_quantile(best.sample, share),
         "share": share,
     }
-    where = best.change.where
-    if best.undone.free.targets and not observations.free.targets:
+    where = best.correction.where
+    if best.corrected.free_parameters.targets and not observations.free_parameters.targets:
         where = (observations.names[_farthest(observations, best.fit)],)
-    issue = Issue(best.hypothesis.name, where, best.size(observations), numbers, best.gain, which)
-    return issue, best.fit if best.sample is best.undone else fit(best.undone)
+    issue = Issue(best.hypothesis.name, where, best.size(observations), numbers, best.gain, reading_kind)
+    return issue, best.fit if best.sample is best.corrected else fit_kinematics(best.corrected)
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """Hold readings with one mistake undone, and their fit."""
+    """Hold readings with one mistake corrected, and their fit."""
 
     hypothesis: Hypothesis[Observations]  #: The kind of mistake.
-    change: Change[Observations]  #: The way in which it is undone.
-    undone: Observations  #: All readings without the mistake.
+    correction: Correction[Observations]  #: The way in which it is corrected.
+    corrected: Observations  #: All readings without the mistake.
     sample: Observations  #: Those of them that were fitted.
-    fit: Fit  #: The fit to the sample.
+    fit: KinematicFit  #: The fit to the sample.
     gain: float  #: Cost as read, minus the cost without the mistake and that of the choice [nats].
 
     def size(self, observations: Observations) -> Array:
@@ -465,55 +478,63 @@ class _Trial:
 
         Returns:
             Rotation vector and translation of a frame, (6,) [rad, m]; shift of a target or link, (3,) [m];
-            else the size of the change, in SI units.
+            else the size of the correction, in SI units.
         """
-        free, theta = self.undone.free, self.fit.theta[list(self.undone.free.theta)]
+        free, theta = (
+            self.corrected.free_parameters,
+            self.fit.theta[list(self.corrected.free_parameters.theta)],
+        )
         if len(theta) == 3:
             return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].beam_axes @ theta)
         if len(theta):
-            return self.change.size + theta
-        if free.targets and not observations.free.targets:
+            return self.correction.size + theta
+        if free.targets and not observations.free_parameters.targets:
             ways = self.fit.markers - observations.markers
             return np.asarray(ways[_farthest(observations, self.fit)])
-        if free.frame and not (observations.free.frame or free.mirrored):
+        if free.frame and not (observations.free_parameters.frame or free.mirrored):
             return np.concatenate([self.fit.frame.rotation_vector, self.fit.frame.translation])
-        return self.change.size
+        return self.correction.size
 
 
-def _undone(
+def _trials(
     observations: Observations, hypotheses: Sequence[Hypothesis[Observations]], cost: float
 ) -> Iterator[_Trial]:
-    """Undo every mistake in turn, and fit again; `cost` is that of the readings as they are."""
+    """Correct every mistake in turn, and fit again; `cost` is that of the readings as they are."""
     for hypothesis in hypotheses:
-        for change in hypothesis.changes(observations):
-            assert change.undone is not None
-            sample = _thinned(change.undone)
-            fitted = fit(sample)
-            gain = cost - fitted.cost - PARAMETER_NATS * change.parameters
-            yield _Trial(hypothesis, change, change.undone, sample, fitted, float(gain))
+        for correction in hypothesis.corrections(observations):
+            assert correction.corrected is not None
+            sample = _thinned(correction.corrected)
+            fitted = fit_kinematics(sample)
+            gain = cost - fitted.cost - PARAMETER_COST * correction.parameter_count
+            yield _Trial(hypothesis, correction, correction.corrected, sample, fitted, float(gain))
 
 
 def _thinned(observations: Observations) -> Observations:
-    """Select at most MAX_ROWS rows, evenly spaced: more would not change which mistake fits."""
+    """Select at most MAX_COMPARED_ROWS rows, evenly spaced: more would not change which mistake fits."""
     n = len(observations.q)
-    return observations if n <= MAX_ROWS else observations.select(evenly_spaced(n, MAX_ROWS))
+    return (
+        observations if n <= MAX_COMPARED_ROWS else observations.select(evenly_spaced(n, MAX_COMPARED_ROWS))
+    )
 
 
-def _farthest(observations: Observations, fitted: Fit) -> int:
+def _farthest(observations: Observations, fitted: KinematicFit) -> int:
     return int(np.argmax(np.linalg.norm(fitted.markers - observations.markers, axis=1)))
 
 
-def fit(observations: Observations) -> Fit:
-    """Fit the free parameters by reweighted least squares for Cauchy's loss.
+def fit_kinematics(observations: Observations) -> KinematicFit:
+    """Fit the free parameters of readings by reweighted least squares for Cauchy's loss.
 
-    A free frame starts from its closed form; up to ROUNDS Gauss-Newton steps then refine all parameters.
+    A free frame starts from its closed form; up to MAX_STEPS Gauss-Newton steps then refine all parameters.
 
     Args:
         observations: The readings, with their free parameters.
+
+    Returns:
+        The parameters, with loss and residuals.
     """
-    free = observations.free
+    free = observations.free_parameters
     count = 6 * free.frame + 3 * len(observations.markers) * free.targets + len(free.theta)
-    now = Fit(
+    now = KinematicFit(
         IDENTITY_FRAME,
         observations.markers,
         np.zeros(observations.vjm.arm.n_theta),
@@ -531,7 +552,7 @@ def fit(observations: Observations) -> Fit:
         now = replace(now, frame=frame)
     now = _with_loss(observations, where, now)
     # Gauss-Newton steps with the weights of the last residuals.
-    for _ in range(ROUNDS if count else 0):
+    for _ in range(MAX_STEPS if count else 0):
         before, now = now.loss, _gauss_newton_step(observations, where, now)
         if free.theta:
             where = _chain(observations, now)
@@ -541,7 +562,7 @@ def fit(observations: Observations) -> Fit:
     return now
 
 
-def _chain(observations: Observations, now: Fit) -> Chain:
+def _chain(observations: Observations, now: KinematicFit) -> Chain:
     return chain(
         observations.vjm,
         observations.q,
@@ -549,32 +570,31 @@ def _chain(observations: Observations, now: Fit) -> Chain:
     )
 
 
-def _with_loss(observations: Observations, chain: Chain, now: Fit) -> Fit:
+def _with_loss(observations: Observations, chain: Chain, now: KinematicFit) -> KinematicFit:
     off = fit_residuals(observations, chain, now)
-    return replace(now, residual=off, loss=float(cauchy(off, observations.scale).sum()))
+    return replace(now, residual=off, loss=float(cauchy_loss(off, observations.expected_distance).sum()))
 
 
-def fit_residuals(observations: Observations, chain: Chain, now: Fit) -> Array:
-    """Compute the residuals R x(q) + t - y: targets by the fit minus readings.
+def fit_residuals(observations: Observations, chain: Chain, fitted: KinematicFit) -> Array:
+    """Compute the residuals R x(q) + t - y: fitted minus measured positions of the targets.
 
     Args:
         observations: The readings y.
         chain: The extended chain in their poses.
-        now: The fit, with frame R, t and targets.
+        fitted: The fit, with frame R, t and targets.
 
     Returns:
-        Residuals, (poses, m, 3) [m]; 0 where nothing was read.
+        Residuals, (rows, m, 3) [m]; 0 where nothing was read.
     """
-    x = chain.points(now.markers) @ now.frame.rotation.T + now.frame.translation
+    x = chain.points(fitted.markers) @ fitted.frame.rotation.T + fitted.frame.translation
     return np.where(observations.seen[..., None], x - observations.position, 0.0)
 
 
-def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fit:
+def _gauss_newton_step(observations: Observations, chain: Chain, now: KinematicFit) -> KinematicFit:
     """Take one weighted Gauss-Newton step of all free parameters."""
-    free = observations.free
-    about = (
-        now.residual - now.frame.translation + observations.position
-    )  # the targets about the frame's origin
+    free = observations.free_parameters
+    # Targets relative to the frame's origin.
+    about = now.residual - now.frame.translation + observations.position
     columns: list[Array] = []
     if free.frame:
         columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
@@ -585,15 +605,16 @@ def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fi
         )
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
     scale = (
-        max(observations.scale, now.distance_quantile(observations))
+        max(observations.expected_distance, now.distance_quantile(observations))
         if free.targets_unknown
-        else observations.scale
+        else observations.expected_distance
     )
     weight = observations.seen / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
     root = np.sqrt(weight)[..., None]
     left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
-    if free.targets:  # a target moves its own readings alone: they are left out of all others' columns first
+    # A target moves its own readings alone: its part is eliminated from the other columns first.
+    if free.targets:
         R = root[..., None] * (now.frame.rotation @ chain.rotation)[:, None]
         by_target = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
         left = left - np.einsum("pmxa,cma->cpmx", R, by_target)
@@ -612,24 +633,29 @@ def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fi
 
 # --- Searches among more candidates than can be fitted: orders of the joints, and rows that slipped ---------
 
-MAX_JOINTS = 7  #: Up to which every order is tried; of more joints, every exchange of two and the reverse.
-SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Poses, evenly out of more, and first targets that screen orders.
-FITTED_ORDERS = 6  #: Orders that are fitted, the best of all.
-REWEIGHTINGS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
-ORDERS_AT_ONCE = 720  #: Orders whose equations are in memory at a time.
-RIDGE = 1e-9  #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
-MIN_ROWS = 3  #: Fewest rows of half a file, and of a slipped part.
+#: Most joints of which every order is tried; of more joints, every exchange of two and the reverse order.
+MAX_PERMUTED_JOINTS = 7
+SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Most rows, evenly spaced, and first targets that screen orders.
+MAX_FITTED_ORDERS = 6  #: Number of orders that are fitted, the best ones of the screening.
+REWEIGHTINGS = 3  #: Reweighted solutions of the linear form, so that an outlier does not choose the order.
+ORDERS_AT_ONCE = 720  #: Number of orders whose equations are in memory together.
+#: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
+RELATIVE_RIDGE = 1e-9
+MIN_ROWS_OF_PART = 3  #: Fewest rows of half a file, and of the part with slipped rows.
 
 
 def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
-    """Find the most probable orders of the joints in the file, by a linear form (see the module).
+    """Find the most probable orders of the joints in the file.
+
+    In the right order, readings y and the tool's pose R, p satisfy A y + b = R m + p with constant A, b and
+    target m. The orders with the smallest residual of this linear form are the most probable.
 
     Yields:
-        At most FITTED_ORDERS orders, (n,) each, the most probable first: joint k has the angles of column
+        At most MAX_FITTED_ORDERS orders, (n,) each, the most probable first: joint k has the angles of column
         order[k].
     """
     n = len(observations.vjm.arm.joints)
-    if n <= MAX_JOINTS:
+    if n <= MAX_PERMUTED_JOINTS:
         every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
     else:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
@@ -637,7 +663,7 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
     rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
     parts = np.array_split(every, -(-len(every) // ORDERS_AT_ONCE)) if len(every) else []
     cost = [loss for part in parts for loss in _screened(observations, rows, part)]
-    yield from every[np.argsort(cost, kind="stable")[:FITTED_ORDERS]]
+    yield from every[np.argsort(cost, kind="stable")[:MAX_FITTED_ORDERS]]
 
 
 def _exchange(n: int, i: int, j: int) -> Ids:
@@ -656,7 +682,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
     p, R = p.reshape(count, -1, 3)[:, row], R.reshape(count, -1, 3, 3)[:, row]
     y = observations.position[rows][row, target]
     right, columns = p + np.matvec(R, observations.markers[target]), np.zeros((count, len(row), 3, 0))
-    if not observations.free.frame:
+    if not observations.free_parameters.frame:
         right = right - y
     else:
         fixed = np.zeros((len(row), 3, 12))  # of A, by rows, and of b: the same in every order
@@ -664,7 +690,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
             fixed[:, axis, 3 * axis : 3 * axis + 3] = y
             fixed[:, axis, 9 + axis] = 1
         columns = np.broadcast_to(fixed, (count, *fixed.shape))
-    if observations.free.targets:
+    if observations.free_parameters.targets:
         of = np.equal(target[:, None], np.arange(observations.seen[:, :SCREENED_TARGETS].shape[1]))
         target_columns = -R[:, :, :, None, :] * of[None, :, None, :, None]
         columns = np.concatenate([columns, target_columns.reshape(*target_columns.shape[:3], -1)], axis=3)
@@ -673,31 +699,33 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
         held = columns * weight[..., None, None]
         H = np.einsum("orxa,orxb->oab", held, columns, optimize=True)
         g = np.einsum("orxa,orx->oa", held, right)
-        ridge = RIDGE * np.trace(H, axis1=1, axis2=2) / H.shape[1]
+        ridge = RELATIVE_RIDGE * np.trace(H, axis1=1, axis2=2) / H.shape[1]
         x = np.linalg.solve(H + ridge[:, None, None] * np.eye(H.shape[1]), g[..., None])
         left = right - (columns @ x[:, None])[..., 0]
         off = np.linalg.norm(left, axis=2)
-        weight = 1 / (1 + (off / np.maximum(np.median(off, axis=1, keepdims=True), observations.scale)) ** 2)
-    return np.asarray(cauchy(left, observations.scale).sum(axis=1))
+        weight = 1 / (
+            1 + (off / np.maximum(np.median(off, axis=1, keepdims=True), observations.expected_distance)) ** 2
+        )
+    return np.asarray(cauchy_loss(left, observations.expected_distance).sum(axis=1))
 
 
 @dataclass(frozen=True)
 class RowShift:
-    """Hold the row from which all readings belong to another pose."""
+    """Describe rows that slipped: from one row on, all readings belong to the pose before or after."""
 
-    first: int  #: The row, counted from 0.
-    shift: int  #: 1 if readings belong to the pose before, -1 for the pose after.
-    q: Array  #: The joint angles that the readings belong to, (poses, n) [rad, m].
+    first_row: int  #: Index of the first slipped row.
+    shift: int  #: 1 if readings belong to the pose before, -1 if they belong to the pose after.
+    q: Array  #: Joint positions that the readings belong to, (rows, n) [rad, m].
 
 
 def find_row_shift(observations: Observations) -> RowShift | None:
-    """Find the row from which readings are those of the pose before or after, with all rows before it sound.
+    """Find the row from which readings belong to the pose before or after; all rows before it are sound.
 
-    It is None when no slip explains the readings clearly better.
+    The result is None when no slip explains the readings clearly better.
     """
-    n, far = len(observations.q), UNFIT_DISTANCE * observations.scale
+    n, far = len(observations.q), MAX_MEDIAN_DISTANCE * observations.expected_distance
     head = _fit_half(observations, slice(n // 2))
-    if head is None or _misfits(observations, head, np.arange(n)[-MAX_ROWS:]) < MIN_ROWS:
+    if head is None or _misfits(observations, head, np.arange(n)[-MAX_COMPARED_ROWS:]) < MIN_ROWS_OF_PART:
         return None
     _, gain, first, shift, best_fit = min(_slip_costs(observations, head), key=lambda candidate: candidate[0])
     while first > 1 and _misfits(observations, best_fit, np.array([first - 1])):
@@ -708,11 +736,13 @@ def find_row_shift(observations: Observations) -> RowShift | None:
         _median_distance(replace(observations, q=q), best_fit, part)
         for part in (slice(first), slice(first, None))
     )
-    sound = gain > MIN_NATS_PER_READING * observations.seen[first:].sum() and max(before, behind) < far
+    sound = gain > MIN_GAIN_PER_READING * observations.seen[first:].sum() and max(before, behind) < far
     return RowShift(first, shift, q) if sound else None
 
 
-def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
+def _slip_costs(
+    observations: Observations, head: KinematicFit
+) -> Iterator[tuple[float, float, int, int, KinematicFit]]:
     """Yield the cost of all readings if they slipped one way from the best row, and the gain [nats].
 
     With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
@@ -721,33 +751,34 @@ def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, 
         moved = replace(observations, q=np.roll(observations.q, shift, axis=0))
         for half_fit in (head, _fit_half(moved, slice(len(observations.q) // 2, None)) or head):
             as_read, slipped = (
-                cauchy(
-                    fit_residuals(observed, chain(observed.vjm, observed.q), half_fit), observed.scale
+                cauchy_loss(
+                    fit_residuals(observed, chain(observed.vjm, observed.q), half_fit),
+                    observed.expected_distance,
                 ).sum(axis=1)
                 for observed in (observations, moved)
             )
-            cost = np.cumsum(as_read - slipped)[:-MIN_ROWS] + slipped.sum()
+            cost = np.cumsum(as_read - slipped)[:-MIN_ROWS_OF_PART] + slipped.sum()
             # an inserted row fits either way
-            alike = cost < cost.min() + MIN_NATS_PER_READING * observations.seen.shape[1]
+            alike = cost < cost.min() + MIN_GAIN_PER_READING * observations.seen.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
             yield float(cost.min()), float(as_read.sum() - cost.min()), first, shift, half_fit
 
 
-def _fit_half(observations: Observations, half: slice) -> Fit | None:
+def _fit_half(observations: Observations, half: slice) -> KinematicFit | None:
     """Fit frame and targets to half of the rows; None if there are too few."""
     rows = np.arange(len(observations.q))[half]
-    sample = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
-    return fit(sample) if len(rows) >= MIN_ROWS and sample.seen.any() else None
+    sample = observations.select(rows[evenly_spaced(len(rows), MAX_COMPARED_ROWS)])
+    return fit_kinematics(sample) if len(rows) >= MIN_ROWS_OF_PART and sample.seen.any() else None
 
 
-def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
+def _misfits(observations: Observations, fitted: KinematicFit, rows: Ids) -> int:
     """Count how many of the given rows do not fit the arm in the fitted frame."""
     sample = observations.select(rows)
     off = np.linalg.norm(fit_residuals(sample, chain(sample.vjm, sample.q), fitted), axis=2)
-    return int((off > UNFIT_DISTANCE * observations.scale).any(axis=1).sum())
+    return int((off > MAX_MEDIAN_DISTANCE * observations.expected_distance).any(axis=1).sum())
 
 
-def _median_distance(observations: Observations, fitted: Fit, part: slice) -> float:
+def _median_distance(observations: Observations, fitted: KinematicFit, part: slice) -> float:
     """Compute the median distance of the readings in some rows [m]; 0 without any."""
     off = np.linalg.norm(
         fit_residuals(observations, chain(observations.vjm, observations.q), fitted), axis=2

@@ -1,13 +1,13 @@
-"""Moves in the middle of a series: of the targets on the tool, or of the tracker against the base.
+"""Moves of the targets on the tool, or of the tracker against the base, in the middle of a series.
 
-A move is a step in the residuals that nothing else explains. From row k on a step b of up to six numbers is
-added to the model, in tool axes for the targets and in base axes for the tracker. A nuisance model has all
-that the arm may still lack: geometry, low periodic errors of the joints and compliances, each with its prior.
-A step that these explain as well is none: the projector 1 - P of the score test removes them. A single wrong
-row or pose is another hypothesis, with the same columns.
+A move is a step in the residuals that nothing else explains. From row k on, a rigid motion b of three or six
+numbers is added to the model, in tool axes for the targets and in base axes for the tracker. A nuisance model
+holds all other errors that the model may lack: geometry, periodic joint errors of low order and compliances,
+each with its prior. The projector 1 - P of the score test removes what these explain. A single wrong row or
+pose is another hypothesis, with the same columns.
 
-`identify` reports a move. `calibrate` makes the rows after it a series with its own mount or frame,
-fits again and searches again.
+`identify` reports a move. `calibrate` also divides the series there: the rows after it get a mount or frame
+of their own, and the search is repeated.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -30,110 +30,115 @@ from testbench.identify.absolute.evidence import (
     default_scales,
 )
 from testbench.identify.absolute.state import ArmState, unknowns_of
-from testbench.identify.diagnosis.kinematics import Issue, Score, score_test, undo_one_by_one
+from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
 from testbench.identify.metric import PriorScaling
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors
 from testbench.model.vjm import marker_motion
 
-MAX_ORDER = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
-#: Prior size of other errors in the test of a step, over their usual size [1], which is unknown here.
-NUISANCE_FACTOR = 3.0
-MAX_NUMBERS = 3_000_000  #: Most numbers of the equations in memory at a time.
+MAX_PERIODIC_ORDER = 8  #: Highest order of periodic joint errors in the nuisance model.
+#: Prior deviation of the other errors in the test of a step, over their usual size [1].
+NUISANCE_SCALE_FACTOR = 3.0
+MAX_NUMBERS_IN_MEMORY = 3_000_000  #: Most numbers of the equations that are in memory together.
 EQUATIONS_PER_POSE = 6
-"""Most independent equations of a pose: its targets and loads share the errors of the model there."""
-AMBIGUOUS_GAIN = 10.0
-"""Difference of gains, over the variance, below which two steps explain the readings equally well."""
+"""Most independent equations of a pose: its targets and loads share the model's errors in this pose."""
+AMBIGUOUS_CHI2 = 10.0
+"""Difference of chi squared below which moves of targets and of the tracker explain readings equally well."""
 
 
 @dataclass(frozen=True)
 class NuisanceModel:
-    """Hold the linearised errors that the model may have in addition to a step, with their prior."""
+    """Hold a linear model of all errors that may explain readings instead of a step, with their prior."""
 
-    active: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
+    active: ActiveUnknowns  #: The unknowns, c of them.
     prior: Array  #: Prior precision of the unknowns, compliances in units of the prior, (c, c).
-    state: ArmState  #: The arm that the equations are linearised about.
-    noise: Noise  #: Noise of the readings about the arm.
+    state: ArmState  #: The arm at which the equations are linearised.
+    noise: Noise  #: Noise of the readings about this arm.
 
 
 def nuisance_model(
-    state: ArmState, series: tuple[Series, ...], noise: Noise, elastic: PriorScaling, orders: int = MAX_ORDER
+    state: ArmState,
+    series: tuple[Series, ...],
+    noise: Noise,
+    compliance_prior: PriorScaling,
+    max_order: int = MAX_PERIODIC_ORDER,
 ) -> NuisanceModel:
-    """Build the linear model of everything but a step that may explain the residuals of series.
+    """Build the linear model of all errors other than a step that may explain the residuals of series.
 
-    It has geometry, periodic joint errors and compliances as unknowns, each with a loose prior.
+    Its unknowns are geometry, periodic joint errors and compliances, each with a wide prior.
 
     Args:
         state: The arm without joint errors.
         series: The readings.
         noise: Noise of the readings about the arm.
-        elastic: Prior of all compliances that there may be.
-        orders: Highest order of periodic joint errors, per turn [1].
+        compliance_prior: Prior of all compliances of the arm.
+        max_order: Highest order of periodic joint errors, per turn [1].
 
     Returns:
-        The unknowns with their prior precision, and the arm that they are linearised about.
+        The unknowns with their prior precision, and the arm at which they are linearised.
     """
-    errors = JointErrors(tuple(range(1, orders + 1)))
+    errors = JointErrors(tuple(range(1, max_order + 1)))
     state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
-    unknowns = unknowns_of(state.vjm, series, errors, elastic.structure)
+    unknowns = unknowns_of(state.vjm, series, errors, compliance_prior.structure)
     active, size = (
-        activate(unknowns, GEOMETRY | {"harmonics"}, elastic),
+        activate(unknowns, GEOMETRY | {"harmonics"}, compliance_prior),
         default_scales(unknowns, len(noise.factor)),
     )
-    P, _ = active_prior(active, ErrorScales(NUISANCE_FACTOR * size.deviation, size.factor), WIDE_PRIOR)
+    P, _ = active_prior(active, ErrorScales(NUISANCE_SCALE_FACTOR * size.deviation, size.factor), WIDE_PRIOR)
     return NuisanceModel(active, P, state, noise)
 
 
 def p_value(step: Issue) -> float:
-    """Compute the probability of a step as clear as this one of `best_step` in readings without any.
+    """Compute the probability of a step from `best_step` or a clearer one in readings without a step.
 
-    With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
+    With z numbers of the step, f independent equations and the log-likelihood gain L of the step, it is
+    P(F(z, f) > 2 L / z) by Fisher's F test.
     """
     z = len(step.size)
-    return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
+    return float(fdtrc(z, step.numbers["free"], 2 * (step.log_likelihood_gain or 0.0) / z))
 
 
-def best_step(linear: NuisanceModel, series: Series, steps: Ids) -> Issue:
-    """Find the step of a series that explains most of the residuals.
+def best_step(linear: NuisanceModel, series: Series, candidates: Ids) -> Issue:
+    """Find the move of targets or tracker in a series that explains most of the residuals.
 
     Args:
-        linear: The linear model of everything but the step.
+        linear: The linear model of all other errors.
         series: The readings, in order of time.
-        steps: First row after each step that is tried, ascending, (steps,).
+        candidates: Index of the first row after each candidate step, ascending, (steps,).
 
     Returns:
         The step, named "target_moved" or "tracker_moved". Its size is translation and, if six numbers,
         rotation, (3 or 6,) [m, rad]. Its numbers are:
 
-        - `place`: index of the first row after it;
+        - `place`: index of the first row after the step;
         - `before`, `after`: identifiers of the rows on both sides;
-        - `across`: whether both are of one pose;
-        - `alike`: whether a move of the other, target or tracker, explains the readings as well;
-        - `share`: fraction of the sum of squares that it explains [1];
-        - `free`: independent equations left after the fit.
+        - `across`: whether both rows are of one pose;
+        - `alike`: whether a move of the other kind, target or tracker, explains the readings as well;
+        - `share`: fraction of the sum of squares that the step explains [1];
+        - `free`: number of independent equations less the fitted unknowns.
     """
-    sums = _sums(linear, series, steps)
-    return _greatest_step(_unexplained(linear, (series,), [sums]), series, sums, steps, turns=True)
+    sums = _sums(linear, series, candidates)
+    return _greatest_step(_unexplained(linear, (series,), [sums]), series, sums, candidates, turns=True)
 
 
 def most_significant_step(
-    linear: NuisanceModel, series: Sequence[Series], places: Sequence[Ids]
+    linear: NuisanceModel, series: Sequence[Series], candidates: Sequence[Ids]
 ) -> Iterator[tuple[Series, Issue]]:
-    """Find in every series the step that is least likely by chance, with or without a rotation.
+    """Find the step with the smallest p-value in every series, with or without a rotation.
 
     A series is skipped when a single wrong row or pose explains its readings as well.
 
     Args:
-        linear: The linear model of everything but the steps.
+        linear: The linear model of all errors other than steps.
         series: The readings, in order of time; all of them determine the arm.
-        places: First row after each step that is tried, per series, ascending, (steps,).
+        candidates: Index of the first row after each candidate step, ascending, (steps,) per series.
 
     Yields:
         A series and its step, with numbers as in `best_step`.
     """
     sums = [_sums(linear, readings, np.arange(1, readings.rows)) for readings in series]
     rest = _unexplained(linear, series, sums)
-    for readings, series_sums, steps in zip(series, sums, places, strict=True):
+    for readings, series_sums, steps in zip(series, sums, candidates, strict=True):
         if not len(steps):
             continue
         step = min(
@@ -142,8 +147,9 @@ def most_significant_step(
         poses = np.unique(readings.pose, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *series_sums.Z.shape[1:]))
         np.add.at(together, poses, series_sums.Z)
-        alone = [t for Z in (series_sums.Z, together) for t in rest.score_moves(Z, turns=len(step.size) == 6)]
-        if max(t.gain.max() for t in alone) < step.numbers["share"] * rest.before:
+        turns = len(step.size) == 6
+        alone = [score for Z in (series_sums.Z, together) for score in rest.score_moves(Z, turns=turns)]
+        if max(score.chi2_decrease.max() for score in alone) < step.numbers["share"] * rest.before:
             yield readings, step
 
 
@@ -168,7 +174,7 @@ class _Unexplained:
     count: float  #: Number of equations less the fitted unknowns.
     shared: float  #: Number of equations per independent one.
 
-    def score_moves(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
+    def score_moves(self, Z: Array, *, turns: bool) -> tuple[ScoreTest, ScoreTest]:
         """Test whether the targets or the tracker moved, in a batch of rows.
 
         Args:
@@ -204,18 +210,21 @@ def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence
 
 
 def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
-    """Find the step of greatest gain in a series, of the targets or of the tracker, as an issue."""
+    """Find the step that lowers chi squared most in a series, of the targets or the tracker, as an issue."""
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     # Score of a step at every place, of targets and of the tracker; the greatest is taken.
     target, tracker = rest.score_moves(behind, turns=turns)
-    slipped = target.gain.max() > tracker.gain.max()
+    slipped = target.chi2_decrease.max() > tracker.chi2_decrease.max()
     score, other = (target, tracker) if slipped else (tracker, target)
-    k = int(score.gain.argmax())
-    gain, place = float(score.gain[k]), int(steps[k])
-    s2 = max(rest.before - gain, 1e-300) / rest.count
+    k = int(score.chi2_decrease.argmax())
+    decrease, place = float(score.chi2_decrease[k]), int(steps[k])
+    rival = other.chi2_decrease[max(0, k - 2) : k + 3].max()
+    # The variance of an equation, and the gain for the number of independent ones.
+    s2 = max(rest.before - decrease, 1e-300) / rest.count
+    gain = decrease / s2 / rest.shared / 2
     numbers = {
-        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < AMBIGUOUS_GAIN * s2),
-        "share": gain / rest.before,
+        "alike": bool(decrease - rival < AMBIGUOUS_CHI2 * s2),
+        "share": decrease / rest.before,
         "free": rest.count / rest.shared,
         "place": place,
         "before": int(series.row[place - 1]),
@@ -223,7 +232,7 @@ def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, 
         "across": bool(series.pose[place - 1] == series.pose[place]),
     }
     kind = "target_moved" if slipped else "tracker_moved"
-    return Issue(kind, (series.name, series.frame), score.b[k], numbers, gain / s2 / rest.shared / 2)
+    return Issue(kind, (series.name, series.frame), score.expected_size[k], numbers, gain)
 
 
 def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
@@ -231,7 +240,9 @@ def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
     numbers = 3 * series.rows * (len(series.markers) + 1) * linear.active.unknowns.size
-    batches = min(len(edges) - 1, 1 + numbers // MAX_NUMBERS)  # of cells that are in memory together
+    batches = min(
+        len(edges) - 1, 1 + numbers // MAX_NUMBERS_IN_MEMORY
+    )  # of cells that are in memory together
     for part in np.array_split(np.arange(len(edges) - 1), batches):
         A, Z = _equations(linear, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
@@ -248,7 +259,7 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     W, pull = robust_whitening(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
     W = W * np.sqrt(pull)[..., None, None]
     A = rows[:, :, np.r_[active.columns, -1]]
-    Z = np.concatenate([move_columns(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
+    Z = np.concatenate([move_columns(linear, series, rows, moved) for moved in ("target", "tracker")], axis=2)
     whitened = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if active.elastic is not None:
         e = slice(active.n_rigid, len(active.columns))
@@ -257,20 +268,20 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     return lines[: A.shape[2]], lines[A.shape[2] :]
 
 
-def move_columns(linear: NuisanceModel, series: Series, A: Array, what: str) -> Array:
-    """Compute the columns of a rigid move of the tracker or of the targets.
+def move_columns(linear: NuisanceModel, series: Series, A: Array, moved: str) -> Array:
+    """Compute the columns of a rigid move of the tracker or of the targets in the equations of a series.
 
     Args:
         linear: The linear model, whose unknowns name the columns.
         series: The readings.
         A: Columns of all unknowns, then the residuals, (s, 3, unknowns + 1, rows) [m, rad].
-        what: "tracker" or "target".
+        moved: "tracker" or "target".
 
     Returns:
         Columns of translation and rotation, (s, 3, 6, rows); of translation alone, (s, 3, 3, rows), for the
         mount of one target without orientation.
     """
-    if what == "tracker":
+    if moved == "tracker":
         return A[:, :, linear.active.unknowns.columns(f"frame {series.frame}")]
     mount = A[:, :, linear.active.unknowns.columns(f"mount {series.target}")]
     points = linear.state.mount(series).points
@@ -280,43 +291,45 @@ def move_columns(linear: NuisanceModel, series: Series, A: Array, what: str) -> 
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def with_shift(linear: NuisanceModel, series: Series, step: Issue) -> Issue:
-    """Add to a step the RMS distance by which it moves the targets.
+def with_rms_shift(linear: NuisanceModel, series: Series, step: Issue) -> Issue:
+    """Add the RMS distance by which a step moves the targets to the numbers of its issue.
 
     Args:
-        linear: The linear model of everything but the step.
+        linear: The linear model of all errors other than the step.
         series: The readings.
-        step: The step.
+        step: The issue of the step.
 
     Returns:
-        The step with that distance over all readings, RMS [m], as its number `shift`.
+        The issue; its number `shift` is the RMS distance over all readings [m].
     """
-    what = step.name.removesuffix("_moved")
-    Z = move_columns(linear, series, series_rows(linear.active.unknowns, linear.state, series), what)
+    moved = step.name.removesuffix("_moved")
+    Z = move_columns(linear, series, series_rows(linear.active.unknowns, linear.state, series), moved)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, numbers={**step.numbers, "shift": shift})
 
 
-MAX_TRIED_STEPS = 400  #: Steps that are tried at first.
-MAX_THIN_ROWS = 1500  #: Rows that are looked at first.
-MIN_POSES = 6  #: Poses before and behind a step that divides a series: fewer leave frame or mount open.
-MIN_GAIN = 80.0
-"""Sum of squares that such a step takes away at least, over the variance: sound simulated series reach 50,
-series of a robot whose frame drifts by 10 um 80."""
-MIN_SHARE = 0.05  #: Share of the sum of squares that it takes away at least: a robot's drift takes 1 %.
-PART_SUFFIX = " from row "  #: Ends the name of a series, before the first row of its part.
+MAX_TRIED_STEPS = 400  #: Most candidate steps of the first search, evenly spaced.
+MAX_SCREENED_ROWS = 1500  #: Most rows of the first search, evenly spaced.
+#: Fewest poses before and after a step that divides a series; fewer do not determine frame or mount.
+MIN_POSES_OF_PART = 6
+MIN_STEP_CHI2 = 80.0
+"""Least decrease of chi squared by a step that divides a series. Sound simulated series reach 50, series of a
+robot whose frame drifts by 10 um reach 80."""
+#: Least share of the sum of squares that such a step explains [1]; the drift of a robot explains 1 %.
+MIN_EXPLAINED_SHARE = 0.05
+PART_SUFFIX = " from row "  #: Text between the name of a divided series and the first row of its part.
 
 
-def step_places(series: Series, min_poses: int) -> Ids:
-    """List the rows at which a step is tried.
+def candidate_rows(series: Series, min_poses: int) -> Ids:
+    """List the rows of a series before which a move of targets or tracker is possible.
 
     Args:
         series: Readings in order of time.
         min_poses: Fewest different poses before, and after, each step.
 
     Returns:
-        Index of the first row after each step, (steps,), ascending.
+        Index of the first row after each candidate step, ascending, (steps,).
     """
     before, behind = _poses_so_far(series.pose), _poses_so_far(series.pose[::-1])[::-1]
     steps = np.flatnonzero(np.diff(series.row)) + 1  # rows of one identifier are of one moment
@@ -330,15 +343,17 @@ def _poses_so_far(pose: Ids) -> Ids:
     return np.cumsum(first)
 
 
-def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
+def _clear_step(
+    state: ArmState, series: Series, noise: Noise, compliance_prior: PriorScaling
+) -> Issue | None:
     """Find the greatest step in a series; None if no step is clear enough to divide it.
 
     The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
-    ordered = without_unread_targets(in_order_of_time(series))
-    steps = step_places(ordered, MIN_POSES)
-    linear = nuisance_model(state, (ordered,), noise, elastic)
-    thin = evenly_spaced(ordered.rows, MAX_THIN_ROWS)
+    ordered = without_unread_targets(sort_by_time(series))
+    steps = candidate_rows(ordered, MIN_POSES_OF_PART)
+    linear = nuisance_model(state, (ordered,), noise, compliance_prior)
+    thin = evenly_spaced(ordered.rows, MAX_SCREENED_ROWS)
     tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
@@ -348,32 +363,35 @@ def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorSca
         middle = np.searchsorted(tried, thin[int(issue.numbers["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
         issue = best_step(linear, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return with_shift(linear, ordered, issue) if _is_sure(issue) else None
+    return with_rms_shift(linear, ordered, issue) if _is_sure(issue) else None
 
 
 def _is_sure(step: Issue) -> bool:
-    return 2 * (step.nats or 0.0) > MIN_GAIN and step.numbers["share"] > MIN_SHARE
+    return (
+        2 * (step.log_likelihood_gain or 0.0) > MIN_STEP_CHI2 and step.numbers["share"] > MIN_EXPLAINED_SHARE
+    )
 
 
-def in_order_of_time(series: Series) -> Series:
-    """Sort the rows of a series by their identifiers, which are in order of time."""
+def sort_by_time(series: Series) -> Series:
+    """Return a series with its rows sorted by their identifiers, which are in order of time."""
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
 SeriesParts = tuple[Series, ...]
-"""Series, in parts where something moved."""
+"""Series, divided where a target or the tracker moved."""
 FittedState = tuple[ArmState, Noise]
+"""A fitted arm, and the noise of the readings about it."""
 
 
 def divide_at_moves(
-    series: SeriesParts, fitted: Callable[[SeriesParts], FittedState], elastic: PriorScaling
+    series: SeriesParts, fit_series: Callable[[SeriesParts], FittedState], compliance_prior: PriorScaling
 ) -> tuple[list[Issue], SeriesParts, FittedState]:
-    """Fit series, divide them where targets or tracker moved, and fit again until nothing moves.
+    """Fit series, divide them where targets or tracker moved, and repeat until no more moves are found.
 
     Args:
         series: The readings.
-        fitted: Function that fits geometry and springs to series, without joint errors.
-        elastic: Prior of all compliances that there may be.
+        fit_series: Function that fits geometry and joint compliances to series.
+        compliance_prior: Prior of all compliances of the arm.
 
     Returns:
         Issues of moves and of series that no longer share a mount or frame; the divided series; and
@@ -383,7 +401,9 @@ def divide_at_moves(
         BenchError: When the first fit fails.
     """
 
-    def undo(parts: SeriesParts, now: FittedState) -> tuple[list[Issue], SeriesParts, FittedState] | None:
+    def divide_at_clear_steps(
+        parts: SeriesParts, now: FittedState
+    ) -> tuple[list[Issue], SeriesParts, FittedState] | None:
         """Fit the parts again, each with its own tracker or targets where they moved.
 
         Args:
@@ -394,7 +414,7 @@ def divide_at_moves(
             New issues, the divided series and their fit; None if nothing moved.
         """
         steps = [
-            None if part.distance is not None else _clear_step(now[0], part, now[1], elastic)
+            None if part.distance is not None else _clear_step(now[0], part, now[1], compliance_prior)
             for part in parts
         ]
         issues = [step for step in steps if step]
@@ -402,11 +422,11 @@ def divide_at_moves(
             return None
         apart, shared = _divide(parts, steps)
         try:
-            return issues + shared, apart, fitted(apart)
+            return issues + shared, apart, fit_series(apart)
         except BenchError:
             return [*issues, Issue("not_parted", tuple(step.where[0] for step in issues))], parts, now
 
-    return undo_one_by_one(series, fitted(series), undo)
+    return correct_one_by_one(series, fit_series(series), divide_at_clear_steps)
 
 
 def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesParts, list[Issue]]:
@@ -450,7 +470,7 @@ def _halves(series: Series, step: Issue | None) -> SeriesParts:
     """Divide a series at a step; without a step it stays whole."""
     if step is None:
         return (series,)
-    ordered, words = in_order_of_time(series), f"{PART_SUFFIX}{step.numbers['after']}"
+    ordered, words = sort_by_time(series), f"{PART_SUFFIX}{step.numbers['after']}"
     behind = np.arange(series.rows) >= step.numbers["place"]
     second = _rename_moved(select_rows(ordered, behind), step, _moved_name(series, step) + words)
     return select_rows(ordered, ~behind), replace(second, name=series.name + words)

@@ -25,7 +25,7 @@ from testbench.identify.absolute.fit import (
     select_and_solve,
 )
 from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, series_equilibrium
-from testbench.identify.diagnosis.moves import in_order_of_time
+from testbench.identify.diagnosis.moves import sort_by_time
 from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.posterior import ArmModel
 from testbench.model.vjm import translation_rows
@@ -142,7 +142,7 @@ def approach(state: ArmState, series: Series) -> Array:
     Returns:
         Difference and half its interval, (n, 2) [rad, m].
     """
-    one = in_order_of_time(series)
+    one = sort_by_time(series)
     came = np.flatnonzero(np.diff(one.row) == 1)
     sign = np.sign(np.diff(one.q, axis=0)[came]).T
     J = translation_rows(series_equilibrium(state, one).chain, state.mount(one).points)
@@ -164,7 +164,7 @@ def drift(state: ArmState, series: Series) -> Array:
     Returns:
         RMS and half its interval, (2,) [m].
     """
-    z = residuals(state, in_order_of_time(series))[0, 2]
+    z = residuals(state, sort_by_time(series))[0, 2]
     z = (z - z.mean())[: len(z) // TOGETHER * TOGETHER].reshape(-1, TOGETHER)
     squares = z.mean(axis=1) ** 2 - z.var(axis=1, ddof=1) / TOGETHER
     parts = [part.mean() for part in np.array_split(squares, min(PARTS, len(squares)))]
