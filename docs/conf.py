@@ -1,6 +1,8 @@
 """The documentation site: `make docs` builds it and fails on a dead link or an undocumented public name."""
 
+import json
 import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,9 @@ import testbench
 from testbench.cli.program import program
 
 HERE = Path(__file__).parent
-PROGRAM = Path(sys.executable).with_name("testbench")
+sys.path.insert(0, str(HERE.parent / "tools"))
+
+from wheel import build_wheel, install_wheel  # noqa: E402
 
 project = "testbench"
 author = "the testbench authors"
@@ -25,13 +29,12 @@ coverage_show_missing_items = True
 exclude_patterns = ["_build", "README.md"]
 html_theme = "furo"
 html_title = "testbench"
-# Tutorials are run by the build, each in an empty folder; a cell that fails ends the build.
+# The build runs the tutorials with the installed wheel, each in an empty folder; a cell that fails ends it.
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_timeout = 300
 nb_merge_streams = True
-os.environ["PATH"] = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"  # of the commands in tutorials
 myst_heading_anchors = 3
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 html_math_renderer = "mathml"
@@ -91,6 +94,21 @@ def write_help(_: object) -> None:
     texts = [said(), *(said(*command.split()) for command in commands)]
     (HERE / "_build").mkdir(exist_ok=True)
     (HERE / "_build" / "commands.txt").write_text("\n".join(texts), encoding="utf-8")
+
+
+def run_tutorials_by_wheel(app: Any) -> None:
+    """Let tutorials use the installed wheel, not the checkout, in Python and in the shell."""
+    if app.builder.name != "html" or app.config.nb_execution_mode == "off":
+        return
+    folder = HERE / "_build" / "wheel"
+    shutil.rmtree(folder, ignore_errors=True)
+    python = install_wheel(build_wheel(HERE.parent, folder), folder / "venv")
+    kernel = folder / "kernels" / "python3"
+    kernel.mkdir(parents=True)
+    start = [str(python), "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+    text = json.dumps({"argv": start, "display_name": "Python 3", "language": "python"})
+    (kernel / "kernel.json").write_text(text, encoding="utf-8")
+    os.environ |= {"JUPYTER_PATH": str(folder), "PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}"}
 
 
 def refuse_undocumented(_: object) -> None:
@@ -161,4 +179,5 @@ def setup(app: Any) -> None:
     app.connect("env-check-consistency", refuse_missing)
     app.connect("builder-inited", refuse_undocumented)
     app.connect("builder-inited", write_help)
+    app.connect("builder-inited", run_tutorials_by_wheel)
     app.connect("build-finished", open_to_all)

@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import venv
 import zipfile
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 from strangers import light_urdf
+from wheel import PIP, build_wheel, install_wheel
 
 from testbench.files.read_pairs import read_csv
 from testbench.files.robot.meshes import MESH_SUFFIXES
@@ -27,7 +27,6 @@ ROOT = Path(__file__).resolve().parents[2]
 BLOCK, PRINTED = re.search(
     r"```python\n(.*?)```\n```text\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
 ).groups()
-PIP = ["-m", "pip", "--quiet", "--disable-pip-version-check", "--no-input"]
 pytest.importorskip("pip", reason="a wheel is built and installed by pip")
 
 
@@ -51,26 +50,17 @@ def pythons():
 def built(tmp_path_factory):
     """The wheel and the sdist of the checkout."""
     folder = tmp_path_factory.mktemp("built")
-    asked = ["wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", folder, ROOT]
-    subprocess.run([sys.executable, *PIP, *asked], check=True)
+    wheel = build_wheel(ROOT, folder)
     sdist = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder]
     subprocess.run(sdist, cwd=ROOT, check=True, capture_output=True)
-    [wheel], [archive] = folder.glob("*.whl"), folder.glob("*.tar.gz")
+    [archive] = folder.glob("*.tar.gz")
     return wheel, archive
 
 
 @pytest.fixture(scope="module")
 def program(built, tmp_path_factory):
     """The command in a fresh venv that sees the packages of this interpreter, but not the checkout."""
-    folder = tmp_path_factory.mktemp("wheel")
-    venv.create(folder / "venv", with_pip=False)
-    python = folder / "venv" / "bin" / "python"
-    install = ["install", "--no-deps", "--no-index", "--no-compile", built[0]]
-    subprocess.run([sys.executable, *PIP, "--python", python, *install], check=True)
-    [site] = (folder / "venv" / "lib").glob("python3.*/site-packages")
-    others = [path for path in sys.path if "site-packages" in Path(path).parts]
-    (site / "packages.pth").write_text("\n".join(others) + "\n")
-    return python.with_name("testbench")
+    return install_wheel(built[0], tmp_path_factory.mktemp("wheel") / "venv").with_name("testbench")
 
 
 def run(program, cwd, *args):
@@ -109,9 +99,7 @@ def test_the_sdist_makes_the_wheel_of_the_checkout(built, tmp_path):
     with tarfile.open(sdist) as archive:
         archive.extractall(tmp_path, filter="data")
     [source] = tmp_path.iterdir()
-    asked = ["wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", tmp_path, source]
-    subprocess.run([sys.executable, *PIP, *asked], check=True)
-    names = [zipfile.ZipFile(own).namelist() for own in (wheel, tmp_path / wheel.name)]
+    names = [zipfile.ZipFile(own).namelist() for own in (wheel, build_wheel(source, tmp_path))]
     assert names[0] == names[1]
     assert {"testbench/models/ur10/rigid.xml", "testbench/entries/ridge.py"} <= set(names[0])
 
