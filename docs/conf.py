@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from docutils import nodes
+from ipykernel.kernelspec import get_kernel_dict
 from latex2mathml.converter import convert
 from sphinx.errors import ExtensionError
 from typer.testing import CliRunner
@@ -105,9 +106,9 @@ def run_tutorials_by_wheel(app: Any) -> None:
     python = install_wheel(build_wheel(HERE.parent, folder), folder / "venv")
     kernel = folder / "kernels" / "python3"
     kernel.mkdir(parents=True)
-    start = [str(python), "-m", "ipykernel_launcher", "-f", "{connection_file}"]
-    text = json.dumps({"argv": start, "display_name": "Python 3", "language": "python"})
-    (kernel / "kernel.json").write_text(text, encoding="utf-8")
+    asked = get_kernel_dict()
+    asked["argv"][0] = str(python)
+    (kernel / "kernel.json").write_text(json.dumps(asked), encoding="utf-8")
     os.environ |= {"JUPYTER_PATH": str(folder), "PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}"}
 
 
