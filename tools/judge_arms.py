@@ -141,10 +141,12 @@ def decision(cell, truth, regression, constraint, prior, mean, _):
     The answers are those of `average.joints_only_weight`: links passed the test, links change and are not
     surely worse, links failed.
     """
-    rivals = average.compare_links_and_joints(regression, mean, prior)
-    changes = rivals is not None and rivals.likeliest.regression.pose_variation is not None
+    rivals = average.links_versus_joints_only(regression, mean, prior)
+    changes = rivals is not None and rivals.most_probable.regression.pose_variation is not None
     weights = (
-        (average.MIN_JOINTS_WEIGHT, average.JOINTS_WEIGHT_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
+        (average.MIN_JOINTS_ONLY_WEIGHT, average.JOINTS_ONLY_WEIGHT_IF_UNSURE, 1.0)
+        if changes
+        else (0.0, 1.0, 1.0)
     )
     errors = {
         w: error(cell, average.average_with_joints_only(regression, constraint, prior, mean, w), truth)
@@ -152,12 +154,12 @@ def decision(cell, truth, regression, constraint, prior, mean, _):
     }
     gain = None
     if rivals is not None:
-        links, joints = (np.log(own) for own in rivals.errors)
+        links, joints = (np.log(own) for own in rivals.held_out_errors)
         gain = mean_and_standard_error(joints - links)  # mean and standard error over poses
     return {
         **dict(zip(ANSWERS, (errors[w] for w in weights), strict=True)),
         "gain": gain,
-        "evidence": rivals and rivals.log_evidence,
+        "evidence": rivals and rivals.log_bayes_factor,
         "changes": changes,
     }
 
@@ -283,7 +285,7 @@ def threshold(own, least):
 
 def decided(row, least):
     """Error [mm] if links count only above so many standard errors, where the evidence leaves doubt."""
-    if row["gain"] is None or not (row["changes"] or row["evidence"] <= average.CERTAIN_LOG_EVIDENCE):
+    if row["gain"] is None or not (row["changes"] or row["evidence"] <= average.DECISIVE_LOG_EVIDENCE):
         return row["passed"]
     gain, error_ = row["gain"]
     if gain > least * error_:

@@ -25,7 +25,7 @@ from shot import write_film
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.demo import Demo
 from testbench.errors import Array
-from testbench.identify.estimate import Estimate, all_deflections
+from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.model.laws import model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import body_origins, elastic_frames
@@ -117,7 +117,7 @@ def _stands(load: int) -> int:
 def usual(cell: Cell, found: Sequence[Estimate], campaign: Campaign) -> int:
     """Of the half of places furthest out, that where errors are most like those over all places."""
     reach = np.linalg.norm(campaign.truth.before[:, 0, :2], axis=-1)
-    errors = campaign.truth.deflection - all_deflections(cell.vjm, found, campaign.truth)
+    errors = campaign.truth.deflection - deflections_of_models(cell.vjm, found, campaign.truth)
     square = np.square(errors).sum(axis=-1).mean(axis=-1)  # (models, places)
     off = np.max(np.abs(np.log(square / square.mean(axis=1, keepdims=True))), axis=0)
     return int(np.where(reach >= np.median(reach), off, np.inf).argmin())

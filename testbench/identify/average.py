@@ -11,10 +11,10 @@ model; the evidence is not. Where the evidence is undecided, an average errs les
 by the same evidence loses to joints only twice as often where links are 10 or 30 times stiffer than the
 folder's. A mean of positive semi-definite matrices is positive semi-definite.
 
-`stiffness_scatter` learns from the readings how much link compliances vary from pose to pose. No linear model
-contains this variation, and its prior would explain it by links that are far off. In pose p every link k has
-(1 + rho e_pk) times its compliance, with e_pk standard normal. With W the rows pi_k of a fit, one per link,
-the rows A_p of a pose have the covariance
+`pose_to_pose_variation` learns from the readings how much link compliances vary from pose to pose. No linear
+model contains this variation, and its prior would explain it by links that are far off. In pose p every link
+k has (1 + rho e_pk) times its compliance, with e_pk standard normal. With W the rows pi_k of a fit, one per
+link, the rows A_p of a pose have the covariance
 
     S_p = 1 + rho^2 A_p W^T W A_p^T
 
@@ -22,10 +22,10 @@ in units of the noise. Multiplied by S_p^-1/2 they are rows of a linear model ag
 evidence under the prior that was learnt without it; it is 0 unless the evidence gains enough. Links vary as
 much in new poses, which is added to the noise of predictions.
 
-`LinksAndJoints` compares links with joints only in poses that are left out of the fit. The evidence trusts
-the prior's form; for links ten times stiffer than the folder's it may prefer a model that fits noise. So
-where the evidence is not overwhelming, links count only if they predict the poses left out better than joints
-only, by a paired test. Links that vary from pose to pose count unless they predict these poses worse.
+`LinksVersusJointsOnly` compares links with joints only in poses that are left out of the fit. The evidence
+trusts the prior's form; for links ten times stiffer than the folder's it may prefer a model that fits noise.
+So where the evidence is not overwhelming, links count only if they predict the poses left out better than
+joints only, by a paired test. Links that vary from pose to pose count unless they predict these poses worse.
 """
 
 import math
@@ -56,73 +56,75 @@ from testbench.model.laws import with_joint_couplings, without_joint_couplings
 from testbench.model.laws import without_laws as linear
 from testbench.model.structure import Structure
 
-TRIED_SCATTERS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
+TRIED_POSE_VARIATIONS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
 """Values of rho that are tried [1]."""
-MIN_LOG_EVIDENCE = math.log(10)
+MIN_LOG_EVIDENCE_GAIN = math.log(10)
 """Log evidence that rho must gain. 19 arms of the family with all disturbances do not gain it. Of 13
 undisturbed ones one does, and then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
-EVIDENCE_BACKOFF = 1.5
+MAX_LOG_EVIDENCE_LOSS = 1.5
 """Log evidence that a larger rho may be below the best: the learnt prior already explains some of the
 variation."""
-ROUNDING_SHARE = 1e-9
+ROW_ROUNDING = 1e-9
 """Rows below this share of the largest are rounding [1]."""
 
 
 # --- Links that vary from pose to pose ----------------------------------------------------------------------
 
 
-def stiffness_scatter(r: Regression, estimate: Estimate, backoff: float = 0.0) -> float:
+def pose_to_pose_variation(regression: Regression, estimate: Estimate, max_loss: float = 0.0) -> float:
     """Find the relative variation rho of link compliances from pose to pose that has the greatest evidence.
 
     Args:
-        r: The dataset, with its rows pose by pose.
+        regression: The dataset, with its rows pose by pose.
         estimate: A fit to it with a learnt prior.
-        backoff: Log evidence that a larger rho may be below the best.
+        max_loss: Log evidence that a larger rho may be below the best.
 
     Returns:
         rho, 0 if the evidence does not gain enough [1].
     """
-    gains = _scatter_evidence(r, _uncoupled_fit(estimate))
-    if gains.max() - gains[0] < MIN_LOG_EVIDENCE:
+    gains = _variation_evidence(regression, _uncoupled_fit(estimate))
+    if gains.max() - gains[0] < MIN_LOG_EVIDENCE_GAIN:
         return 0.0
-    return TRIED_SCATTERS[np.flatnonzero(gains >= gains.max() - backoff)[-1]]
+    return TRIED_POSE_VARIATIONS[np.flatnonzero(gains >= gains.max() - max_loss)[-1]]
 
 
-def _scatter_evidence(r: Regression, fit: Estimate) -> Array:
-    """Compute the log evidence of every one of `TRIED_SCATTERS` under the prior of a fit."""
+def _variation_evidence(regression: Regression, fit: Estimate) -> Array:
+    """Compute the log evidence of every one of `TRIED_POSE_VARIATIONS` under the prior of a fit."""
     weighted_prior = fit.weighted_prior
     assert weighted_prior is not None
-    r = restrict_to(r, fit.structure)
-    poses = [_pose_variances(rows, _parameters_by_link(r, fit.pi)) for rows in r.poses]
-    unused = r.equations - sum(len(w) for w, _ in poses)
-    rest = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in r.terms)
+    regression = restrict_to(regression, fit.structure)
+    poses = [_pose_variances(rows, _parameters_by_link(regression, fit.pi)) for rows in regression.poses]
+    unused = regression.equations - sum(len(w) for w, _ in poses)
+    rest = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in regression.terms)
     rest -= math.fsum(float(y @ y) for y in _readings(poses))
-    return np.array([_log_evidence(rho, weighted_prior, poses, unused, rest) for rho in TRIED_SCATTERS])
+    return np.array(
+        [_log_evidence(rho, weighted_prior, poses, unused, rest) for rho in TRIED_POSE_VARIATIONS]
+    )
 
 
 def _uncoupled_fit(estimate: Estimate) -> Estimate:
     """Return the fit without coupled joints; with joint laws if these are more probable."""
     if estimate.average is None:
         return estimate
-    with_laws = estimate.average.with_laws
+    with_laws = estimate.average.with_joint_laws
     return (
         with_laws
-        if with_laws is not None and estimate.average.laws_weight > 0.5
-        else estimate.average.all_parts
+        if with_laws is not None and estimate.average.joint_laws_weight > 0.5
+        else estimate.average.links_and_joints
     )
 
 
-def _parameters_by_link(r: Regression, pi: Array) -> Array:
+def _parameters_by_link(regression: Regression, pi: Array) -> Array:
     """Split the parameters by link, (links, n): row k has those of link k, and zeros for all others."""
-    of_link = np.arange(r.structure.links)[:, None] == r.structure.a // 6
-    return np.asarray(of_link * np.pad(pi, (0, r.structure.n - len(pi))))
+    of_link = np.arange(regression.structure.links)[:, None] == regression.structure.a // 6
+    return np.asarray(of_link * np.pad(pi, (0, regression.structure.n - len(pi))))
 
 
 def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
     """Compute the variances of a pose's rows per rho^2, (k,), and the rows along uncorrelated directions."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     long = np.abs(R).max(axis=1)
-    R = R[long > ROUNDING_SHARE * long.max(initial=0)]
+    R = R[long > ROW_ROUNDING * long.max(initial=0)]
     G = R[:, :-1] @ links.T
     values, Q = np.linalg.eigh(G @ G.T)
     return np.maximum(values, 0), Q.T @ R
@@ -150,26 +152,26 @@ def _log_evidence(
     return best
 
 
-def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
+def weight_for_pose_variation(regression: Regression, pi: Array, rho: float) -> Regression:
     """Weight a dataset as if the compliance of every link varied from pose to pose by a share rho.
 
     Mathematics: `prior-13`.
 
     Args:
-        r: The reduced dataset, with its rows pose by pose.
+        regression: The reduced dataset, with its rows pose by pose.
         pi: Parameters of a fit, (n,) or the first of them [m/N, rad/(N m), rad/N].
         rho: Relative standard deviation of a link's compliance over poses [1].
     """
-    links, [term] = _parameters_by_link(r, pi), r.terms
-    poses, points = [_pose_variances(rows, links) for rows in r.poses], term.equations / 3
+    links, [term] = _parameters_by_link(regression, pi), regression.terms
+    poses, points = [_pose_variances(rows, links) for rows in regression.poses], term.equations / 3
     weighted = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
     rest = term.unexplained + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
     weighted_term = term_from_triangle(
         triangular_factor(np.vstack(weighted) / math.sqrt(points)), max(0.0, rest), term.equations
     )
     # rho is known from as many poses only: Student's quantile in place of the normal one
-    width = float(stdtrit(len(poses) - 1, NEW_POSE_PROBABILITY) / ndtri(NEW_POSE_PROBABILITY))
-    return replace(regression_of(r.structure, (weighted_term,)), pose_variation=width * rho * links)
+    width = float(stdtrit(len(poses) - 1, POSE_VARIATION_QUANTILE) / ndtri(POSE_VARIATION_QUANTILE))
+    return replace(regression_of(regression.structure, (weighted_term,)), pose_variation=width * rho * links)
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
@@ -177,53 +179,53 @@ def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
     return [rows[:, -1] for _, rows in poses]
 
 
-JOINTS_ONLY_ODDS = 10.0
+JOINTS_ONLY_PRIOR_ODDS = 10.0
 """Prior odds of joints only to links and joints. Links count half where the readings make them ten times more
 probable.
 
 With odds of three, 4 of 54 arms whose links are 10, 30 or 100 times stiffer than the folder's err more than 5
 % more than joints only; with these odds none does. Other kinds of arms do not change (`kr500_l480`, seeds
 740001 to 740018, 8 poses)."""
-LINEAR_JOINTS_ODDS = 10.0
+LINEAR_JOINTS_PRIOR_ODDS = 10.0
 """Prior odds of linear joints to joint laws. With even odds 18 % of the undisturbed arms of the family lose
 more than 5 %, with these 5 %. Results of disturbed arms do not change (`kr500_l480`, seeds 1 to 40, 8
 poses)."""
-BEAM_ODDS = 20.0
+BEAM_LIKE_LINKS_PRIOR_ODDS = 20.0
 """Prior odds of links as coupled as the prior's to softened ones. They lower the error of coupled links and
 soft bearings by a tenth, and raise that of undisturbed arms of the family by 1 %; odds of 3 raise it by 5 %.
 Coverage in the worst tenth rises by 1 to 3 points for all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-UNCOUPLED_ODDS = 10.0
+UNCOUPLED_JOINTS_PRIOR_ODDS = 10.0
 """Prior odds of joints that turn by their own torque only to coupled joints. With them coupled joints weigh
-less than `MIN_LAW_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds
+less than `MIN_MODEL_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds
 5000 to 5018, 8 poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
-NEW_POSE_PROBABILITY = 0.975
+POSE_VARIATION_QUANTILE = 0.975
 """Quantile at which the variation of links in new poses is as wide as that of Student's distribution. Its
 degrees of freedom are the number of poses less one, because the variation is learnt from these poses."""
-MIN_JOINTS_WEIGHT, JOINTS_WEIGHT_IF_UNSURE = 0.33, 0.5
+MIN_JOINTS_ONLY_WEIGHT, JOINTS_ONLY_WEIGHT_IF_UNSURE = 0.33, 0.5
 """Weight of joints only if links vary from pose to pose: a few poses do not show how links vary in others.
 The second applies if links do not surely predict the poses left out better.
 
 With both, and with poses left out, four of nine such arms that erred more than 5 % more than joints only
 still do, and 34 others err 3 % more (`kr500_l480`, seeds 770001 to 770048 and 793001 to 793012, 8 poses)."""
-CERTAIN_LOG_EVIDENCE = 15.0
+DECISIVE_LOG_EVIDENCE = 15.0
 """Log evidence of links over joints only beyond which no poses are left out to compare them. Eight poses are
 few: of 16 arms of the family, cast and coupled ones, two do not surely predict them better, and without links
 err 2.5 times as much; their log evidence is 30 to 136. For five arms with links 10 times stiffer that are
 worse than joints only it is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8
 poses)."""
 NEGLIGIBLE_WEIGHT = 0.01  #: Weight below which joints only are left out.
-EVIDENCE_EXPONENT = 0.5
+INTERVAL_ODDS_EXPONENT = 0.5
 """Exponent of the odds of models, even prior odds included, in intervals: Laplace's evidence of few readings
 is uncertain. It raises the coverage in the worst tenth of disturbed arms from 78 to 84 % (seeds 1 to 40, 11
 poses); for the two priors by 0 to 3 points. Where links are 30 or 100 times stiffer, intervals that include
 joints only are 40 % narrower and cover 97 % (seeds 740001 to 740012, 8 poses)."""
-JOINTS_EVIDENCE_EXPONENT = 0.25
+JOINTS_ONLY_ODDS_EXPONENT = 0.25
 """Exponent of the odds of joints only in intervals, if joints only are more probable. Links that the readings
 do not show still move other poses. It raises the coverage in the worst tenth from 70 to 79 % for arms whose
 links are 10 times stiffer, and from 86 to 90 % for links 30 and 100 times stiffer; intervals are 7 to 12 %
 wider (`kr500_l480`, seeds 792101 to 792212 and the eleven of 770001 to 770049 with the worst coverage, 8
 poses)."""
-MIN_LAW_PROBABILITY = 0.05
+MIN_MODEL_PROBABILITY = 0.05
 """Probability, and weight, below which a model is left out; above one minus it, it is taken alone."""
 
 
@@ -231,103 +233,124 @@ MIN_LAW_PROBABILITY = 0.05
 
 
 def average_two_priors(
-    r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
+    regression: Regression, constraint: Constraint, prior: PriorScaling, softened_prior: PriorScaling
 ) -> Estimate:
     """Average estimates under a prior and a softened prior by their evidence, with intervals.
 
     If the readings show links whose compliance varies from pose to pose, rows are weighted accordingly
-    (`pose_variation`), and joints only have at least the weight `MIN_JOINTS_WEIGHT`.
+    (`pose_variation`), and joints only have at least the weight `MIN_JOINTS_ONLY_WEIGHT`.
 
     Mathematics: `prior-12`.
 
     Args:
-        r: The reduced dataset, of a structure with laws.
+        regression: The reduced dataset, of a structure with laws.
         constraint: Least squares or GCO.
         prior: Units of the prior.
-        softened: Units of the softened prior.
+        softened_prior: Units of the softened prior.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
     """
-    estimate = _average_priors(r, constraint, prior, softened)
-    if not r.poses:
+    estimate = _average_priors(regression, constraint, prior, softened_prior)
+    if not regression.poses:
         return estimate
-    changing = _with_changing_links(r, constraint, (prior, softened), estimate)
+    changing = _with_varying_links(regression, constraint, (prior, softened_prior), estimate)
     mean = changing or estimate
-    rivals = compare_links_and_joints(r, mean, prior)
-    errors = None if rivals is None or rivals.links_certain else rivals.errors
-    weight = joints_only_weight(errors, changes=changing is not None)
-    return average_with_joints_only(r, constraint, prior, mean, weight)
+    rivals = links_versus_joints_only(regression, mean, prior)
+    errors = None if rivals is None or rivals.links_certain else rivals.held_out_errors
+    weight = joints_only_weight(errors, links_vary=changing is not None)
+    return average_with_joints_only(regression, constraint, prior, mean, weight)
 
 
-def _with_changing_links(
-    r: Regression, constraint: Constraint, priors: tuple[PriorScaling, PriorScaling], estimate: Estimate
+def _with_varying_links(
+    regression: Regression,
+    constraint: Constraint,
+    priors: tuple[PriorScaling, PriorScaling],
+    estimate: Estimate,
 ) -> Estimate | None:
     """Fit again with rows weighted for links that vary from pose to pose; None if there is no need."""
-    start = _fit_before_laws(r, estimate)
-    rho = stiffness_scatter(r, start)
+    start = _fit_before_laws(regression, estimate)
+    rho = pose_to_pose_variation(regression, start)
     if not rho:
         return None
     try:
-        first = average_models(weigh_for_scatter(r, start.pi, rho), constraint, priors[0], widths=False)
-        rho = stiffness_scatter(r, first, EVIDENCE_BACKOFF)
-        return _average_priors(weigh_for_scatter(r, first.pi, rho), constraint, *priors) if rho else None
+        first = average_models(
+            weight_for_pose_variation(regression, start.pi, rho), constraint, priors[0], for_intervals=False
+        )
+        rho = pose_to_pose_variation(regression, first, MAX_LOG_EVIDENCE_LOSS)
+        return (
+            _average_priors(weight_for_pose_variation(regression, first.pi, rho), constraint, *priors)
+            if rho
+            else None
+        )
     except BenchError:  # such weights require a scale of the prior that is not above 0
         return None
 
 
-def _fit_before_laws(r: Regression, estimate: Estimate) -> Estimate:
+def _fit_before_laws(regression: Regression, estimate: Estimate) -> Estimate:
     """Select the fit without joint laws if links that vary are more probable, otherwise the average.
 
     Joint laws can explain the effect of links that vary, but then predict new poses badly.
     """
     known = estimate.average
-    if known is None or known.with_laws is None or known.laws_weight <= 0.5:
+    if known is None or known.with_joint_laws is None or known.joint_laws_weight <= 0.5:
         return estimate
-    plain, with_laws = (model.weighted_prior for model in (known.all_parts, known.with_laws))
+    plain, with_laws = (model.weighted_prior for model in (known.links_and_joints, known.with_joint_laws))
     if plain is None or with_laws is None or plain.log_evidence is None or with_laws.log_evidence is None:
         return estimate
-    gains = _scatter_evidence(r, known.all_parts)
-    changing = plain.log_evidence + gains.max() - gains[0] - MIN_LOG_EVIDENCE
-    return known.all_parts if changing > with_laws.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
+    gains = _variation_evidence(regression, known.links_and_joints)
+    changing = plain.log_evidence + gains.max() - gains[0] - MIN_LOG_EVIDENCE_GAIN
+    return (
+        known.links_and_joints
+        if changing > with_laws.log_evidence - math.log(LINEAR_JOINTS_PRIOR_ODDS)
+        else estimate
+    )
 
 
 # --- Links or joints only, by poses left out ----------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class LinksAndJoints:
+class LinksVersusJointsOnly:
     """Compare the most probable model of an average with joints only, in poses left out of the fit."""
 
     regression: Regression  #: The reduced dataset, with its rows pose by pose.
-    likeliest: Estimate  #: The model of greatest weight, except joints only.
+    most_probable: Estimate  #: The model of greatest weight, except joints only.
     links_prior: WeightedPrior  #: Its learnt prior.
-    joints_regression: Regression  #: The dataset of joints only.
-    joints_prior: WeightedPrior  #: Their prior.
-    log_evidence: float  #: Log evidence of `likeliest` less that of joints only.
+    joints_only_regression: Regression  #: The dataset of joints only.
+    joints_only_prior: WeightedPrior  #: Their prior.
+    log_bayes_factor: float  #: Log evidence of `most_probable` less that of joints only.
 
     @property
     def links_certain(self) -> bool:
         """Return whether links do not vary from pose to pose and the evidence for them is overwhelming."""
-        return self.likeliest.regression.pose_variation is None and self.log_evidence > CERTAIN_LOG_EVIDENCE
+        return (
+            self.most_probable.regression.pose_variation is None
+            and self.log_bayes_factor > DECISIVE_LOG_EVIDENCE
+        )
 
     @cached_property
-    def errors(self) -> tuple[Array, Array]:
+    def held_out_errors(self) -> tuple[Array, Array]:
         """Compute the errors of both models in every pose by fits without it, (poses,) each [1].
 
         Each is the root mean square over a pose in standard deviations. The learnt prior is that of all
         poses, so that a fit without a pose is one solution of normal equations. The cone is left out.
         """
-        pose_variation, joints_poses = self.likeliest.regression.pose_variation, self.joints_regression.poses
-        poses = restrict_to(self.regression, self.likeliest.structure).poses
+        pose_variation, joints_poses = (
+            self.most_probable.regression.pose_variation,
+            self.joints_only_regression.poses,
+        )
+        poses = restrict_to(self.regression, self.most_probable.structure).poses
         weighted = (
             poses if pose_variation is None else tuple(_weigh_pose(rows, pose_variation) for rows in poses)
         )
         ours = _held_out_errors(poses, weighted, self.links_prior)
-        return ours, _held_out_errors(joints_poses, joints_poses, self.joints_prior)
+        return ours, _held_out_errors(joints_poses, joints_poses, self.joints_only_prior)
 
 
-def compare_links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
+def links_versus_joints_only(
+    r: Regression, estimate: Estimate, prior: PriorScaling
+) -> LinksVersusJointsOnly | None:
     """Prepare the comparison of the most probable model of an average with joints only.
 
     Args:
@@ -348,7 +371,7 @@ def compare_links_and_joints(r: Regression, estimate: Estimate, prior: PriorScal
     if weighted_prior is None or weighted_prior.log_evidence is None:
         return None
     over = weighted_prior.log_evidence - log_evidence
-    return LinksAndJoints(r, likeliest, weighted_prior, regression, joints_prior, over)
+    return LinksVersusJointsOnly(r, likeliest, weighted_prior, regression, joints_prior, over)
 
 
 def _likeliest(estimate: Estimate) -> Estimate:
@@ -381,28 +404,29 @@ def _held_out_errors(
     return np.array(errors)
 
 
-def joints_only_weight(held_out: tuple[Array, Array] | None, *, changes: bool) -> float:
+def joints_only_weight(held_out_errors: tuple[Array, Array] | None, *, links_vary: bool) -> float:
     """Choose the weight of joints only by the errors of both models in poses left out.
 
     Mathematics: `prior-14`.
 
     Args:
-        held_out: Errors of the most probable model and of joints only, (poses,) each; None keeps the average.
-        changes: Whether links vary from pose to pose.
+        held_out_errors: Errors of the most probable model and of joints only, (poses,) each; None keeps the
+            average.
+        links_vary: Whether links vary from pose to pose.
 
     Returns:
-        If links surely predict these poses better, 0, or `MIN_JOINTS_WEIGHT` if they vary; else 1, or
-        `JOINTS_WEIGHT_IF_UNSURE` if they vary and are not surely worse [1].
+        If links surely predict these poses better, 0, or `MIN_JOINTS_ONLY_WEIGHT` if they vary; else 1, or
+        `JOINTS_ONLY_WEIGHT_IF_UNSURE` if they vary and are not surely worse [1].
     """
-    better = MIN_JOINTS_WEIGHT if changes else 0.0
-    if held_out is None:
+    better = MIN_JOINTS_ONLY_WEIGHT if links_vary else 0.0
+    if held_out_errors is None:
         return better
-    with_links, joints_only = np.log(np.maximum(held_out, TINY))
+    with_links, joints_only = np.log(np.maximum(held_out_errors, TINY))
     gain, error = mean_and_standard_error(joints_only - with_links)
     sure = float(stdtrit(len(with_links) - 1, SELECTION_PROBABILITY)) * error
     if gain > sure:
         return better
-    return JOINTS_WEIGHT_IF_UNSURE if changes and gain > -sure else 1.0
+    return JOINTS_ONLY_WEIGHT_IF_UNSURE if links_vary and gain > -sure else 1.0
 
 
 def average_with_joints_only(
@@ -424,7 +448,7 @@ def average_with_joints_only(
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:
-        weight *= (1 - known.laws_weight) * (1 - known.joint_couplings_weight)
+        weight *= (1 - known.joint_laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
     # Joints only, fitted with their wide prior, and the average of both.
@@ -432,8 +456,8 @@ def average_with_joints_only(
     joints_fit = solve(regression, constraint, log_evidence_alone(regression, scaling)[1])
     average = replace(
         known,
-        weight=weight + (1 - weight) * known.weight,
-        laws_weight=(weight < 1) * known.laws_weight,
+        joints_only_weight=weight + (1 - weight) * known.joints_only_weight,
+        joint_laws_weight=(weight < 1) * known.joint_laws_weight,
     )
     weighted = (1 - weight, estimate), (weight, joints_fit)
     mean = _average(estimate.regression, weighted, estimate.weighted_prior, average)
@@ -444,35 +468,40 @@ def average_with_joints_only(
 
 
 def _average_priors(
-    r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
+    regression: Regression, constraint: Constraint, prior: PriorScaling, softened_prior: PriorScaling
 ) -> Estimate:
     """Average the fits under both priors, for given weights of the rows."""
-    first, log_evidence = _average_joint_couplings(r, constraint, prior, widths=True)
+    first, log_evidence = _average_joint_couplings(regression, constraint, prior, for_intervals=True)
     if log_evidence is None:
         return first
-    second, log_other = _average_joint_couplings(r, constraint, softened, widths=True)
+    second, log_other = _average_joint_couplings(regression, constraint, softened_prior, for_intervals=True)
     assert log_other is not None
     # Weights by evidence: for the mean, and for intervals.
     odds = log_other - log_evidence
-    share, probability = _logistic(odds - math.log(BEAM_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
-    if not MIN_LAW_PROBABILITY < probability < 1 - MIN_LAW_PROBABILITY:
+    share, probability = (
+        _logistic(odds - math.log(BEAM_LIKE_LINKS_PRIOR_ODDS)),
+        _logistic(INTERVAL_ODDS_EXPONENT * odds),
+    )
+    if not MIN_MODEL_PROBABILITY < probability < 1 - MIN_MODEL_PROBABILITY:
         return second if probability > 0.5 else first
-    share = share if share > MIN_LAW_PROBABILITY else 0.0
+    share = share if share > MIN_MODEL_PROBABILITY else 0.0
     likelier, widest = (second if share > 0.5 else first), max(first, second, key=lambda e: e.structure.n)
     # The mean, and the models that it contains.
     weighted = (1 - share, first), (share, second)
     known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighted]
     average = ModelAverage(
-        weight=sum(weight * model.weight for weight, model in known),
-        all_parts=known[share > 0.5][1].all_parts,
-        laws_weight=sum(weight * model.laws_weight for weight, model in known),
-        laws_probability=sum(weight * model.laws_probability for weight, model in known),
-        with_laws=next((model.with_laws for _, model in known if model.with_laws is not None), None),
+        joints_only_weight=sum(weight * model.joints_only_weight for weight, model in known),
+        links_and_joints=known[share > 0.5][1].links_and_joints,
+        joint_laws_weight=sum(weight * model.joint_laws_weight for weight, model in known),
+        joint_laws_probability=sum(weight * model.joint_laws_probability for weight, model in known),
+        with_joint_laws=next(
+            (model.with_joint_laws for _, model in known if model.with_joint_laws is not None), None
+        ),
         joint_couplings_weight=sum(weight * model.joint_couplings_weight for weight, model in known),
         with_joint_couplings=next(
             (model.with_joint_couplings for _, model in known if model.with_joint_couplings is not None), None
         ),
-        parts=((1 - probability, first), (probability, second)),
+        under_each_prior=((1 - probability, first), (probability, second)),
     )
     return _average(widest.regression, weighted, likelier.weighted_prior, average)
 
@@ -500,29 +529,31 @@ def _average(
     )
 
 
-def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool) -> Estimate:
+def average_models(
+    regression: Regression, constraint: Constraint, prior: PriorScaling, *, for_intervals: bool
+) -> Estimate:
     """Fit a dataset with a prior learnt from it, and average the fit with simpler models.
 
     Mathematics: `prior-12`.
 
     Args:
-        r: The reduced dataset; if its structure has joint laws, the average includes them.
+        regression: The reduced dataset; if its structure has joint laws, the average includes them.
         constraint: Least squares or GCO.
         prior: Units of the prior, for the structure of the dataset.
-        widths: Whether to compute the uncertainty of the learnt prior, which intervals need.
+        for_intervals: Whether to compute the uncertainty of the learnt prior, which intervals need.
 
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.
     """
-    return _average_joint_couplings(r, constraint, prior, widths=widths)[0]
+    return _average_joint_couplings(regression, constraint, prior, for_intervals=for_intervals)[0]
 
 
 def _average_joint_couplings(
-    r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
+    regression: Regression, constraint: Constraint, prior: PriorScaling, *, for_intervals: bool
 ) -> tuple[Estimate, float | None]:
     """Average fits with and without coupled joints; also return the evidence, None without one."""
     if not prior.joint_couplings.any():
-        return _average_laws(r, constraint, prior, widths=widths)
+        return _average_laws(regression, constraint, prior, for_intervals=for_intervals)
     # Both models: without and with couplings between joints.
     uncoupled, coupled_scaling = (
         restrict_scaling(prior, structure)
@@ -532,62 +563,69 @@ def _average_joint_couplings(
         )
     )
     mean, log_evidence = _average_laws(
-        restrict_to(r, uncoupled.structure), constraint, uncoupled, widths=widths
+        restrict_to(regression, uncoupled.structure), constraint, uncoupled, for_intervals=for_intervals
     )
     if log_evidence is None:
         return mean, None
-    coupled = restrict_to(r, coupled_scaling.structure)
-    weighted_prior = learn_prior(coupled, coupled_scaling, widths=widths)
+    coupled = restrict_to(regression, coupled_scaling.structure)
+    weighted_prior = learn_prior(coupled, coupled_scaling, for_intervals=for_intervals)
     assert weighted_prior.log_evidence is not None
     # Their odds by evidence; a model that hardly counts is left out.
-    odds = weighted_prior.log_evidence - log_evidence - math.log(UNCOUPLED_ODDS)
+    odds = weighted_prior.log_evidence - log_evidence - math.log(UNCOUPLED_JOINTS_PRIOR_ODDS)
     total_evidence, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
-    if share < MIN_LAW_PROBABILITY:
+    if share < MIN_MODEL_PROBABILITY:
         return mean, total_evidence
-    share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
+    share = share if share < 1 - MIN_MODEL_PROBABILITY else 1.0
     estimate, known = solve(coupled, constraint, weighted_prior), mean.average or ModelAverage(0.0, mean)
     average = replace(
         known,
-        laws_weight=(1 - share) * known.laws_weight,
+        joint_laws_weight=(1 - share) * known.joint_laws_weight,
         joint_couplings_weight=share,
         with_joint_couplings=estimate,
     )
     likelier = weighted_prior if share > 0.5 else mean.weighted_prior
-    return _average(r, ((1 - share, mean), (share, estimate)), likelier, average), total_evidence
+    return _average(regression, ((1 - share, mean), (share, estimate)), likelier, average), total_evidence
 
 
 def _average_laws(
-    r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
+    regression: Regression, constraint: Constraint, prior: PriorScaling, *, for_intervals: bool
 ) -> tuple[Estimate, float | None]:
     """Average models with uncoupled joints, with and without laws; also return the evidence."""
-    plain = scaling_without_laws(prior)
-    compliances = r if plain is prior else restrict_to(r, plain.structure)
-    linear_mean, log_evidence = _average_joints(compliances, constraint, plain, widths)
+    plain = scaling_without_joint_laws(prior)
+    compliances = regression if plain is prior else restrict_to(regression, plain.structure)
+    linear_mean, log_evidence = _average_joints(compliances, constraint, plain, for_intervals)
     if plain is prior or log_evidence is None:
         return linear_mean, log_evidence
     # Odds of joint laws, and the mean by them.
-    weighted_prior = learn_prior(r, prior, widths=widths)
+    weighted_prior = learn_prior(regression, prior, for_intervals=for_intervals)
     assert weighted_prior.log_evidence is not None
     odds = weighted_prior.log_evidence - log_evidence
-    total_evidence = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR_JOINTS_ODDS)))
-    weight, probability = _logistic(odds - math.log(LINEAR_JOINTS_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
-    if probability < MIN_LAW_PROBABILITY:
+    total_evidence = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR_JOINTS_PRIOR_ODDS)))
+    weight, probability = (
+        _logistic(odds - math.log(LINEAR_JOINTS_PRIOR_ODDS)),
+        _logistic(INTERVAL_ODDS_EXPONENT * odds),
+    )
+    if probability < MIN_MODEL_PROBABILITY:
         return linear_mean, total_evidence
-    with_laws = solve(r, constraint, weighted_prior)
-    if probability > 1 - MIN_LAW_PROBABILITY:
+    with_laws = solve(regression, constraint, weighted_prior)
+    if probability > 1 - MIN_MODEL_PROBABILITY:
         weight = probability = 1.0
-    elif weight < MIN_LAW_PROBABILITY:
+    elif weight < MIN_MODEL_PROBABILITY:
         weight = 0.0
     known = linear_mean.average or ModelAverage(0.0, linear_mean)
-    average = replace(known, laws_weight=weight, laws_probability=probability, with_laws=with_laws)
-    likelier = weighted_prior if weight > 0.5 else known.all_parts.weighted_prior
-    return _average(r, ((1 - weight, linear_mean), (weight, with_laws)), likelier, average), total_evidence
+    average = replace(
+        known, joint_laws_weight=weight, joint_laws_probability=probability, with_joint_laws=with_laws
+    )
+    likelier = weighted_prior if weight > 0.5 else known.links_and_joints.weighted_prior
+    return _average(
+        regression, ((1 - weight, linear_mean), (weight, with_laws)), likelier, average
+    ), total_evidence
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
-def scaling_without_laws(scaling: PriorScaling) -> PriorScaling:
+def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
     """Return the units of the prior of compliances only, without joint laws."""
     return scaling if not scaling.law.any() else restrict_scaling(scaling, linear(scaling.structure))
 
@@ -614,10 +652,13 @@ def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScalin
 
 
 def _average_joints(
-    r: Regression, constraint: Constraint, prior: PriorScaling, widths: bool
+    r: Regression, constraint: Constraint, prior: PriorScaling, for_intervals: bool
 ) -> tuple[Estimate, float | None]:
     """Average links and joints with joints only, without laws; also return the evidence, None without one."""
-    weighted_prior, joints = learn_prior(r, prior, widths=widths), joint_columns(prior)
+    weighted_prior, joints = (
+        learn_prior(r, prior, for_intervals=for_intervals),
+        joint_compliance_indices(prior),
+    )
     whole = solve(r, constraint, weighted_prior)
     if (
         weighted_prior.log_evidence is None or len(joints) < prior.structure.links - 1
@@ -628,30 +669,30 @@ def _average_joints(
         log_evidence, joints_prior = log_evidence_alone(regression, scaling)
     except BenchError:  # no joint is loaded, or all turn against their loads: joints only cannot be fitted
         return whole, weighted_prior.log_evidence
-    odds = log_evidence - weighted_prior.log_evidence + math.log(JOINTS_ONLY_ODDS)
+    odds = log_evidence - weighted_prior.log_evidence + math.log(JOINTS_ONLY_PRIOR_ODDS)
     weight = _logistic(odds)
     total_evidence = weighted_prior.log_evidence + float(np.logaddexp(0, odds))
     if weight < NEGLIGIBLE_WEIGHT:
         return whole, total_evidence
     joints_fit = solve(regression, constraint, joints_prior)
     probability = min(
-        _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
-        for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
+        _logistic(power * (odds - math.log(JOINTS_ONLY_PRIOR_ODDS)))
+        for power in (INTERVAL_ODDS_EXPONENT, JOINTS_ONLY_ODDS_EXPONENT)
     )
-    average = ModelAverage(weight, whole, joints_probability=probability, joints_only=joints_fit)
+    average = ModelAverage(weight, whole, joints_only_probability=probability, joints_only=joints_fit)
     return _average(r, ((1 - weight, whole), (weight, joints_fit)), weighted_prior, average), total_evidence
 
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
     """Restrict a dataset, and the units of its prior, to joint compliances only."""
-    joints = joint_columns(prior)
+    joints = joint_compliance_indices(prior)
     regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
     L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
     return regression, PriorScaling(prior.prior, regression.structure, L, prior.expected[entries], sizes)
 
 
-def joint_columns(scaling: PriorScaling) -> Ids:
+def joint_compliance_indices(scaling: PriorScaling) -> Ids:
     """Find the places of the parameters that are compliances of joints, (joints,)."""
     s = scaling.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))

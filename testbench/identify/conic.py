@@ -28,7 +28,7 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify import cone
-from testbench.identify.estimate import Certificate, Dual, Estimate, Penalty, make_estimate
+from testbench.identify.estimate import Certificate, Dual, Estimate, TracePenalty, make_estimate
 from testbench.identify.interior import TINY, BlockProgram, solve_program
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import PAPER_GCO, Structure
@@ -68,14 +68,14 @@ def scaled_units(structure: Structure) -> Array:
     return np.where((index < 6 * structure.links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
 
 
-def tie_break(regression: Regression) -> Penalty:
+def tie_break(regression: Regression) -> TracePenalty:
     """Make the trace term w <W, C> of the paper's GCO.
 
     It is so light that it only selects among models of equal fit: w is `TIE_BREAK` times the largest
     sensitivity.
     """
     s, weight = regression.structure, TIE_BREAK * (regression.weight.max() or 1.0)
-    return Penalty(float(weight), scaled_units(s) ** -2.0, s, np.eye(s.n))
+    return TracePenalty(float(weight), scaled_units(s) ** -2.0, s, np.eye(s.n))
 
 
 def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
@@ -102,10 +102,13 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
         )
     regression = estimate.regression
     dual = gradient_dual(regression, estimate.pi) if dual is None else _checked_dual(regression, dual)
-    if estimate.penalty is None or estimate.split is None:
+    if estimate.penalty is None or estimate.split_parameters is None:
         return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break(regression))
     return lower_bound_certificate(
-        estimate.penalty.regression_of_split(regression), estimate.split, dual, penalty=estimate.penalty
+        estimate.penalty.regression_of_split(regression),
+        estimate.split_parameters,
+        dual,
+        penalty=estimate.penalty,
     )
 
 
@@ -113,7 +116,7 @@ def _checked_dual(regression: Regression, dual: Dual) -> Dual:
     """Check a dual from outside: its vectors may be longer than one only by rounding."""
     terms = len(regression.terms)
     y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
-    rest = check_array(dual.y_rest, (terms,), "dual.y_rest")
+    rest = check_array(dual.y_unexplained, (terms,), "dual.y_rest")
     longest = float(np.hypot(np.linalg.norm(y, axis=1), rest).max())
     if longest > MAX_DUAL_LENGTH:
         raise BenchError(f"dual: expected vectors of length 1 at most, got one of {longest:.9g}")
@@ -157,7 +160,7 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
 
 
 def lower_bound_certificate(
-    regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: Penalty
+    regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: TracePenalty
 ) -> Certificate:
     """Bound F_M(pi), and F_M(pi) + w <W, C>, above their least values by a dual.
 
@@ -179,7 +182,7 @@ def lower_bound_certificate(
     # Lagrangian of the dual: gradient sum R_k^T y_k and constant sum (rest_k |rest| - y_k . z_k).
     g = np.zeros(s.n)
     constant = 0.0
-    for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
+    for term, y, rest in zip(regression.terms, dual.y, dual.y_unexplained, strict=True):
         g += term.R.T @ y
         constant += rest * math.sqrt(term.unexplained) - y @ term.z
     cost, free = f_m(regression, pi), np.zeros(s.n)
@@ -302,7 +305,7 @@ class ConicProgram:
     z: Array  #: Readings z of every term in these units, (terms, n).
     rest: Array  #: Norm of the readings that no parameter can explain, (terms,).
     trace: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
-    penalty: Penalty  #: The trace term.
+    penalty: TracePenalty  #: The trace term.
 
     def parameters(self, x: Array, n: int) -> Array:
         """Return all parameters of the structure from the unknowns of the program.
@@ -329,7 +332,7 @@ class ConicSolution:
     dual: Dual  #: Dual vectors that prove the distance from the optimum.
 
 
-def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimate:
+def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Estimate:
     """Minimise F_M + w <W, C>, Eq. (19) and a trace term, over conservative compliances, to the optimum.
 
     The data rarely see all of C: without the trace term the optimum is not unique, or is only approached as
@@ -362,14 +365,14 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
     # Convert back to the requested unknowns.
     left, cost = f_m(split_regression, pi), float(penalty.gradient @ pi)
     method = PAPER_GCO if papers else "GCO (conic program)"
-    estimate = make_estimate(regression, penalty.split_to_whole @ pi, method=method, constraint="psd")
+    estimate = make_estimate(regression, penalty.pi_per_split @ pi, method=method, constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
         certificate=certificate,
         solver_seconds=answer.seconds,
         penalty=penalty,
-        split=pi,
+        split_parameters=pi,
         bounded_by_tie_break=bool(
             papers and cost > REPORTED_PENALTY * left > REPORTED_PENALTY * EXACT_FIT * program.unit
         ),
@@ -468,7 +471,7 @@ def solve_clarabel(regression: Regression, program: ConicProgram) -> ConicSoluti
     return ConicSolution(pi, solution.seconds, solution.failure, normalise_dual(z[:, 1:-1], -z[:, -1]))
 
 
-def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
+def scale_program(regression: Regression, penalty: TracePenalty) -> ConicProgram:
     """Scale data, trace term and parameters of GCO to order one.
 
     Args:
@@ -505,7 +508,9 @@ def _restricted(structure: Structure, columns: bytes) -> Structure:
     return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
 
 
-def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalty | None = None) -> Array:
+def sensitivity_units(
+    regression: Regression, unit: float = 1.0, penalty: TracePenalty | None = None
+) -> Array:
     """Compute units of pi in which all parameters change F_M equally: C = unit d X d^T.
 
     d^-2 is the change of F_M and of the trace term with each diagonal entry. This is a congruence, so that X
@@ -520,7 +525,7 @@ def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalt
         Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
     """
     s, weight = regression.structure, regression.weight
-    trace_cost = 0.0 if penalty is None else penalty.weight * penalty.diagonal
+    trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
     d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)) + trace_cost)
     return np.asarray(unit * d[s.a] * d[s.b])
 

@@ -37,7 +37,7 @@ V^T V has no negative eigenvalue; its rounding has.
 """
 
 
-TOOL_MARKER = "orientation"
+ORIENTATION_READING = "orientation"
 """Stands in the place of a marker's name for a reading of the tool's orientation."""
 
 
@@ -46,11 +46,11 @@ class Dual:
     """Hold dual vectors y_k of length one at most, one per term of F_M; see `certify`."""
 
     y: Array  #: Components against the rows of the term's R, (terms, n) [1].
-    y_rest: Array  #: Components against the residual that no parameter explains, (terms,) [1].
+    y_unexplained: Array  #: Components against the residual that no parameter explains, (terms,) [1].
 
 
 @dataclass(frozen=True)
-class Penalty:
+class TracePenalty:
     """Hold the trace term of GCO, in addition to F_M: the least w <W, C'> of all C' >= 0 that make up C.
 
     If a structure includes a joint in the block of the link before it, C' has an unknown t for the joint:
@@ -58,15 +58,15 @@ class Penalty:
     """
 
     weight: float  #: w [N m/rad].
-    diagonal: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
+    W_diagonal: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
     structure: Structure  #: The unknowns of C', k of them.
-    split_to_whole: Array  #: pi = split_to_whole @ (parameters of C'), (n, k) [1].
+    pi_per_split: Array  #: pi = split_to_whole @ (parameters of C'), (n, k) [1].
 
     @property
     def gradient(self) -> Array:
         """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
         s = self.structure
-        return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
+        return np.where(s.a == s.b, self.weight * self.W_diagonal[s.a], 0.0)
 
     def regression_of_split(self, regression: Regression) -> Regression:
         """Rewrite the equations as a function of the k parameters of C'.
@@ -77,7 +77,7 @@ class Penalty:
         Returns:
             The same equations in the parameters of C'.
         """
-        terms = (replace(term, R=term.R @ self.split_to_whole) for term in regression.terms)
+        terms = (replace(term, R=term.R @ self.pi_per_split) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
 
 
@@ -102,15 +102,17 @@ class Certificate(Displayed):
 
 
 @dataclass(frozen=True)
-class Rejected:
+class RejectedReading:
     """Hold one reading that a robust estimate leaves out."""
 
     run: int  #: Identifier of its run.
-    marker: str  #: Name of its marker, or `TOOL_MARKER`.
+    marker: str  #: Name of its marker, or `ORIENTATION_READING`.
     #: Distance of the reading from the estimate's prediction [m, or rad for an orientation]. The limit
     #: applied to an earlier fit, so that a few of these are below it.
     residual: float
-    sigmas: float  #: The same distance over the standard deviation of a deflection, sqrt(2) sigma [1].
+    residual_over_sigma: (
+        float  #: The same distance over the standard deviation of a deflection, sqrt(2) sigma [1].
+    )
 
 
 @dataclass(frozen=True)
@@ -119,18 +121,18 @@ class ModelAverage:
 
     #: Weight of joints only against links and joints: its probability given the readings, or 1 where links
     #: do not predict poses better that were left out [1].
-    weight: float
-    all_parts: "Estimate"  #: The model of links and joints.
-    joints_probability: float = 0.0  #: Probability of joints only that intervals use [1].
+    joints_only_weight: float
+    links_and_joints: "Estimate"  #: The model of links and joints.
+    joints_only_probability: float = 0.0  #: Probability of joints only that intervals use [1].
     joints_only: "Estimate | None" = None  #: The model of joints only; None where its weight is zero.
-    laws_weight: float = 0.0  #: Weight of the model with joint laws in the mean [1].
-    laws_probability: float = 0.0  #: Probability of that model that intervals use [1].
-    with_laws: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
+    joint_laws_weight: float = 0.0  #: Weight of the model with joint laws in the mean [1].
+    joint_laws_probability: float = 0.0  #: Probability of that model that intervals use [1].
+    with_joint_laws: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
     joint_couplings_weight: float = 0.0  #: Weight and probability of the model with coupled joints [1].
     #: The model with coupled joints, without laws; None where its weight is zero.
     with_joint_couplings: "Estimate | None" = None
     #: Averaged estimate under each of two priors, and its probability; empty where one prior has all weight.
-    parts: "tuple[tuple[float, Estimate], ...]" = ()
+    under_each_prior: "tuple[tuple[float, Estimate], ...]" = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,13 +158,15 @@ class Estimate(Displayed):
     advice: tuple[str, ...] = ()  #: Sentences for the user, from an estimator of your own.
     #: Constraint that the method put on the blocks; "own" where it is unknown.
     constraint: Constraint = "own"
-    penalty: Penalty | None = None  #: Trace term of GCO without a prior; None for none.
-    split: Array | None = None  #: Parameters of the penalty's C', (k,); None without a penalty.
+    penalty: TracePenalty | None = None  #: Trace term of GCO without a prior; None for none.
+    split_parameters: Array | None = None  #: Parameters of the penalty's C', (k,); None without a penalty.
     #: Whether only the tie-break of `paper_gco` keeps an unobservable compliance finite.
     bounded_by_tie_break: bool = False
     weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.
-    rejected: tuple[Rejected, ...] = ()  #: Readings that a robust fit left out, in the order of the dataset.
-    lost_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
+    rejected: tuple[
+        RejectedReading, ...
+    ] = ()  #: Readings that a robust fit left out, in the order of the dataset.
+    rejected_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
     average: ModelAverage | None = None  #: The models that it averages; None for a single model.
 
     def summary(self) -> dict[str, object]:
@@ -191,10 +195,10 @@ class Estimate(Displayed):
     def compliance_regression(self) -> Regression:
         """Return the equations of links and joints only, without joint laws or coupled joints."""
         if self.average is None or (
-            self.average.with_laws is None and self.average.with_joint_couplings is None
+            self.average.with_joint_laws is None and self.average.with_joint_couplings is None
         ):
             return self.regression
-        return self.average.all_parts.regression
+        return self.average.links_and_joints.regression
 
     @cached_property
     def conservative(self) -> bool:
@@ -318,10 +322,10 @@ def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
     check_type(vjm, Vjm, "vjm")
     check_type(estimate, Estimate, "estimate")
     check_type(data, Dataset, "data")
-    return np.asarray(all_deflections(vjm, [estimate], data)[0])
+    return np.asarray(deflections_of_models(vjm, [estimate], data)[0])
 
 
-def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
+def deflections_of_models(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
     """Predict the deflections of a dataset's markers by several models at once, block by block of runs.
 
     Args:
@@ -382,8 +386,8 @@ def score(predicted: Array, reference: Array) -> DeflectionErrors:
 MIN_RESIDUALS = 5  #: Fewest residuals for the test.
 NULL_SAMPLES, NULL_SEED = 2000, 1967
 """Normal samples that are simulated, so that p has a standard error of 0.5 points at 5 %, and their seed."""
-MAX_NULL_SIZE = 100
-"""Size of a simulated sample at most: beyond it `size_factor` leaves nothing that depends on the size."""
+MAX_SIMULATED_SIZE = 100
+"""Largest simulated sample: `sample_size_factor` makes larger ones equal to it."""
 
 
 def lilliefors(residuals: Array) -> float:
@@ -404,13 +408,16 @@ def lilliefors(residuals: Array) -> float:
     x = check_array(residuals, (None,), "residuals")
     if len(x) < MIN_RESIDUALS or np.ptp(x) == 0:
         raise BenchError(f"residuals: expected at least {MIN_RESIDUALS} that differ, got {len(x)}")
-    n = min(len(x), MAX_NULL_SIZE)
-    null, statistic = size_factor(n) * _null_distances(n), size_factor(len(x)) * _distance(x[None])
+    n = min(len(x), MAX_SIMULATED_SIZE)
+    null, statistic = (
+        sample_size_factor(n) * _null_distances(n),
+        sample_size_factor(len(x)) * _distance(x[None]),
+    )
     # the sample itself counts as one of the simulated ones, so that p is never zero
     return float((1 + (null >= statistic).sum()) / (1 + NULL_SAMPLES))
 
 
-def size_factor(n: int) -> float:
+def sample_size_factor(n: int) -> float:
     """Return the factor that makes D of n residuals comparable to that of other sizes [1]."""
     return float(np.sqrt(n) - 0.01 + 0.85 / np.sqrt(n))
 

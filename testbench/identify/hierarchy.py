@@ -483,7 +483,9 @@ def gram_matrix(regression: Regression, scaling: PriorScaling) -> Array:
     return np.asarray(gram)
 
 
-def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool = True) -> WeightedPrior:
+def learn_prior(
+    regression: Regression, scaling: PriorScaling, *, for_intervals: bool = True
+) -> WeightedPrior:
     """Learn the prior from a dataset: its scales, its uncertainty, and what the dataset leaves undetermined.
 
     Mathematics: `int-4`, `prior-10`.
@@ -491,7 +493,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
     Args:
         regression: The reduced dataset.
         scaling: Units of the prior.
-        widths: Whether the uncertainty of the hyperparameters is computed, which intervals need.
+        for_intervals: Whether the uncertainty of the hyperparameters is computed, which intervals need.
 
     Returns:
         The prior with the learnt scale of every block, the uncertainty of its entries, and the change of the
@@ -512,7 +514,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
         misfit=float(kappa),
     )
     has_both_kinds = 0 < (scaling.kinds == 1).sum() < len(scaling.kinds)
-    if not (has_both_kinds or widths):
+    if not (has_both_kinds or for_intervals):
         return weighted_prior
     posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays at its optimum
     H, J = evidence_hessian(model.problem, h, posterior)
@@ -520,7 +522,7 @@ def learn_prior(regression: Regression, scaling: PriorScaling, *, widths: bool =
     values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear
     if has_both_kinds:
         weighted_prior = replace(weighted_prior, log_evidence=_log_evidence(model, posterior.loss, values))
-    if not widths:
+    if not for_intervals:
         return weighted_prior
     root = Q / np.sqrt(values)
     moves = (model.scaling.L @ J[:, :m] @ root).T

@@ -13,7 +13,7 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, check_type
 from testbench.identify.average import average_models, average_two_priors
-from testbench.identify.estimate import Constraint, Estimate, Estimator, Penalty
+from testbench.identify.estimate import Constraint, Estimate, Estimator, TracePenalty
 from testbench.identify.metric import (
     Prior,
     PriorUncertainty,
@@ -30,7 +30,7 @@ from testbench.model.laws import without_laws
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-ROBUST_UNCERTAINTY = 0.3
+ROBUST_PRIOR_UNCERTAINTY = 0.3
 """Relative standard deviation [1] of a prior that `robust` uses if the user states none."""
 
 
@@ -56,7 +56,7 @@ class Method:
     constraint: Constraint = "psd"
     prior: Prior | None = None  #: Expected compliances; the data set their common scale. None for no prior.
     #: Relative uncertainty of the prior. None to learn it from the readings, with a scale per link and joint;
-    #: with a robust loss None means `ROBUST_UNCERTAINTY`, since outliers would distort what is learnt.
+    #: with a robust loss None means `ROBUST_PRIOR_UNCERTAINTY`, since outliers would distort what is learnt.
     uncertainty: PriorUncertainty | None = None
     #: "robust" finds outliers by Huber's loss and fits without them.
     loss: Literal["plain", "robust"] = "plain"
@@ -96,7 +96,7 @@ class Method:
         check_type(data, (Dataset, Regression), "data")
         if isinstance(data, Dataset):
             check_deflections(vjm, data)
-        unknowns = structure if self.learns else without_laws(structure)
+        unknowns = structure if self.learns_prior else without_laws(structure)
         reduced: PartitionedRegression | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.
         if self.learns_trace_weight and isinstance(data, Dataset):  # poses are held out
@@ -107,40 +107,40 @@ class Method:
             return self.fit_reduced(vjm, reduced)
         # Robust loss: the prior or the trace term is settled first, on all readings.
         regression = reduced.joined() if isinstance(reduced, PartitionedRegression) else reduced
-        held = self.scaled_prior(vjm, regression) or self.penalty(vjm, reduced)
+        held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, reduced)
         return without_outliers(vjm, data, regression, self.constraint, held)
 
     def fit_reduced(
-        self, vjm: Vjm, reduced: PartitionedRegression | Regression, *, widths: bool = True
+        self, vjm: Vjm, equations: PartitionedRegression | Regression, *, for_intervals: bool = True
     ) -> Estimate:
         """Identify compliances from a dataset that is already reduced; outliers stay in.
 
         Args:
             vjm: The arm's virtual joint model.
-            reduced: The weighted equations; in parts where poses are to be held out, as a trace weight is
+            equations: The weighted equations; in parts where poses are to be held out, as a trace weight is
                 learnt.
-            widths: Whether intervals are needed. Without them the prior's couplings inside links stay as they
-                are.
+            for_intervals: Whether intervals are needed. Without them the prior's couplings inside links stay
+                as they are.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
-        regression = reduced.joined() if isinstance(reduced, PartitionedRegression) else reduced
-        if self.learns and self.prior is not None:
+        regression = equations.joined() if isinstance(equations, PartitionedRegression) else equations
+        if self.learns_prior and self.prior is not None:
             # Learnt prior: average models by their evidence, under the prior and under a softened one.
             scaling = scale_by_prior(self.prior, vjm, regression.structure)
-            if not widths or not regression.structure.laws:
-                return average_models(regression, self.constraint, scaling, widths=widths)
+            if not for_intervals or not regression.structure.laws:
+                return average_models(regression, self.constraint, scaling, for_intervals=for_intervals)
             other = scale_by_prior(with_weaker_coupling(self.prior), vjm, regression.structure)
             return average_two_priors(regression, self.constraint, scaling, other)
         # With a stated uncertainty, or no prior, there is no evidence for joint laws: they are left out.
         if regression.structure.laws:
-            reduced = regression = restrict_to(regression, without_laws(regression.structure))
-        held = self.scaled_prior(vjm, regression) or self.penalty(vjm, reduced)
+            equations = regression = restrict_to(regression, without_laws(regression.structure))
+        held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, equations)
         return solve(regression, self.constraint, held)
 
     @property
-    def learns(self) -> bool:
+    def learns_prior(self) -> bool:
         """Tell whether the readings determine the uncertainty of the prior and the weight of joint laws."""
         return self.prior is not None and self.uncertainty is None and self.loss == "plain"
 
@@ -149,22 +149,22 @@ class Method:
         """Tell whether GCO runs without a prior and learns its trace weight from held-out poses."""
         return self.constraint == "psd" and self.prior is None and self.trace_weight is None
 
-    def penalty(self, vjm: Vjm, reduced: PartitionedRegression | Regression) -> Penalty | None:
+    def trace_penalty(self, vjm: Vjm, equations: PartitionedRegression | Regression) -> TracePenalty | None:
         """Return the trace term w <W, C> of GCO without a prior.
 
         Args:
             vjm: The arm's virtual joint model.
-            reduced: The weighted equations; in parts where the weight w is learnt.
+            equations: The weighted equations; in parts where the weight w is learnt.
 
         Returns:
             The term with w in [N m/rad]; None where the method has no such term, or where `paper_gco` leaves
             the choice to a tie-break.
         """
         if self.learns_trace_weight:
-            return learn_trace_weight(vjm, reduced)
+            return learn_trace_weight(vjm, equations)
         if self.constraint != "psd" or self.prior is not None or not self.trace_weight:
             return None
-        return trace_penalty(vjm, reduced.structure, self.trace_weight)
+        return trace_penalty(vjm, equations.structure, self.trace_weight)
 
     def scaled_prior(self, vjm: Vjm, regression: Regression) -> WeightedPrior | None:
         """Return the prior, scaled to the data by their best common factor, with its uncertainty.
@@ -183,7 +183,8 @@ class Method:
             return None
         scaling = scale_by_prior(self.prior, vjm, regression.structure)
         return WeightedPrior(
-            rescale_to_data(scaling, regression), self.uncertainty or PriorUncertainty(ROBUST_UNCERTAINTY)
+            rescale_to_data(scaling, regression),
+            self.uncertainty or PriorUncertainty(ROBUST_PRIOR_UNCERTAINTY),
         )
 
 

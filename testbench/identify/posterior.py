@@ -319,8 +319,8 @@ def conditional_covariance(K: Array, variables: Ids, given: Ids) -> Array:
 
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
-    if average.parts:
-        parts = [(p, posterior_of_estimate(model)) for p, model in average.parts]
+    if average.under_each_prior:
+        parts = [(p, posterior_of_estimate(model)) for p, model in average.under_each_prior]
     elif average.with_joint_couplings is not None:
         p = average.joint_couplings_weight
         tied = _embed(
@@ -340,16 +340,16 @@ def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
 
 def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
     """Select the models with uncoupled joints, and their relative probabilities."""
-    p, q = average.laws_probability, average.joints_probability
-    lawful = [] if average.with_laws is None else [(p, posterior_of_estimate(average.with_laws))]
+    p, q = average.joint_laws_probability, average.joints_only_probability
+    lawful = [] if average.with_joint_laws is None else [(p, posterior_of_estimate(average.with_joint_laws))]
     if p == 1:
         return lawful
-    parts = [*lawful, ((1 - p) * (1 - q), posterior_of_estimate(average.all_parts))]
+    parts = [*lawful, ((1 - p) * (1 - q), posterior_of_estimate(average.links_and_joints))]
     if average.joints_only is not None:
         alone = _embed(
             posterior_of_estimate(average.joints_only),
             average.joints_only.structure,
-            average.all_parts.structure,
+            average.links_and_joints.structure,
         )
         parts.append(((1 - p) * q, alone))
     return parts

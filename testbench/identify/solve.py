@@ -35,7 +35,14 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify import cone
 from testbench.identify.conic import EXACT_FIT, clip_eigenvalues, psd_entries, sensitivity_units, solve_gco
-from testbench.identify.estimate import TOOL_MARKER, Constraint, Estimate, Penalty, Rejected, make_estimate
+from testbench.identify.estimate import (
+    ORIENTATION_READING,
+    Constraint,
+    Estimate,
+    RejectedReading,
+    TracePenalty,
+    make_estimate,
+)
 from testbench.identify.interior import least_squares
 from testbench.identify.metric import (
     PriorUncertainty,
@@ -220,7 +227,9 @@ METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GC
 
 
 def solve(
-    regression: Regression, constraint: Constraint, prior_or_penalty: WeightedPrior | Penalty | None = None
+    regression: Regression,
+    constraint: Constraint,
+    prior_or_penalty: WeightedPrior | TracePenalty | None = None,
 ) -> Estimate:
     """Solve least squares or GCO on weighted equations, with a prior or without.
 
@@ -364,7 +373,7 @@ def without_outliers(
     data: Dataset,
     regression: Regression,
     constraint: Constraint,
-    prior_or_penalty: WeightedPrior | Penalty | None,
+    prior_or_penalty: WeightedPrior | TracePenalty | None,
 ) -> Estimate:
     """Reject outliers by Huber's loss, and fit the remaining readings by the plain method.
 
@@ -405,7 +414,7 @@ def without_outliers(
         status=plain.status if status == "solved" else f"{status} (search for outliers)",
         solver_seconds=plain.solver_seconds + seconds,
         rejected=_rejected(data, readings, keep, plain.pi),
-        lost_runs=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
+        rejected_runs=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
     )
 
 
@@ -465,16 +474,18 @@ def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weig
     return regression_of(structure, tuple(terms))
 
 
-def _rejected(data: Dataset, readings: WeightedReadings, keep: Mask, pi: Array) -> tuple[Rejected, ...]:
+def _rejected(
+    data: Dataset, readings: WeightedReadings, keep: Mask, pi: Array
+) -> tuple[RejectedReading, ...]:
     """List the readings that were left out, with their distance from the estimate without them."""
     length = np.linalg.norm(readings.y - readings.A @ pi, axis=1)
-    names = (*data.markers, TOOL_MARKER)
+    names = (*data.markers, ORIENTATION_READING)
     return tuple(
-        Rejected(
+        RejectedReading(
             run=int(data.run[readings.run[i]]),
             marker=names[readings.marker[i]],
             residual=float(length[i] * readings.unit[i]),
-            sigmas=float(length[i]),
+            residual_over_sigma=float(length[i]),
         )
         for i in np.flatnonzero(~keep)
     )

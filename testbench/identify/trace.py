@@ -33,7 +33,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import interior
 from testbench.identify.conic import scaled_units
-from testbench.identify.estimate import Penalty
+from testbench.identify.estimate import TracePenalty
 from testbench.identify.interior import TINY
 from testbench.identify.regression import PartitionedRegression, Regression
 from testbench.model.structure import Structure
@@ -204,7 +204,7 @@ and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 
 14 to 33 % (`kr500_l480`, seeds 760001 to 760060; chosen on 300000 to 300039)."""
 
 
-def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
+def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty:
     """Make the trace term of the arm's kinematics.
 
     Mathematics: `est-8`.
@@ -230,10 +230,10 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
     )
     W = scaled_units(structure) ** -2.0
     W[first:] = JOINT_TRACE_WEIGHT
-    return Penalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
+    return TracePenalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
 
 
-def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> Penalty | None:
+def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> TracePenalty | None:
     """Learn the trace term from readings.
 
     Mathematics: `est-9`.
@@ -247,7 +247,7 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
     penalty = trace_penalty(vjm, parts.structure, 1.0)
-    s, readings = penalty.structure, grams(parts, block_diag(penalty.split_to_whole, np.eye(1)))
+    s, readings = penalty.structure, grams(parts, block_diag(penalty.pi_per_split, np.eye(1)))
     G = np.concatenate([[readings.total], readings.total - readings.held_out])
     rigid = np.array([_fit_joints_only(s, gram) for gram in G])
     strongest = _rigid_rate(s, readings.total, rigid[0])
@@ -301,13 +301,13 @@ class _ScaledFolds:
         return pi
 
 
-def _scaled_folds(penalty: Penalty, G: Array, rate: float) -> _ScaledFolds:
+def _scaled_folds(penalty: TracePenalty, G: Array, rate: float) -> _ScaledFolds:
     """Scale Gram matrices, (1 + folds, n + 1, n + 1), and the trace term at a rate l of middle size."""
     s, total = penalty.structure, G[0]
     unit, order = math.sqrt(total[-1, -1]), s.parameter
     diagonal, size = s.a == s.b, np.zeros(s.n_theta)
     size[s.a[diagonal]] = np.sqrt(np.diag(total)[:-1][diagonal])
-    d = 1 / np.sqrt(size + rate / unit * penalty.diagonal)
+    d = 1 / np.sqrt(size + rate / unit * penalty.W_diagonal)
     scale = (d[s.a] * d[s.b])[order] * np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)
     return _ScaledFolds(
         H=G[:, order][:, :, order] * np.outer(scale, scale),

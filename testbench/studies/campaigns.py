@@ -9,7 +9,7 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify.estimate import Estimate, all_deflections, score
+from testbench.identify.estimate import Estimate, deflections_of_models, score
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested, plain
@@ -258,7 +258,9 @@ def campaign_rows(
     """
     fitted, check, truth = campaign.identification, campaign.check, campaign.truth
     estimates = [own for [own] in fits.values()]
-    moved = [all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
+    moved = [
+        deflections_of_models(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)
+    ]
     data, rows = _measured_row(campaign), []
     for k, (name, estimate, at_fitted, at_check, over, every) in enumerate(
         zip(fits, estimates, *moved, strict=True)

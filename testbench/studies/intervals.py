@@ -278,7 +278,7 @@ def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
         split_regressions = [penalty.regression_of_split(regression) for regression in regressions]
         return np.array(
             [
-                penalty.split_to_whole @ solve_clarabel(r, scale_program(r, penalty)).pi
+                penalty.pi_per_split @ solve_clarabel(r, scale_program(r, penalty)).pi
                 for r in split_regressions
             ]
         )

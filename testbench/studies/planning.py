@@ -22,7 +22,7 @@ from testbench.design.planning import Observability, forecast_errors, make_plan,
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, measured_rows, task_rows
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify.estimate import Estimate, all_deflections
+from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
@@ -239,7 +239,7 @@ class Bench:
         Returns:
             Differences, (estimates, poses, m, 3) [m].
         """
-        return np.asarray(all_deflections(self.cell.vjm, estimates, data) - data.deflection)
+        return np.asarray(deflections_of_models(self.cell.vjm, estimates, data) - data.deflection)
 
     def errors_mm(self, estimates: Sequence[Estimate]) -> Iterator[tuple[float | None, float | None]]:
         """Compute RMS errors at the tasks and over the workspace [mm]; none of a failed estimator."""

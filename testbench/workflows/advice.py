@@ -62,7 +62,7 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
     """Write notes on an estimate for a person."""
     return (
         *_of_rank(estimate),
-        *_of_fit(estimate.average.all_parts if estimate.average else estimate),
+        *_of_fit(estimate.average.links_and_joints if estimate.average else estimate),
         *_of_method(estimate),
         *of_average(estimate.average),
         *_of_outliers(estimate),
@@ -136,9 +136,11 @@ def of_prior(weighted_prior: WeightedPrior) -> str:
 
 def of_average(average: ModelAverage | None) -> list[str]:
     """Say how much joints alone count, or laws of the joints; nothing where neither does."""
-    if average is None or not (average.laws_weight or average.weight or average.joint_couplings_weight):
+    if average is None or not (
+        average.joint_laws_weight or average.joints_only_weight or average.joint_couplings_weight
+    ):
         return []
-    if average.weight == 1:
+    if average.joints_only_weight == 1:
         return ["link compliances hardly improve the model, so its links are rigid, as in Joints-only"]
     if average.joint_couplings_weight == 1:
         return ["the evidence favours coupled joints"]
@@ -148,16 +150,18 @@ def of_average(average: ModelAverage | None) -> list[str]:
             f"{100 * average.joint_couplings_weight:.3g} % in the average"
         )
         return [said, *of_average(replace(average, joint_couplings_weight=0.0))]
-    if average.laws_weight == 1:
+    if average.joint_laws_weight == 1:
         return ["the evidence favours joints with stiffening, backlash or friction"]
-    if average.laws_weight:
-        laws, linear = (f"{100 * x:.3g} %" for x in (average.laws_weight, 1 - average.laws_weight))
+    if average.joint_laws_weight:
+        laws, linear = (
+            f"{100 * x:.3g} %" for x in (average.joint_laws_weight, 1 - average.joint_laws_weight)
+        )
         return [
             f"the estimate averages two models: linear joints ({linear}), and joints with stiffening, "
             f"backlash or friction ({laws})"
         ]
-    share = f"{100 * average.weight:.3g} %"
-    if average.weight > 0.5:
+    share = f"{100 * average.joints_only_weight:.3g} %"
+    if average.joints_only_weight > 0.5:
         why = "link compliances hardly improve the model"
         return [f"{why}, so Joints-only has a weight of {share} in the average"]
     return [f"the estimate is an average, in which Joints-only has a weight of {share}"]
@@ -172,8 +176,8 @@ def _of_outliers(estimate: Estimate) -> list[str]:
     said = [
         f"{bad} of {every} readings are rejected: they lie beyond {REJECTION_THRESHOLD} standard deviations"
     ]
-    if estimate.lost_runs:
-        runs = ", ".join(map(str, estimate.lost_runs))
+    if estimate.rejected_runs:
+        runs = ", ".join(map(str, estimate.rejected_runs))
         said.append(f"all readings of run {runs} are rejected: check its load, pose and frame")
     if bad > MAX_REJECTED * every:
         said.append(f"too many to be outliers: {NO_OUTLIERS}")

@@ -10,7 +10,7 @@ from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import scaled_units
-from testbench.identify.estimate import MIN_RESIDUALS, Estimate, all_deflections, lilliefors
+from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors
 from testbench.identify.metric import Prior, PriorUncertainty, aggregate, cad_prior, weighted_rows
 from testbench.identify.observability import (
     DECIDED,
@@ -548,7 +548,7 @@ def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Arra
         Residuals by model, (runs, m, 3) [m].
     """
     data, names = identified.runs.every, list(identified.estimates)
-    moved = all_deflections(cell.vjm, [identified.estimates[name] for name in names], data)
+    moved = deflections_of_models(cell.vjm, [identified.estimates[name] for name in names], data)
     left = data.deflection - data.measured_components(moved)
     return dict(zip(names, np.where(data.seen[..., None], left, 0.0), strict=True))
 

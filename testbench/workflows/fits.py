@@ -330,7 +330,7 @@ def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
 
 def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
-    if estimate.average is None or not estimate.average.laws_weight:
+    if estimate.average is None or not estimate.average.joint_laws_weight:
         return {}
     found = law_sizes(model_for(cell.vjm, estimate.structure), estimate.C_theta)
     return {joint: {kind: law_unit(kind) * own[kind] for kind in own} for joint, own in found.items()}

@@ -403,7 +403,7 @@ def _with_prior(arm: Arm, model: Model, prior: Prior, uncertainty: PriorUncertai
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, uncertainty), model.structure
     whole = s.has_full_blocks and len(s.blocks) == 2 * s.links - 1
-    structure = with_joint_couplings(with_laws(s, arm)) if method.learns and whole else s
+    structure = with_joint_couplings(with_laws(s, arm)) if method.learns_prior and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 
@@ -512,7 +512,7 @@ def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
 
     def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
-            pi = method.fit_reduced(cell.vjm, fold.parts, widths=False).pi
+            pi = method.fit_reduced(cell.vjm, fold.parts, for_intervals=False).pi
             return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
         return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.fitted_parts))).pi
 

@@ -8,7 +8,7 @@ import pytest
 from testbench.errors import BenchError
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import all_deflections, deflections, make_estimate
+from testbench.identify.estimate import deflections, deflections_of_models, make_estimate
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
 from testbench.identify.metric import cad_prior
 from testbench.identify.observability import without_readings
@@ -111,7 +111,7 @@ def seen(kr500):
     regression = reduce(kr500.vjm, beams, data)
     each = [make_estimate(regression, 1e-6 * e, method="one") for e in np.eye(beams.n)]
     sigma = np.sqrt(2) * data.sigma * 1e-6
-    A = all_deflections(kr500.vjm, each, data)[:, data.seen].reshape(beams.n, -1).T / sigma
+    A = deflections_of_models(kr500.vjm, each, data)[:, data.seen].reshape(beams.n, -1).T / sigma
     return data, beams, A, 1e-6 * data.deflection[data.seen].ravel() / sigma
 
 
@@ -130,7 +130,7 @@ def test_ridge_leaves_readings_out_by_their_weight_and_clipping_makes_the_neares
 
     best = min(RIDGES, key=score)
     found = ridge(kr500.vjm, beams, data)
-    moved = all_deflections(kr500.vjm, [found], data)[0][data.seen].ravel()
+    moved = deflections_of_models(kr500.vjm, [found], data)[0][data.seen].ravel()
     expected = A @ fit(best) @ y * np.sqrt(2) * data.sigma
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     assert found.constraint == "ridge"

@@ -8,10 +8,17 @@ import pytest
 from loads import axis_loads
 
 from testbench import BenchError, Scenario, score, simulate
-from testbench.identify.estimate import TOOL_MARKER, make_estimate
+from testbench.identify.estimate import ORIENTATION_READING, make_estimate
 from testbench.identify.hierarchy import learn_prior
 from testbench.identify.interior import least_squares as psd_least_squares
-from testbench.identify.method import ROBUST_UNCERTAINTY, gco, least_squares, paper_gco, robust, with_prior
+from testbench.identify.method import (
+    ROBUST_PRIOR_UNCERTAINTY,
+    gco,
+    least_squares,
+    paper_gco,
+    robust,
+    with_prior,
+)
 from testbench.identify.metric import (
     PriorUncertainty,
     WeightedPrior,
@@ -123,7 +130,7 @@ def test_a_prior_is_in_the_scale_of_the_data_its_strength_given_learnt_or_fixed_
     assert learnt.uncertainty == by_hand.uncertainty
     np.testing.assert_array_equal(learnt.scaling.L, by_hand.scaling.L)
     assert robust(with_prior(gco, prior))(kr500.vjm, s, data).weighted_prior.uncertainty == PriorUncertainty(
-        ROBUST_UNCERTAINTY
+        ROBUST_PRIOR_UNCERTAINTY
     )
 
 
@@ -283,7 +290,7 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     assert (first.run, first.marker) == (data.run[4], data.markers[1])
     assert {(one.run, one.marker) for one in others} == {(data.run[6], name) for name in data.markers}
     assert first.residual == pytest.approx(3e-3, abs=4 * np.sqrt(3) * 50e-6)  # noise and fit: 4 sd
-    assert first.sigmas == pytest.approx(first.residual / (np.sqrt(2) * 50e-6))
+    assert first.residual_over_sigma == pytest.approx(first.residual / (np.sqrt(2) * 50e-6))
     assert fit.regression.equations == 3 * (45 - 4)
     said = advice(fit)
     assert f"4 of 45 readings are rejected: they lie beyond {REJECTION_THRESHOLD} standard deviations" in said
@@ -318,7 +325,7 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
     s = all153(arm_6r.arm)
     units = scale_by_prior(cad_prior(arm_6r.arm), arm_6r.vjm, s)
     fit = robustly(arm_6r, s, spoiled, "psd", units)
-    assert {(data.run[10], TOOL_MARKER), (data.run[50], TOOL_MARKER)} <= found(fit)
+    assert {(data.run[10], ORIENTATION_READING), (data.run[50], ORIENTATION_READING)} <= found(fit)
     assert len(fit.rejected) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
     kinds = [term.equations for term in fit.regression.terms]
     assert sum(kinds) == 3 * (2 * data.runs - len(fit.rejected))

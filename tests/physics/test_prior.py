@@ -27,8 +27,8 @@ from testbench.identify import posterior as posteriors
 from testbench.identify.average import (
     average_models,
     average_two_priors,
-    stiffness_scatter,
-    weigh_for_scatter,
+    pose_to_pose_variation,
+    weight_for_pose_variation,
 )
 from testbench.identify.estimate import ModelAverage, make_estimate
 from testbench.identify.hierarchy import evidence_hessian, evidence_posterior, maximise_evidence
@@ -395,7 +395,7 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
     method, s = default(kr500, 1)
     found = method(kr500.vjm, s, rigid.identification)
     ours, theirs = errors(kr500, rigid, found, gco(kr500.vjm, joints_only(kr500.arm), rigid.identification))
-    assert found.average.weight > 0.75
+    assert found.average.joints_only_weight > 0.75
     [said] = of_average(found.average)
     assert said.startswith("link compliances hardly improve the model, so ")
     assert "Joints-only" in said
@@ -441,7 +441,7 @@ def by_beams_and_both(kr500):
     for kind in ("coupled", "tubes"):
         arm = simulate(true_cell(kr500, kind, SEED), SCENARIO, SEED)
         r = reduce(kr500.vjm, s, arm.identification)
-        alone = average_models(r, "psd", beams, widths=True)
+        alone = average_models(r, "psd", beams, for_intervals=True)
         found[kind] = arm, alone, average_two_priors(r, "psd", beams, soft)
     return found
 
@@ -454,10 +454,10 @@ def test_links_that_are_no_beams_are_told_by_the_evidence(kr500, by_beams_and_bo
 
 def test_an_average_is_conservative_and_widths_are_less_sure_of_joints_alone(kr500, rigid, by_beams_and_both):
     found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, all153(kr500.arm), rigid.identification)
-    whole, w, links = found.average.all_parts, found.average.weight, slice(0, 42)
+    whole, w, links = found.average.links_and_joints, found.average.joints_only_weight, slice(0, 42)
     np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
     assert found.conservative
-    assert w > found.average.joints_probability > 0.5  # these joints are alone
+    assert w > found.average.joints_only_probability > 0.5  # these joints are alone
     *_, found = by_beams_and_both["coupled"]
     assert sum(share for share, _ in found.average.parts) == pytest.approx(1)
     assert found.conservative
@@ -476,7 +476,12 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     monkeypatch.setattr(
         posteriors, "posterior_of_estimate", lambda own: Posterior.normal(own.pi, roots[id(own)])
     )
-    likely = {"laws_probability": 0.8, "with_laws": laws, "joints_probability": 0.4, "joints_only": joints}
+    likely = {
+        "joint_laws_probability": 0.8,
+        "with_joint_laws": laws,
+        "joints_only_probability": 0.4,
+        "joints_only": joints,
+    }
     average, parts = {
         "every model": (
             ModelAverage(0.5, links, joint_couplings_weight=0.3, with_joint_couplings=ties, **likely),
@@ -486,7 +491,7 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
             ModelAverage(0, links, joint_couplings_weight=1, with_joint_couplings=ties),
             ((1, ties),),
         ),
-        "two priors": (ModelAverage(0, links, parts=(pair := ((0.4, links), (0.6, laws)))), pair),
+        "two priors": (ModelAverage(0, links, under_each_prior=(pair := ((0.4, links), (0.6, laws)))), pair),
     }[kind]
     mean = make_estimate(regression, rng.normal(size=s.n), method="known")
     expected = np.zeros((s.n, s.n))
@@ -506,23 +511,32 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     size = np.abs(joints_only(kr500.arm).entries(kr500.arm.C_theta))
     both = [make_estimate(r, factor * size, method="known", constraint="psd") for factor in (1.0, 2.0)]
     both = [
-        replace(one, average=ModelAverage(weight, one, laws_weight=laws, laws_probability=likely))
+        replace(one, average=ModelAverage(weight, one, joint_laws_weight=laws, joint_laws_probability=likely))
         for one, weight, laws, likely in zip(both, (0.1, 0.5), (0.2, 0.7), (0.3, 0.8), strict=True)
     ]
-    log_evidence = [7.0, 7.0 + math.log(average.BEAM_ODDS) + (math.log(3) if likelier else -math.log(3))]
+    log_evidence = [
+        7.0,
+        7.0 + math.log(average.BEAM_LIKE_LINKS_PRIOR_ODDS) + (math.log(3) if likelier else -math.log(3)),
+    ]
     given = dict(zip(("first", "second"), zip(both, log_evidence, strict=True), strict=True))
     monkeypatch.setattr(
-        average, "_average_joint_couplings", lambda _r, _constraint, prior, *, widths: given[prior]
+        average, "_average_joint_couplings", lambda _r, _constraint, prior, *, for_intervals: given[prior]
     )
     found = average_two_priors(r, "psd", "first", "second")
     share = np.array([0.25, 0.75] if likelier else [0.75, 0.25])
     np.testing.assert_allclose(found.pi, (share @ [1.0, 2.0]) * size, rtol=1e-12)
     # as widths count them, with even odds beforehand
-    even = (share * [1, average.BEAM_ODDS]) ** average.EVIDENCE_EXPONENT
-    np.testing.assert_allclose([own for own, _ in found.average.parts], even / even.sum(), rtol=1e-12)
-    assert [own for _, own in found.average.parts] == both
-    assert found.average.all_parts is both[likelier].average.all_parts
-    mixed = [found.average.weight, found.average.laws_weight, found.average.laws_probability]
+    even = (share * [1, average.BEAM_LIKE_LINKS_PRIOR_ODDS]) ** average.INTERVAL_ODDS_EXPONENT
+    np.testing.assert_allclose(
+        [own for own, _ in found.average.under_each_prior], even / even.sum(), rtol=1e-12
+    )
+    assert [own for _, own in found.average.under_each_prior] == both
+    assert found.average.links_and_joints is both[likelier].average.links_and_joints
+    mixed = [
+        found.average.joints_only_weight,
+        found.average.joint_laws_weight,
+        found.average.joint_laws_probability,
+    ]
     np.testing.assert_allclose(mixed, share @ [[0.1, 0.2, 0.3], [0.5, 0.7, 0.8]], rtol=1e-12)
 
 
@@ -535,7 +549,7 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     r, own = seen_by(kr500, campaign, s)
     worth = {"Joints": 3.0, "ALL153": 1.0, s.name: 2.0}
 
-    def learn(_regression, prior, *, widths):
+    def learn(_regression, prior, *, for_intervals):
         return WeightedPrior(
             prior, PriorUncertainty(1.0), log_evidence=e_laws if prior.law.any() else e_links
         )
@@ -554,16 +568,16 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
         return e_joints, WeightedPrior(prior, PriorUncertainty(1.0))
 
     monkeypatch.setattr(average, "log_evidence_alone", log_evidence_alone)
-    found, together = average._average_joint_couplings(r, "psd", own, widths=True)
-    joints, links = average.JOINTS_ONLY_ODDS * math.exp(e_joints), math.exp(e_links)
-    linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_ODDS
+    found, together = average._average_joint_couplings(r, "psd", own, for_intervals=True)
+    joints, links = average.JOINTS_ONLY_PRIOR_ODDS * math.exp(e_joints), math.exp(e_links)
+    linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_PRIOR_ODDS
     assert together == pytest.approx(math.log(linear + laws))
-    assert found.average.weight == pytest.approx(joints / linear)
-    assert found.average.laws_weight == pytest.approx(laws / (linear + laws))
-    even = (average.LINEAR_JOINTS_ODDS * laws / linear) ** average.EVIDENCE_EXPONENT
-    assert found.average.laws_probability == pytest.approx(even / (1 + even))
+    assert found.average.joints_only_weight == pytest.approx(joints / linear)
+    assert found.average.joint_laws_weight == pytest.approx(laws / (linear + laws))
+    even = (average.LINEAR_JOINTS_PRIOR_ODDS * laws / linear) ** average.INTERVAL_ODDS_EXPONENT
+    assert found.average.joint_laws_probability == pytest.approx(even / (1 + even))
     straight = links / linear * 1.0 + joints / linear * 3.0 * (s.a >= 42)
-    expected = found.average.laws_weight * 2.0 + (1 - found.average.laws_weight) * np.where(
+    expected = found.average.joint_laws_weight * 2.0 + (1 - found.average.joint_laws_weight) * np.where(
         s.a < s.n_compliance_rows, straight, 0.0
     )
     np.testing.assert_allclose(found.pi, expected, rtol=1e-12)
@@ -682,7 +696,7 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     _, s = default(kr500, 3)
     regression, rho = reduce(kr500.vjm, s, campaign.identification), 0.2
     data, pi = campaign.identification, cad_prior(kr500.arm).C_theta[s.a[:147], s.b[:147]]
-    weighed = weigh_for_scatter(regression, pi, rho)
+    weighed = weight_for_pose_variation(regression, pi, rho)
     H = np.zeros((s.n + 1, s.n + 1))
     link = s.a // 6
     for pose in np.unique(data.pose):
@@ -710,10 +724,10 @@ def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr
         plain = method.fit_reduced(kr500.vjm, replace(regression, poses=()))
         found = method.fit_reduced(kr500.vjm, regression)
         if kind == "tubes":
-            assert stiffness_scatter(regression, plain) == 0
+            assert pose_to_pose_variation(regression, plain) == 0
             np.testing.assert_array_equal(found.pi, plain.pi)
             continue
-        assert stiffness_scatter(regression, plain) > 0
+        assert pose_to_pose_variation(regression, plain) > 0
         covered = []
         for estimate in (plain, found):
             told = intervals(kr500.vjm, estimate, campaign.truth)
@@ -727,11 +741,11 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     """As least squares has them, of readings as they are; intervals widen by how far the mean moves."""
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
-    monkeypatch.setattr(average, "stiffness_scatter", lambda *_: 0.2)
-    found, share = method.fit_reduced(kr500.vjm, regression), average.MIN_JOINTS_WEIGHT
-    monkeypatch.setattr(average, "MIN_JOINTS_WEIGHT", 0.0)
+    monkeypatch.setattr(average, "pose_to_pose_variation", lambda *_: 0.2)
+    found, share = method.fit_reduced(kr500.vjm, regression), average.MIN_JOINTS_ONLY_WEIGHT
+    monkeypatch.setattr(average, "MIN_JOINTS_ONLY_WEIGHT", 0.0)
     changing = method.fit_reduced(kr500.vjm, regression)
-    assert found.average.laws_weight == found.average.joint_couplings_weight == 0
+    assert found.average.joint_laws_weight == found.average.joint_couplings_weight == 0
     joints = joints_only(kr500.arm)
     alone = scatter_to(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
     seen = alone > 0  # no weight turns joint 1: it has what the prior says
@@ -757,7 +771,7 @@ def alike(kr500, campaign):
 def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
     """As least squares on the rows of all others and of the prior predicts them, one fit a pose."""
     _, regression, fit = alike
-    whole = fit if fit.average is None else fit.average.all_parts
+    whole = fit if fit.average is None else fit.average.links_and_joints
     weighted_prior, poses = whole.weighted_prior, restrict_to(regression, whole.structure).poses
     found = average._held_out_errors(poses, poses, weighted_prior)
     L, (B, c) = weighted_prior.scaling.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
@@ -774,19 +788,21 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
         ([0.2, 0.3, 0.4], False, 0.0),  # t = 5.2, of two degrees of freedom 2.9 is sure
         ([0.1, 0.5, 0.9], False, 1.0),  # t = 2.2
         ([-0.2, -0.3, -0.4], False, 1.0),
-        ([0.2, 0.3, 0.4], True, average.MIN_JOINTS_WEIGHT),
-        ([0.1, 0.5, 0.9], True, average.JOINTS_WEIGHT_IF_UNSURE),
+        ([0.2, 0.3, 0.4], True, average.MIN_JOINTS_ONLY_WEIGHT),
+        ([0.1, 0.5, 0.9], True, average.JOINTS_ONLY_WEIGHT_IF_UNSURE),
         ([-0.2, -0.3, -0.4], True, 1.0),
     ],
 )
 def test_links_count_where_they_surely_predict_poses_better_that_were_left_out(gains, changes, weight):
     own = np.array([1.0, 2.0, 0.5])
-    assert average.joints_only_weight((own, own * np.exp(gains)), changes=changes) == weight
+    assert average.joints_only_weight((own, own * np.exp(gains)), links_vary=changes) == weight
 
 
 @pytest.mark.parametrize("changes", [False, True])
 def test_without_held_out_errors_the_average_stays_but_where_links_change(changes):
-    assert average.joints_only_weight(None, changes=changes) == (average.MIN_JOINTS_WEIGHT if changes else 0)
+    assert average.joints_only_weight(None, links_vary=changes) == (
+        average.MIN_JOINTS_ONLY_WEIGHT if changes else 0
+    )
 
 
 def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(kr500, alike, monkeypatch):
@@ -795,13 +811,13 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
 
     def with_laws_of_half(*args):
         e = of_two(*args)
-        return replace(e, average=replace(e.average or ModelAverage(0.0, e), laws_weight=0.5))
+        return replace(e, average=replace(e.average or ModelAverage(0.0, e), joint_laws_weight=0.5))
 
     monkeypatch.setattr(average, "_average_priors", with_laws_of_half)
-    monkeypatch.setattr(average.LinksAndJoints, "links_certain", False)
-    monkeypatch.setattr(average.LinksAndJoints, "errors", (np.ones(8), np.ones(8)))
+    monkeypatch.setattr(average.LinksVersusJointsOnly, "links_certain", False)
+    monkeypatch.setattr(average.LinksVersusJointsOnly, "errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)
-    assert (found.average.weight, found.average.laws_weight) == (1, 0)
+    assert (found.average.joints_only_weight, found.average.joint_laws_weight) == (1, 0)
     assert not found.pi[found.structure.a < 6 * found.structure.links].any()
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     assert (
@@ -818,6 +834,6 @@ def test_links_stay_alike_in_all_poses_where_readings_weighed_otherwise_refuse_t
     def refused(*_, **__):
         raise BenchError("its best scale is -0.115")
 
-    monkeypatch.setattr(average, "stiffness_scatter", lambda *_: 0.2)
+    monkeypatch.setattr(average, "pose_to_pose_variation", lambda *_: 0.2)
     monkeypatch.setattr(average, "average_models", refused)
     np.testing.assert_array_equal(method.fit_reduced(kr500.vjm, regression).pi, plain.pi)

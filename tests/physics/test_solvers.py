@@ -252,7 +252,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
 def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
     best = paper_gco(kr500.vjm, mgco68(kr500.arm), gravity(kr500, 2))
     regression, known = best.regression, best.certificate
-    longer = Dual(1.001 * known.dual.y, 1.001 * known.dual.y_rest)
+    longer = Dual(1.001 * known.dual.y, 1.001 * known.dual.y_unexplained)
     poor = by_hand(regression, 0.5 * best.pi)
     fooled = lower_bound_certificate(
         regression, poor.pi, longer, known.trace_bounds, penalty=tie_break(regression)
@@ -265,12 +265,12 @@ def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
 def test_duals_that_are_none_and_models_that_are_not_conservative_are_refused_in_one_line(kr500):
     best = paper_gco(kr500.vjm, mgco47(kr500.arm), gravity(kr500, 2))
     broken = least_squares(kr500.vjm, template56(kr500.arm), gravity(kr500, 2))
-    y, rest = best.certificate.dual.y, best.certificate.dual.y_rest
+    y, rest = best.certificate.dual.y, best.certificate.dual.y_unexplained
     for estimate, wrong, text in (
         (best, Dual(y[:, :-1], rest), "dual.y: expected"),
-        (best, Dual(y, np.r_[rest, 0.0]), "dual.y_rest: expected"),
+        (best, Dual(y, np.r_[rest, 0.0]), "dual.y_unexplained: expected"),
         (best, Dual(y * np.nan, rest), "dual.y: .*finite"),
-        (best, Dual(y, rest + np.inf), "dual.y_rest: .*finite"),
+        (best, Dual(y, rest + np.inf), "dual.y_unexplained: .*finite"),
         (best, Dual(y, rest + 0.5), "length 1 at most"),  # each part is shorter than one by itself
         (broken, None, "expected a conservative estimate"),
     ):

@@ -12,7 +12,7 @@ from scipy.stats import kstest, norm
 from testbench.data.dataset import along_lines, select_rows
 from testbench.errors import BenchError
 from testbench.identify.conic import LEVER_LENGTH
-from testbench.identify.estimate import all_deflections, lilliefors
+from testbench.identify.estimate import deflections_of_models, lilliefors
 from testbench.identify.method import gco, least_squares, with_prior
 from testbench.identify.metric import aggregate, cad_prior
 from testbench.identify.posterior import posterior_of_estimate
@@ -64,7 +64,7 @@ def fitted(kr500):
         TAKEN: (with_prior(gco, prior), all153(kr500.arm)),
     }
     estimates = {name: method(kr500.vjm, structure, runs) for name, (method, structure) in methods.items()}
-    moved = all_deflections(kr500.vjm, [*estimates.values()], runs)
+    moved = deflections_of_models(kr500.vjm, [*estimates.values()], runs)
     left = {name: runs.deflection - own for name, own in zip(estimates, moved, strict=True)}
     return runs, estimates, left
 

@@ -20,7 +20,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
-from testbench.identify.estimate import Estimate, all_deflections
+from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_of
 from testbench.identify.solve import complete_conservatively, free_directions, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
@@ -301,7 +301,7 @@ def _rows(
 
 def _compared(cell: Cell, cases: Sequence[TrialCase], fits: Fits, noise: Array) -> Iterator[GridMethodRow]:
     """Rows of one structure; noise is what it is expected to leave least squares [um]."""
-    moved = all_deflections(cell.vjm, fits[GCO], cases[0].test)
+    moved = deflections_of_models(cell.vjm, fits[GCO], cases[0].test)
     share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
 
     def more(name: str, k: int) -> dict[str, object]:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
-from testbench.identify.estimate import Constraint, DeflectionErrors, Estimate, all_deflections, score
+from testbench.identify.estimate import Constraint, DeflectionErrors, Estimate, deflections_of_models, score
 from testbench.identify.posterior import CONFIDENCE, intervals
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
@@ -174,7 +174,7 @@ def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, 
     found: dict[tuple[int, str], DeflectionErrors] = {}
     for one in {id(own): own for own in data}.values():
         keys = [(k, name) for k, own in enumerate(data) if own is one for name in fits]
-        moved = all_deflections(cell.vjm, [fits[name][k] for k, name in keys], one)
+        moved = deflections_of_models(cell.vjm, [fits[name][k] for k, name in keys], one)
         some = slice(None) if one.direction is None else one.seen  # along lines, what was read alone
         own_score = (score(one.measured_components(own)[some], one.deflection[some]) for own in moved)
         found |= dict(zip(keys, own_score, strict=True))

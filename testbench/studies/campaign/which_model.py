@@ -15,7 +15,7 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
-from testbench.identify.estimate import Estimate, all_deflections
+from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
 from testbench.identify.method import least_squares
 from testbench.identify.metric import Prior, scale_by_prior
@@ -201,7 +201,7 @@ def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
     C, at = cell.plant.arm.C_theta, slice(6 * link, 6 * link + 6)
     own = np.zeros_like(C)
     own[at, at] = C[at, at]
-    part, whole = all_deflections(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
+    part, whole = deflections_of_models(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
     return float(np.linalg.norm(part) / np.linalg.norm(whole))
 
 
