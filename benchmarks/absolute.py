@@ -15,7 +15,7 @@ from measure import Row, at_most, note
 from scipy.linalg.lapack import dgeqrf
 
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.metric import cad_prior
+from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 

@@ -11,7 +11,7 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import PriorUncertainty, RegressionWithPrior, cad_prior, with_prior_rows
+from testbench.identify.prior import PriorUncertainty, RegressionWithPrior, cad_prior, with_prior_rows
 from testbench.identify.regression import reduce
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56

@@ -8,8 +8,8 @@ from testbench.correct.newton import Aim, InverseStatics, equilibrium, target_of
 from testbench.correct.newton import solve_inverse_statics as corrected
 from testbench.errors import Array
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import elastic_state, model_of_estimate
+from testbench.identify.prior import cad_prior
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153
 from testbench.workflows.campaign import simulate

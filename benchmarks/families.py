@@ -5,7 +5,7 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 
 from testbench.errors import Array
 from testbench.identify.conic import solve_gco
-from testbench.identify.metric import (
+from testbench.identify.prior import (
     PriorUncertainty,
     RegressionWithPrior,
     WeightedPrior,

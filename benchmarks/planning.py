@@ -18,7 +18,7 @@ from testbench.design.rows import (
     task_rows,
 )
 from testbench.errors import Array, Ids
-from testbench.identify.metric import cad_prior, scale_by_prior
+from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import Load
 from testbench.model.structure import mgco68
 from testbench.workflows.cell import build_cell

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from testbench.identify.metric import PriorScaling, PriorUncertainty, RegressionWithPrior, WeightedPrior
+from testbench.identify.prior import PriorScaling, PriorUncertainty, RegressionWithPrior, WeightedPrior
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.model.structure import Structure
 

@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
+from testbench.identify.base_frame import register_dataset, transform_to_base, unloaded_series
 from testbench.identify.estimate import deflections, score
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import PriorUncertainty, cad_prior, perturbed
-from testbench.identify.registered import register_dataset, transform_to_base, unloaded_series
+from testbench.identify.prior import PriorUncertainty, cad_prior, perturbed
 from testbench.identify.registration import Frame, kabsch, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose

@@ -1,7 +1,7 @@
 """GCO with a log-determinant prior: no compliance becomes zero, however little the readings ask for it."""
 
 import testbench as tb
-from testbench.identify.metric import PriorUncertainty, rescale_to_data, scale_by_prior
+from testbench.identify.prior import PriorUncertainty, rescale_to_data, scale_by_prior
 from testbench.studies.intervals import gco_stein
 
 

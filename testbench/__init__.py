@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from testbench.files.write import write_program as write_program
     from testbench.identify.absolute.fit import Calibration as Calibration
     from testbench.identify.absolute.fit import calibrate as calibrate
+    from testbench.identify.base_frame import register_dataset as register_dataset
     from testbench.identify.conic import certify as certify
     from testbench.identify.estimate import Certificate as Certificate
     from testbench.identify.estimate import DeflectionErrors as DeflectionErrors
@@ -54,13 +55,12 @@ if TYPE_CHECKING:
     from testbench.identify.method import paper_gco as paper_gco
     from testbench.identify.method import robust as robust
     from testbench.identify.method import with_prior as with_prior
-    from testbench.identify.metric import Prior as Prior
-    from testbench.identify.metric import PriorUncertainty as PriorUncertainty
-    from testbench.identify.metric import cad_prior as cad_prior
     from testbench.identify.posterior import ArmModel as ArmModel
     from testbench.identify.posterior import Intervals as Intervals
     from testbench.identify.posterior import intervals as intervals
-    from testbench.identify.registered import register_dataset as register_dataset
+    from testbench.identify.prior import Prior as Prior
+    from testbench.identify.prior import PriorUncertainty as PriorUncertainty
+    from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.regression import Regression as Regression
     from testbench.identify.regression import reduce as reduce
     from testbench.model.laws import JointLaw as JointLaw
@@ -103,12 +103,12 @@ HOMES = {
     "Series": "data.dataset",
     "read_series": "files.read_series",
     "Structure": "model.structure",
-    "register_dataset": "identify.registered",
+    "register_dataset": "identify.base_frame",
     "least_squares": "identify.method",
     "completed_least_squares": "identify.method",
     "gco": "identify.method",
     "paper_gco": "identify.method",
-    "cad_prior": "identify.metric",
+    "cad_prior": "identify.prior",
     "with_prior": "identify.method",
     "robust": "identify.method",
     "Estimate": "identify.estimate",
@@ -148,14 +148,14 @@ HOMES = {
     "Model": "workflows.models",
     "Planned": "workflows.plan",
     "Prediction": "correct.predicted",
-    "Prior": "identify.metric",
+    "Prior": "identify.prior",
     "Program": "files.program",
     "PublicCampaign": "workflows.load_dataset",
     "Regression": "identify.regression",
     "DeflectionErrors": "identify.estimate",
     "SeriesExport": "files.read_series",
     "Stiffness": "correct.predicted",
-    "PriorUncertainty": "identify.metric",
+    "PriorUncertainty": "identify.prior",
     "Vjm": "model.vjm",
     "JointLaw": "model.laws",
     "JointTurns": "model.laws",

@@ -11,7 +11,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
 from testbench.identify.method import robust
-from testbench.identify.metric import PriorUncertainty, cad_prior
+from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.model.laws import joint_laws
 from testbench.report import terminal
 from testbench.report.fitted_runs import badge, ratios_to_chosen, seen, warnings

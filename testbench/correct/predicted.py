@@ -25,6 +25,7 @@ from testbench.data.dataset import join_rows, select_evenly, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.absolute.state import ArmState
+from testbench.identify.equations import jacobian, nominal_chain
 from testbench.identify.posterior import (
     CONFIDENCE,
     CURVATURE_COUNT,
@@ -32,7 +33,6 @@ from testbench.identify.posterior import (
     conditional_covariance,
     quantile,
 )
-from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.kinematics import joint_error_basis
 from testbench.model.laws import tangent
 from testbench.model.load import (

@@ -71,7 +71,7 @@ class Dataset(Displayed):
     #: a plane face of the tool, which turns with the tool. With `direction`.
     reach: Array | None = None
     #: Error of each reading by the tilt: tilt times direction x deflection of a model, (runs, m, 3) [m].
-    #: `identify.rows` fills it in; None before. Readings of one set-up share their tilt.
+    #: `identify.equations` fills it in; None before. Readings of one set-up share their tilt.
     slide: Array | None = None
 
     def __post_init__(self) -> None:

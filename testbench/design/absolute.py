@@ -20,8 +20,8 @@ from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
-from testbench.identify.metric import PriorScaling, PriorUncertainty, precision_root
-from testbench.identify.rows import beams, series_rows
+from testbench.identify.equations import beams, series_rows
+from testbench.identify.prior import PriorScaling, PriorUncertainty, precision_root
 from testbench.model.vjm import chain, translation_rows
 
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.

@@ -25,7 +25,7 @@ from testbench.design.rows import (
 )
 from testbench.display import Displayed, span
 from testbench.errors import Array, Mask
-from testbench.identify.metric import PriorUncertainty, precision_root
+from testbench.identify.prior import PriorUncertainty, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 

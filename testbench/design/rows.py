@@ -12,9 +12,9 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import compliance_unknowns
-from testbench.identify.metric import PriorScaling, PriorUncertainty, precision_root
+from testbench.identify.equations import jacobian, nominal_chain
+from testbench.identify.prior import PriorScaling, PriorUncertainty, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, marker_motion
 

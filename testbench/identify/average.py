@@ -40,7 +40,7 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.estimate import Constraint, Estimate, ModelAverage, make_estimate
 from testbench.identify.hierarchy import MISFIT_DEVIATION, learn_prior, log_evidence_alone
 from testbench.identify.interior import TINY
-from testbench.identify.metric import PriorScaling, WeightedPrior, precision_root
+from testbench.identify.prior import PriorScaling, WeightedPrior, precision_root
 from testbench.identify.regression import (
     Regression,
     f_m,

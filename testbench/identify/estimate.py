@@ -21,7 +21,7 @@ from testbench.arm.elastic import SYMMETRY_TOLERANCE, unit_diagonal_scale
 from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
-from testbench.identify.metric import WeightedPrior
+from testbench.identify.prior import WeightedPrior
 from testbench.identify.regression import BLOCK_RUNS, Regression, f_m, regression_of
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.structure import Constraint as Constraint

@@ -29,7 +29,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
 
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.metric import (
+from testbench.identify.prior import (
     LearntScale,
     PriorScaling,
     PriorUncertainty,

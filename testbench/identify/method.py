@@ -13,8 +13,9 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, check_type
 from testbench.identify.average import average_models, average_two_priors
+from testbench.identify.equations import check_deflections
 from testbench.identify.estimate import Constraint, Estimate, Estimator, TracePenalty
-from testbench.identify.metric import (
+from testbench.identify.prior import (
     Prior,
     PriorUncertainty,
     WeightedPrior,
@@ -23,7 +24,6 @@ from testbench.identify.metric import (
     with_weaker_coupling,
 )
 from testbench.identify.regression import PartitionedRegression, Regression, reduce, reduce_parts, restrict_to
-from testbench.identify.rows import check_deflections
 from testbench.identify.solve import solve, without_outliers
 from testbench.identify.trace import divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.laws import without_laws

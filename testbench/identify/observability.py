@@ -24,7 +24,8 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.metric import (
+from testbench.identify.posterior import Posterior, conditional_covariance
+from testbench.identify.prior import (
     Prior,
     PriorScaling,
     PriorUncertainty,
@@ -33,7 +34,6 @@ from testbench.identify.metric import (
     scale_by_prior,
     weighted_rows,
 )
-from testbench.identify.posterior import Posterior, conditional_covariance
 from testbench.identify.regression import (
     RANK_TOLERANCE,
     ZERO_COLUMN,

@@ -22,7 +22,7 @@ from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Estimate, ModelAverage
-from testbench.identify.metric import WeightedPrior, precision_root
+from testbench.identify.prior import WeightedPrior, precision_root
 from testbench.identify.regression import RANK_TOLERANCE, scatter_to
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Weights, displacement, loaded_deflection, secant

@@ -33,8 +33,15 @@ from testbench.identify.absolute.align import (
     robust_whitening,
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
+from testbench.identify.equations import (
+    check_runs,
+    jacobian,
+    nominal_chain,
+    pair_rows,
+    resolve_lines,
+    series_rows,
+)
 from testbench.identify.registration import READING_LOSS, Loss
-from testbench.identify.rows import check_runs, jacobian, nominal_chain, pair_rows, resolve_lines, series_rows
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure

@@ -35,6 +35,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify import cone
 from testbench.identify.conic import EXACT_FIT, clip_eigenvalues, psd_entries, sensitivity_units, solve_gco
+from testbench.identify.equations import WeightedReadings, single_readings
 from testbench.identify.estimate import (
     ORIENTATION_READING,
     Constraint,
@@ -44,7 +45,8 @@ from testbench.identify.estimate import (
     make_estimate,
 )
 from testbench.identify.interior import least_squares
-from testbench.identify.metric import (
+from testbench.identify.observability import null_space
+from testbench.identify.prior import (
     PriorUncertainty,
     RegressionWithPrior,
     WeightedPrior,
@@ -52,7 +54,6 @@ from testbench.identify.metric import (
     scale_by_prior,
     with_prior_rows,
 )
-from testbench.identify.observability import null_space
 from testbench.identify.registration import PAIR_LOSS
 from testbench.identify.regression import (
     RANK_TOLERANCE,
@@ -63,7 +64,6 @@ from testbench.identify.regression import (
     term_from_triangle,
     triangular_factor,
 )
-from testbench.identify.rows import WeightedReadings, single_readings
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 

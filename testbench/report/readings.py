@@ -8,7 +8,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import placed_off
-from testbench.identify.registered import RegisteredDataset
+from testbench.identify.base_frame import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, GREY, MEASURED, NOMINAL, SERIES, Look

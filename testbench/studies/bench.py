@@ -28,10 +28,10 @@ from testbench.identify.absolute.align import residuals
 from testbench.identify.absolute.evidence import apply_step, back_substitute, compliance_rows, factor_of
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings, select_and_solve
 from testbench.identify.absolute.posterior import locate_series
+from testbench.identify.base_frame import register_dataset
 from testbench.identify.estimate import Constraint, deflections, is_conservative, score
-from testbench.identify.metric import Prior, cad_prior
 from testbench.identify.posterior import CONFIDENCE, quantile
-from testbench.identify.registered import register_dataset
+from testbench.identify.prior import Prior, cad_prior
 from testbench.identify.regression import Regression
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation

@@ -25,7 +25,6 @@ from testbench.design.rows import MeasurementSetup, Specification, Tasks
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.files.write import csv_text
 from testbench.identify.absolute.state import ArmState
-from testbench.identify.metric import Prior, scale_by_prior
 from testbench.identify.posterior import (
     ArmModel,
     ModelOrigin,
@@ -34,6 +33,7 @@ from testbench.identify.posterior import (
     model_of_compliances,
     model_of_estimate,
 )
+from testbench.identify.prior import Prior, scale_by_prior
 from testbench.model.load import Load, read_weights, weight
 from testbench.model.structure import all153
 from testbench.model.vjm import WorkArea

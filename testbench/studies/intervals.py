@@ -32,14 +32,14 @@ from testbench.identify.conic import (
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.interior import BlockProgram, solve_program
 from testbench.identify.method import least_squares
-from testbench.identify.metric import (
+from testbench.identify.posterior import Intervals, check_confidence, posterior_of_estimate
+from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
     RegressionWithPrior,
     WeightedPrior,
     weighted_rows,
 )
-from testbench.identify.posterior import Intervals, check_confidence, posterior_of_estimate
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce, reduce_parts
 from testbench.identify.solve import minimum_norm, solve_with_prior
 from testbench.identify.trace import Fold, divide_poses, folds

@@ -23,7 +23,7 @@ from testbench.design.rows import MeasurementSetup, Specification, Tasks, measur
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, deflections_of_models
-from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
+from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, chain

@@ -49,13 +49,13 @@ from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Issue
-from testbench.identify.metric import cad_prior
 from testbench.identify.observability import (
     ObservedQuantity,
     UndeterminedQuantity,
     undetermined_quantities,
 )
 from testbench.identify.posterior import ArmModel, Posterior
+from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READING_LOSS
 from testbench.model.load import read_weights
 from testbench.model.structure import TEMPLATE

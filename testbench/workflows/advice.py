@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.identify.conic import TIE_BREAK, total_trace
 from testbench.identify.estimate import Estimate, ModelAverage
-from testbench.identify.metric import WeightedPrior
+from testbench.identify.prior import WeightedPrior
 from testbench.identify.solve import COMPLETED_METHOD, NO_OUTLIERS, REJECTION_THRESHOLD
 from testbench.model.structure import PAPER_GCO
 from testbench.workflows.rows import FitRow

@@ -11,7 +11,6 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import scaled_units
 from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors
-from testbench.identify.metric import Prior, PriorUncertainty, aggregate, cad_prior, weighted_rows
 from testbench.identify.observability import (
     DECIDED,
     Identifiability,
@@ -20,6 +19,7 @@ from testbench.identify.observability import (
     of_regression,
 )
 from testbench.identify.posterior import CONFIDENCE, posterior_of_estimate
+from testbench.identify.prior import Prior, PriorUncertainty, aggregate, cad_prior, weighted_rows
 from testbench.identify.regression import Regression
 from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load

@@ -22,9 +22,9 @@ from testbench.identify.hierarchy import (
     undetermined_parts,
 )
 from testbench.identify.method import Method
-from testbench.identify.metric import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.observability import set_aside
 from testbench.identify.posterior import intervals
+from testbench.identify.prior import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.regression import (
     BLOCK_RUNS,
     ZERO_COLUMN,

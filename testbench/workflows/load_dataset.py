@@ -18,7 +18,7 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError, InputError, open_file
 from testbench.files.names import WHEN, columns_of
-from testbench.identify.metric import Prior
+from testbench.identify.prior import Prior
 from testbench.workflows.campaign import Campaign, Scenario
 
 MAX_BYTES = 10**9  #: Of a file [byte].

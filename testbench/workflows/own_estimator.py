@@ -28,7 +28,7 @@ from testbench.arm.elastic import SYMMETRY_TOLERANCE, unit_diagonal_scale
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, printable
 from testbench.identify.estimate import Estimate, deflections, make_estimate
-from testbench.identify.metric import Prior
+from testbench.identify.prior import Prior
 from testbench.identify.regression import Regression, reduce
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import Vjm

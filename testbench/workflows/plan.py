@@ -41,8 +41,8 @@ from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_type
 from testbench.identify.absolute.align import stated_frame
 from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
-from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.posterior import ArmModel
+from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import MIN_POSES, Frame
 from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load, read_weights, weight

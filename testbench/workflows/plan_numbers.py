@@ -28,7 +28,7 @@ from testbench.design.planning import (
 )
 from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.errors import Array, Ids
-from testbench.identify.metric import Prior, cad_prior
+from testbench.identify.prior import Prior, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings

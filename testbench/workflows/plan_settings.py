@@ -13,7 +13,7 @@ from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError, in_flags, of_flag
 from testbench.files.read_pairs import SIGMA_RANGE
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
-from testbench.identify.metric import UNCERTAINTY_RANGE
+from testbench.identify.prior import UNCERTAINTY_RANGE
 from testbench.model.structure import Structure
 from testbench.model.vjm import WorkArea
 from testbench.plant.site import Payload

@@ -15,8 +15,8 @@ from testbench.design.forecast import DEVIATION_INFLATION, Forecast, LinearFit, 
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.metric import Prior, PriorUncertainty, cad_prior, precision_root, scale_by_prior
 from testbench.identify.posterior import CONFIDENCE
+from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, precision_root, scale_by_prior
 from testbench.model.laws import for_load_history, with_joint_laws, with_laws
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only

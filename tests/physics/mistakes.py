@@ -13,7 +13,7 @@ from testbench.errors import Doubt
 from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
-from testbench.identify.metric import Prior
+from testbench.identify.prior import Prior
 from testbench.model.vjm import tool_pose
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
-from testbench.identify.metric import Prior, cad_prior, perturbed
+from testbench.identify.prior import Prior, cad_prior, perturbed
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded

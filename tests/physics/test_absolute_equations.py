@@ -46,12 +46,12 @@ from testbench.identify.absolute.state import (
     unknowns_of,
     wave_columns,
 )
+from testbench.identify.equations import series_rows
 from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, solve_normal_equations
-from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
+from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.identify.registration import READING_LOSS, SQUARED_LOSS, Frame
 from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
-from testbench.identify.rows import series_rows
 from testbench.model.kinematics import BACKLASH_SMOOTHING, BANDS, JointErrors
 from testbench.model.kinematics import joint_error_basis as errors_of
 from testbench.model.load import Load, read_weights

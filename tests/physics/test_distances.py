@@ -20,10 +20,10 @@ from testbench.identify.absolute.state import (
     series_equilibrium,
     unknowns_of,
 )
-from testbench.identify.metric import cad_prior
+from testbench.identify.equations import beams, series_rows
+from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Linearisation, reduce_series
-from testbench.identify.rows import beams, series_rows
 from testbench.model.kinematics import JointErrors
 from testbench.model.load import read_weights
 from testbench.model.structure import joints_only

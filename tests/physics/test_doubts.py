@@ -18,6 +18,7 @@ from scipy.stats import multivariate_normal
 from sound_sets import sound
 
 from testbench.data.dataset import Dataset, select, select_rows
+from testbench.identify.base_frame import RegisteredDataset, register_dataset
 from testbench.identify.diagnosis import diagnose as diagnosis
 from testbench.identify.diagnosis.deflections import (
     USUAL_BACKLASH,
@@ -37,8 +38,7 @@ from testbench.identify.diagnosis.kinematics import (
     score_test,
 )
 from testbench.identify.diagnosis.moves import p_value
-from testbench.identify.metric import cad_prior, scale_by_prior
-from testbench.identify.registered import RegisteredDataset, register_dataset
+from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose

@@ -10,8 +10,8 @@ from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import deflections, deflections_of_models, make_estimate
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
-from testbench.identify.metric import cad_prior
 from testbench.identify.observability import without_readings
+from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, joints_only, mgco68, mgco69, mgco147, mls36, template56

@@ -10,8 +10,8 @@ from testbench import BenchError, Scenario, simulate
 from testbench.data.dataset import select_rows
 from testbench.identify.conic import gradient_dual
 from testbench.identify.method import gco, least_squares
-from testbench.identify.metric import PriorUncertainty, cad_prior, scale_by_prior, weighted_rows
 from testbench.identify.observability import of_regression, sampled_tasks
+from testbench.identify.prior import PriorUncertainty, cad_prior, scale_by_prior, weighted_rows
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mls36, template56
 from testbench.model.vjm import chain, observation

@@ -17,14 +17,14 @@ from testbench import BenchError, compensate, gco, intervals, least_squares, pre
 from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import select_rows
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate, posterior_of
-from testbench.identify.metric import (
+from testbench.identify.posterior import Posterior, posterior_of_estimate
+from testbench.identify.prior import (
     Prior,
     PriorUncertainty,
     WeightedPrior,
     cad_prior,
     scale_by_prior,
 )
-from testbench.identify.posterior import Posterior, posterior_of_estimate
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation

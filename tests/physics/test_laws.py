@@ -15,8 +15,8 @@ from testbench.correct.newton import assign_rows
 from testbench.data.dataset import select_rows
 from testbench.identify.hierarchy import evidence_model
 from testbench.identify.method import gco, least_squares, robust, with_prior
-from testbench.identify.metric import Prior, cad_prior, scale_by_prior
 from testbench.identify.posterior import intervals, model_of_estimate
+from testbench.identify.prior import Prior, cad_prior, scale_by_prior
 from testbench.identify.regression import reduce
 from testbench.model import laws
 from testbench.model import laws as shapes

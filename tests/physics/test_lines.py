@@ -10,9 +10,7 @@ from scipy.spatial.transform import Rotation
 from testbench.data.dataset import along_lines, select
 from testbench.errors import BenchError
 from testbench.identify.absolute.state import compliance_unknowns
-from testbench.identify.method import least_squares
-from testbench.identify.regression import reduce
-from testbench.identify.rows import (
+from testbench.identify.equations import (
     directions_under_load,
     nominal_chain,
     pair_rows,
@@ -20,6 +18,8 @@ from testbench.identify.rows import (
     resolve_lines,
     single_readings,
 )
+from testbench.identify.method import least_squares
+from testbench.identify.regression import reduce
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import marker_points

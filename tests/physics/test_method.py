@@ -8,6 +8,7 @@ import pytest
 from loads import axis_loads
 
 from testbench import BenchError, Scenario, score, simulate
+from testbench.identify.equations import single_readings
 from testbench.identify.estimate import ORIENTATION_READING, make_estimate
 from testbench.identify.hierarchy import learn_prior
 from testbench.identify.interior import least_squares as psd_least_squares
@@ -19,7 +20,7 @@ from testbench.identify.method import (
     robust,
     with_prior,
 )
-from testbench.identify.metric import (
+from testbench.identify.prior import (
     PriorUncertainty,
     WeightedPrior,
     cad_prior,
@@ -30,7 +31,6 @@ from testbench.identify.metric import (
 )
 from testbench.identify.registration import PAIR_LOSS
 from testbench.identify.regression import reduce
-from testbench.identify.rows import single_readings
 from testbench.identify.solve import (
     REJECTION_THRESHOLD,
     reject_iteratively,
@@ -338,6 +338,6 @@ def test_spoiling_moves_as_many_readings_as_asked_and_too_many_are_refused(kr500
     assert mask.sum() == round(0.1 * 45)
     moved = np.linalg.norm(spoiled.deflection - data.deflection, axis=-1)
     np.testing.assert_allclose(moved, 1e-3 * mask, atol=1e-15)
-    monkeypatch.setattr("testbench.identify.rows.MAX_READINGS", 44)
+    monkeypatch.setattr("testbench.identify.equations.MAX_READINGS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
         robustly(kr500, s, data, "none")

@@ -14,7 +14,7 @@ from testbench.identify.diagnosis.gravity import (
     with_base_rotated,
 )
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.metric import cad_prior
+from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 

@@ -31,15 +31,15 @@ from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.posterior import information as told_by
 from testbench.identify.absolute.state import moved_frame, series_equilibrium
-from testbench.identify.metric import (
+from testbench.identify.equations import beams
+from testbench.identify.observability import undetermined_quantities
+from testbench.identify.prior import (
     PriorUncertainty,
     cad_prior,
     precision_root,
     scale_by_prior,
     weighted_rows,
 )
-from testbench.identify.observability import undetermined_quantities
-from testbench.identify.rows import beams
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import WorkArea, marker_points, random_poses, tool_points
 from testbench.plant.site import collisions

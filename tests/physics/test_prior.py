@@ -32,7 +32,14 @@ from testbench.identify.average import (
 )
 from testbench.identify.estimate import ModelAverage, make_estimate
 from testbench.identify.hierarchy import evidence_hessian, evidence_posterior, maximise_evidence
-from testbench.identify.metric import (
+from testbench.identify.posterior import (
+    CURVATURE_COUNT,
+    Posterior,
+    intervals,
+    posterior_of_estimate,
+    second_order_deflection,
+)
+from testbench.identify.prior import (
     Prior,
     PriorUncertainty,
     WeightedPrior,
@@ -42,13 +49,6 @@ from testbench.identify.metric import (
     scale_by_prior,
     weighted_rows,
     with_weaker_coupling,
-)
-from testbench.identify.posterior import (
-    CURVATURE_COUNT,
-    Posterior,
-    intervals,
-    posterior_of_estimate,
-    second_order_deflection,
 )
 from testbench.identify.regression import f_m, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior

@@ -10,8 +10,8 @@ from scipy.stats import chi2
 from serial_arms import write_arm
 
 from testbench import BenchError, Dataset, Scenario, build_cell, simulate
-from testbench.identify.registered import MAX_FRAME_DEVIATION, register_dataset, transform_to_base
-from testbench.identify.registered import unloaded_series as series_of_stations
+from testbench.identify.base_frame import MAX_FRAME_DEVIATION, register_dataset, transform_to_base
+from testbench.identify.base_frame import unloaded_series as series_of_stations
 from testbench.identify.registration import Frame
 from testbench.identify.registration import register as register_series
 from testbench.model.vjm import tool_points

@@ -21,7 +21,7 @@ from testbench.identify.conic import (
 )
 from testbench.identify.estimate import Dual, make_estimate
 from testbench.identify.method import least_squares, paper_gco
-from testbench.identify.metric import (
+from testbench.identify.prior import (
     PriorUncertainty,
     RegressionWithPrior,
     WeightedPrior,

@@ -11,7 +11,7 @@ from read_back import chunks_of, columns, document, panes, rerun, series, sound,
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
-from testbench.identify.registered import register_dataset
+from testbench.identify.base_frame import register_dataset
 from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look

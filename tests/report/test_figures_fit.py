@@ -14,8 +14,8 @@ from testbench.errors import BenchError
 from testbench.identify.conic import LEVER_LENGTH
 from testbench.identify.estimate import deflections_of_models, lilliefors
 from testbench.identify.method import gco, least_squares, with_prior
-from testbench.identify.metric import aggregate, cad_prior
 from testbench.identify.posterior import posterior_of_estimate
+from testbench.identify.prior import aggregate, cad_prior
 from testbench.model.structure import Structure, all153, template56
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios

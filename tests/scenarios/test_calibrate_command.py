@@ -19,8 +19,8 @@ from testbench.arm.folder import load_arm
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.posterior import RegisteredSeries, predict, without_series
 from testbench.identify.absolute.state import nominal_state, unknowns_of
+from testbench.identify.equations import series_rows
 from testbench.identify.posterior import Posterior
-from testbench.identify.rows import series_rows
 from testbench.plant.build import build_plant
 from testbench.report.markdown import grid
 from testbench.report.report import read

@@ -22,7 +22,7 @@ from tables import write_table
 from testbench import __version__
 from testbench.cli.program import COMMANDS
 from testbench.files.write import write_csv
-from testbench.identify.metric import cad_prior
+from testbench.identify.prior import cad_prior
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent

@@ -19,7 +19,7 @@ from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.files.program import read_program
 from testbench.identify.estimate import make_estimate
-from testbench.identify.metric import PriorUncertainty, cad_prior
+from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.identify.regression import reduce
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose

@@ -16,7 +16,7 @@ from run_here import ROOT, app_of_study, check_files, fine, here, is_refused, un
 
 import testbench as tb
 from testbench.errors import BenchError
-from testbench.identify.metric import Prior
+from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.report.colours import look
 from testbench.studies.bench import covariance

@@ -8,7 +8,7 @@ import pytest
 import testbench as tb
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.metric import PriorUncertainty, cad_prior
+from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.report.fitted_runs import seen

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.identify.metric import cad_prior
+from testbench.identify.prior import cad_prior
 from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign import which_model
 from testbench.studies.campaign.trial import cover, covers

@@ -21,7 +21,7 @@ from testbench.identify.absolute.fit import (
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.metric import cad_prior
+from testbench.identify.prior import cad_prior
 from testbench.model.load import read_weights
 from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series

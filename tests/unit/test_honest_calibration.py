@@ -15,7 +15,7 @@ from testbench.identify.absolute.align import residuals
 from testbench.identify.absolute.evidence import WIDE_PRIOR, ActiveUnknowns, ErrorScales, solve_active
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings
 from testbench.identify.absolute.state import Mount, nominal_state
-from testbench.identify.metric import cad_prior, scale_by_prior
+from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame
 from testbench.model.load import read_weights
 from testbench.model.structure import all153

@@ -9,7 +9,7 @@ from refused import refused
 from testbench.errors import BenchError
 from testbench.files.read_pairs import read_csv, read_export
 from testbench.files.write import write_csv
-from testbench.identify.registered import register_dataset
+from testbench.identify.base_frame import register_dataset
 from testbench.plant.tracker import DRAW_WIRE, Gauge, Tracker
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import poses_with_weight

@@ -26,8 +26,9 @@ from testbench.identify.absolute.state import (
     series_equilibrium,
     undetermined_frames,
 )
+from testbench.identify.base_frame import MAX_NOMINAL_DISTANCE
 from testbench.identify.diagnosis.kinematics import Issue
-from testbench.identify.registered import MAX_NOMINAL_DISTANCE
+from testbench.identify.equations import series_residuals
 from testbench.identify.registration import (
     ASSUMED_NOISE,
     MIN_POSES,
@@ -43,7 +44,6 @@ from testbench.identify.registration import (
     register,
 )
 from testbench.identify.registration import layout_residuals as left_by
-from testbench.identify.rows import series_residuals
 from testbench.model.vjm import Vjm, tool_pose
 
 # --- Residuals of readings, their noise about a state, and outliers -----------------------------------------

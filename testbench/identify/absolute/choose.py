@@ -35,7 +35,7 @@ from testbench.identify.absolute.evidence import (
 from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
 from testbench.identify.estimate import Constraint
 from testbench.identify.hierarchy import NormalSolution
-from testbench.identify.metric import PriorScaling, PriorUncertainty, WeightedPrior
+from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import mean_and_standard_error
 from testbench.model.load import Weights, weight_columns

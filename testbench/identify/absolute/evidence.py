@@ -37,7 +37,7 @@ from testbench.identify.hierarchy import (
     solve_normal_equations,
     student_neg_log_density,
 )
-from testbench.identify.metric import (
+from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
     WeightedPrior,

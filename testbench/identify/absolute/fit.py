@@ -59,8 +59,8 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.diagnosis.moves import divide_at_moves
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
+from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
 from testbench.model.kinematics import ERROR_KINDS, JointErrors
 from testbench.model.load import Weights, read_weights

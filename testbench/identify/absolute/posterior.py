@@ -27,8 +27,8 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.evidence import default_scales, moved_mount
 from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, moved_frame, unknowns_of
+from testbench.identify.equations import series_rows
 from testbench.identify.posterior import ArmModel, Posterior
-from testbench.identify.rows import series_rows
 
 CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
 FRAME_STEP, MAX_STEPS = 1e-9, 20

@@ -15,6 +15,7 @@ from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.evidence import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
+from testbench.identify.base_frame import RegisteredDataset
 from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (
     DOWN,
@@ -46,9 +47,8 @@ from testbench.identify.diagnosis.moves import (
     p_value,
     with_rms_shift,
 )
-from testbench.identify.metric import Prior, scale_by_prior
-from testbench.identify.registered import RegisteredDataset
-from testbench.identify.rows import MAX_READINGS, check_runs
+from testbench.identify.equations import MAX_READINGS, check_runs
+from testbench.identify.prior import Prior, scale_by_prior
 from testbench.model.load import weights_with_note
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points

@@ -17,6 +17,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, runs_of_station
 from testbench.errors import Array, Doubt
+from testbench.identify.base_frame import station_number, unloaded_series
 from testbench.identify.diagnosis.deflections import (
     MIN_GAIN,
     MIN_GAIN_OF_ALL_LOADS,
@@ -41,7 +42,6 @@ from testbench.identify.diagnosis.kinematics import (
     likely_joint_orders,
     longer_than,
 )
-from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
 
 MM = 1e3

@@ -42,7 +42,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, Series, evenly_spaced
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.registered import RegisteredDataset, with_markers
+from testbench.identify.base_frame import RegisteredDataset, with_markers
 from testbench.identify.registration import Frame, kabsch
 from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, skew, tool_pose, translation_rows
 

@@ -27,10 +27,10 @@ from testbench.identify.absolute.fit import (
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.absolute.posterior import inside_ellipsoid, predict, with_known_frame
 from testbench.identify.absolute.state import ArmState, unknowns_of
-from testbench.identify.metric import Prior, PriorUncertainty, scale_by_prior
+from testbench.identify.equations import series_rows
+from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.registration import SQUARED_LOSS
 from testbench.identify.regression import Linearisation, reduce_series
-from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm

@@ -16,7 +16,8 @@ from testbench.errors import Array, BenchError
 from testbench.identify.conic import solve_gco
 from testbench.identify.estimate import Estimate
 from testbench.identify.method import gco, with_prior
-from testbench.identify.metric import (
+from testbench.identify.posterior import Intervals, intervals, posterior_of_estimate
+from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
     WeightedPrior,
@@ -24,7 +25,6 @@ from testbench.identify.metric import (
     cad_prior,
     scale_by_prior,
 )
-from testbench.identify.posterior import Intervals, intervals, posterior_of_estimate
 from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHODS, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56

@@ -17,7 +17,7 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.identify.estimate import Estimate, Estimator
 from testbench.identify.method import gco, least_squares, with_prior
-from testbench.identify.metric import Prior, rescale_to_data, scale_by_prior
+from testbench.identify.prior import Prior, rescale_to_data, scale_by_prior
 from testbench.identify.regression import reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm

@@ -10,7 +10,7 @@ from testbench.design.exchange import Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import Array
-from testbench.identify.metric import cad_prior, scale_by_prior
+from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
 from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, Tracker

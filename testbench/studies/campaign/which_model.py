@@ -18,7 +18,7 @@ from testbench.data.dataset import Dataset, select
 from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
 from testbench.identify.method import least_squares
-from testbench.identify.metric import Prior, scale_by_prior
+from testbench.identify.prior import Prior, scale_by_prior
 from testbench.plant.true_arms import TRUTHS
 from testbench.report.colours import CHOICE
 from testbench.report.figure import Figure, forest

@@ -16,8 +16,8 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Series, runs_of_station, select_rows, series_of
 from testbench.errors import Array, BenchError, Mask, check_type
+from testbench.identify.equations import check_runs, resolve_lines
 from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
-from testbench.identify.rows import check_runs, resolve_lines
 from testbench.model.vjm import Vjm, marker_points, skew, tool_points
 
 FrameChoice = Literal["auto", "base", "tracker"]
