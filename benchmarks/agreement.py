@@ -11,7 +11,7 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
-from testbench.identify.prior import PriorUncertainty, RegressionWithPrior, cad_prior, with_prior_rows
+from testbench.identify.prior import PriorUncertainty, RegressionWithPrior, cad_prior, rows_with_prior
 from testbench.identify.regression import reduce
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
@@ -92,8 +92,8 @@ class Moved:
 def moved(cell: Cell, case: RegressionWithPrior, truth: Dataset) -> Moved:
     """Solve a fit by both; Clarabel minimises the squares, which are sharper than their norm."""
     scaling = case.prior.scaling
-    M, r = with_prior_rows(case.regression, scaling, case.prior.uncertainty)
-    own, sharp = solve_with_prior("psd", case).pi, squares_by_clarabel(M, r, scaling.sizes)
+    M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
+    own, sharp = solve_with_prior("psd", case).pi, squares_by_clarabel(M, r, scaling.block_orders)
     x = [np.linalg.solve(scaling.L, own), sharp.x[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     estimates = (
@@ -114,8 +114,8 @@ def squares_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solu
     program = cone.ConeProgram(
         cost=np.zeros(2 * n),
         blocks=(cone.free_block(0, n), *cone.psd_blocks(n, sizes)),
-        rows=(cone.ConeRows("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
-        quadratic=np.r_[np.ones(n), np.zeros(n)],
+        constraints=(cone.ConeConstraint("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
+        quadratic_diagonal=np.r_[np.ones(n), np.zeros(n)],
     )
     return cone.solve(program, tolerance=SHARP)
 
@@ -136,7 +136,7 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
 def compared(case: RegressionWithPrior) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
     own, other = solve_with_prior("psd", case), solve_by_reference("psd", case)
-    M, r = with_prior_rows(case.regression, case.prior.scaling, case.prior.uncertainty)
+    M, r = rows_with_prior(case.regression, case.prior.scaling, case.prior.uncertainty)
     x = [np.linalg.solve(case.prior.scaling.L, pi) for pi in (own.pi, other.pi)]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     unit, best = float(np.linalg.norm(r)), x[int(np.argmin(costs))]
@@ -145,6 +145,6 @@ def compared(case: RegressionWithPrior) -> Compared:
 
 def least_squares_off(case: RegressionWithPrior) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
-    M, _ = with_prior_rows(case.regression, case.prior.scaling, case.prior.uncertainty)
+    M, _ = rows_with_prior(case.regression, case.prior.scaling, case.prior.uncertainty)
     apart = solve_with_prior("none", case).pi - solve_by_reference("none", case).pi
     return float(np.linalg.norm(M @ np.linalg.solve(case.prior.scaling.L, apart)))

@@ -9,8 +9,8 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, 
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.cone import TOLERANCE
-from testbench.identify.conic import scale_program, solve_clarabel, tie_break
+from testbench.identify.cone import SOLVER_TOLERANCE
+from testbench.identify.conic import scaled_gco_program, solve_gco_by_clarabel, tie_break_penalty
 from testbench.identify.estimate import Estimate
 from testbench.identify.method import paper_gco
 from testbench.identify.regression import reduce
@@ -30,7 +30,7 @@ SOLVER = "CLARABEL"
 AGREE = 1e-5
 """Relative difference of F_M that the two models may have."""
 DEFAULT: dict[str, float] = {}
-EQUAL = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), TOLERANCE)
+EQUAL = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), SOLVER_TOLERANCE)
 
 
 def full_pose_runs(arm: Cell, seed: int) -> Dataset:
@@ -104,7 +104,11 @@ def rows_of(arm: Cell) -> list[Row]:
     solver: list[float] = []
 
     def alone() -> None:
-        solver.append(solve_clarabel(regression, scale_program(regression, tie_break(regression))).seconds)
+        solver.append(
+            solve_gco_by_clarabel(
+                regression, scaled_gco_program(regression, tie_break_penalty(regression))
+            ).seconds
+        )
 
     wall, _, *others = interleave(
         REPEATS,

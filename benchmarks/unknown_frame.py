@@ -22,7 +22,7 @@ from testbench.errors import Array
 from testbench.identify.base_frame import register_dataset, transform_to_base, unloaded_series
 from testbench.identify.estimate import deflections, score
 from testbench.identify.method import gco, with_prior
-from testbench.identify.prior import PriorUncertainty, cad_prior, perturbed
+from testbench.identify.prior import PriorUncertainty, cad_prior, perturb_prior
 from testbench.identify.registration import Frame, kabsch, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
@@ -53,7 +53,7 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     off = trial_rng(seed, 5).standard_normal(cell.vjm.markers.shape)
     off *= ROUGH / np.linalg.norm(off, axis=1, keepdims=True)
     rough = replace(cell.vjm, markers=cell.vjm.markers + off)
-    prior = perturbed(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
+    prior = perturb_prior(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
     fit, structure = with_prior(gco, prior, PriorUncertainty(0.3)), mgco68(cell.arm)
 
     def error(vjm: Vjm, runs: Dataset) -> float:

@@ -21,7 +21,7 @@ from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
 from testbench.identify.equations import beams, series_rows
-from testbench.identify.prior import PriorScaling, PriorUncertainty, precision_root
+from testbench.identify.prior import PriorScaling, PriorUncertainty, prior_rows
 from testbench.model.vjm import chain, translation_rows
 
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
@@ -72,7 +72,7 @@ def expected_root(
     for name, sizes in unknowns.fixed.items():
         d[unknowns.columns(f"frame {name}")] = sizes
     d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
-    B, _ = precision_root(scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
+    B, _ = prior_rows(scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
     return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, scaling.L.T).T))
 
 

@@ -513,7 +513,7 @@ def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: A
     """
     D = _motions(spec, q, load)
     poses, markers = D.shape[:2]
-    deviation = _deviations(D @ spec.experiment.scaling.expected, gauges)
+    deviation = _deviations(D @ spec.experiment.scaling.expected_x, gauges)
     rows = D.reshape(poses, markers * 3, -1) / deviation.reshape(poses, -1, 1)
     return row_products(rows, lift).reshape(poses, markers, 3, -1)
 
@@ -567,7 +567,7 @@ def placed_gauges(
         gauges: The gauges.
         chosen: Their markers and axes.
     """
-    d = _motions(spec, q, load) @ spec.experiment.scaling.expected
+    d = _motions(spec, q, load) @ spec.experiment.scaling.expected_x
     index = np.arange(len(q))[:, None], chosen.marker, chosen.axis
     return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[index])
 

@@ -25,7 +25,7 @@ from testbench.design.rows import (
 )
 from testbench.display import Displayed, span
 from testbench.errors import Array, Mask
-from testbench.identify.prior import PriorUncertainty, precision_root
+from testbench.identify.prior import PriorUncertainty, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 
@@ -251,7 +251,7 @@ def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
     # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
     T, model_rows = (deflection_rows(experiment, q, load) for experiment in (fit.full_setup, fit.model_setup))
     D = T - model_rows @ fit.gain
-    bias = D @ fit.full_setup.scaling.expected - model_rows @ fit.constant
+    bias = D @ fit.full_setup.scaling.expected_x - model_rows @ fit.constant
     return bias, np.concatenate([fit.uncertainty * D, model_rows @ fit.scatter], axis=2)
 
 
@@ -259,8 +259,8 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     """Compute K and k of a fit x = K y + k from whitened rows, (readings, n)."""
     scaling = spec.experiment.scaling
     if spec.uncertainty is None:
-        return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(scaling.expected))
-    B, c = precision_root(scaling, PriorUncertainty(spec.uncertainty, SCALE_UNCERTAINTY))
+        return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(scaling.expected_x))
+    B, c = prior_rows(scaling, PriorUncertainty(spec.uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
 

@@ -13,7 +13,7 @@ import numpy as np
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import compliance_unknowns
 from testbench.identify.equations import jacobian, nominal_chain
-from testbench.identify.prior import PriorScaling, PriorUncertainty, precision_root
+from testbench.identify.prior import PriorScaling, PriorUncertainty, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, marker_motion
@@ -236,7 +236,7 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
     if uncertainty is None:
         ridge = RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
         return DesignProblem(row_products(rows, seen), ridge, seen, np.zeros((n, n)), rest)
-    B, _ = precision_root(experiment.scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
+    B, _ = prior_rows(experiment.scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
     # the rest follows the seen part in the prior's mean; its Schur complement is the prior on the seen part
     covariance = np.linalg.inv(rest.T @ M @ rest)

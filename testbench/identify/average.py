@@ -38,9 +38,9 @@ from scipy.special import ndtri, stdtrit
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.estimate import Constraint, Estimate, ModelAverage, make_estimate
-from testbench.identify.hierarchy import MISFIT_DEVIATION, learn_prior, log_evidence_alone
+from testbench.identify.hierarchy import LOG_MISFIT_DEVIATION, joints_only_log_evidence, learn_prior
 from testbench.identify.interior import TINY
-from testbench.identify.prior import PriorScaling, WeightedPrior, precision_root
+from testbench.identify.prior import PriorScaling, WeightedPrior, prior_rows
 from testbench.identify.regression import (
     Regression,
     f_m,
@@ -136,7 +136,7 @@ def _log_evidence(
     """Compute the log density of the readings, up to a constant, with stated noise or learnt noise."""
     B, c = (
         part / weighted_prior.misfit
-        for part in precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
+        for part in prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     )
     prior, L, best = np.c_[B, c].T @ np.c_[B, c], weighted_prior.scaling.L, -math.inf
     for kappa in {1.0, weighted_prior.misfit}:
@@ -148,7 +148,7 @@ def _log_evidence(
             spread += float(np.log(variance).sum())
         _, size_of = np.linalg.slogdet(H[:-1, :-1])
         chi = float(H[-1, -1] - H[-1, :-1] @ np.linalg.solve(H[:-1, :-1], H[:-1, -1])) + rest / kappa**2
-        best = max(best, -(chi + spread + float(size_of) + (math.log(kappa) / MISFIT_DEVIATION) ** 2) / 2)
+        best = max(best, -(chi + spread + float(size_of) + (math.log(kappa) / LOG_MISFIT_DEVIATION) ** 2) / 2)
     return best
 
 
@@ -363,7 +363,7 @@ def links_versus_joints_only(
     """
     regression, scaling = _joints_only(r, prior)
     try:
-        log_evidence, joints_prior = log_evidence_alone(regression, scaling)
+        log_evidence, joints_prior = joints_only_log_evidence(regression, scaling)
     except BenchError:  # no joint is loaded, or all turn against their loads
         return None
     likeliest = _likeliest(estimate)
@@ -393,7 +393,7 @@ def _held_out_errors(
     poses: tuple[Array, ...], weighted: tuple[Array, ...], weighted_prior: WeightedPrior
 ) -> Array:
     """Compute for every pose the error of the fit to all others, from their weighted rows [1]."""
-    L, (B, c) = weighted_prior.scaling.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
+    L, (B, c) = weighted_prior.scaling.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     grams = [rows.T @ rows for rows in (np.c_[rows[:, :-1] @ L, rows[:, -1]] for rows in weighted)]
     whole = np.c_[B, c].T @ np.c_[B, c] + sum(grams)
     errors = []
@@ -453,7 +453,7 @@ def average_with_joints_only(
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
     # Joints only, fitted with their wide prior, and the average of both.
     regression, scaling = _joints_only(r, prior)
-    joints_fit = solve(regression, constraint, log_evidence_alone(regression, scaling)[1])
+    joints_fit = solve(regression, constraint, joints_only_log_evidence(regression, scaling)[1])
     average = replace(
         known,
         joints_only_weight=weight + (1 - weight) * known.joints_only_weight,
@@ -552,7 +552,7 @@ def _average_joint_couplings(
     regression: Regression, constraint: Constraint, prior: PriorScaling, *, for_intervals: bool
 ) -> tuple[Estimate, float | None]:
     """Average fits with and without coupled joints; also return the evidence, None without one."""
-    if not prior.joint_couplings.any():
+    if not prior.is_joint_coupling.any():
         return _average_laws(regression, constraint, prior, for_intervals=for_intervals)
     # Both models: without and with couplings between joints.
     uncoupled, coupled_scaling = (
@@ -627,7 +627,7 @@ def _average_laws(
 
 def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
     """Return the units of the prior of compliances only, without joint laws."""
-    return scaling if not scaling.law.any() else restrict_scaling(scaling, linear(scaling.structure))
+    return scaling if not scaling.is_law_size.any() else restrict_scaling(scaling, linear(scaling.structure))
 
 
 def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScaling:
@@ -647,7 +647,7 @@ def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScalin
     keep = np.flatnonzero(in_structure)
     sizes = tuple(len(block) for block in structure.blocks)
     return PriorScaling(
-        scaling.prior, structure, scaling.L[np.ix_(places, keep)], scaling.expected[keep], sizes
+        scaling.prior_name, structure, scaling.L[np.ix_(places, keep)], scaling.expected_x[keep], sizes
     )
 
 
@@ -666,7 +666,7 @@ def _average_joints(
         return whole, None
     regression, scaling = _joints_only(r, prior)
     try:
-        log_evidence, joints_prior = log_evidence_alone(regression, scaling)
+        log_evidence, joints_prior = joints_only_log_evidence(regression, scaling)
     except BenchError:  # no joint is loaded, or all turn against their loads: joints only cannot be fitted
         return whole, weighted_prior.log_evidence
     odds = log_evidence - weighted_prior.log_evidence + math.log(JOINTS_ONLY_PRIOR_ODDS)
@@ -689,7 +689,9 @@ def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorS
     regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
     L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
-    return regression, PriorScaling(prior.prior, regression.structure, L, prior.expected[entries], sizes)
+    return regression, PriorScaling(
+        prior.prior_name, regression.structure, L, prior.expected_x[entries], sizes
+    )
 
 
 def joint_compliance_indices(scaling: PriorScaling) -> Ids:

@@ -19,15 +19,17 @@ from scipy import sparse
 
 from testbench.errors import Array, Ids
 
-TOLERANCE = 1e-10  #: Required feasibility and gap of Clarabel, in units where the data are of order one.
-GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
+SOLVER_TOLERANCE = (
+    1e-10  #: Required feasibility and gap of Clarabel, in units where the data are of order one.
+)
+MAX_RELATIVE_GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 ConeKind = Literal["zero", "nonnegative", "second order", "psd"]
 CONES: dict[ConeKind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
     "second order": clarabel.SecondOrderConeT,
-    "psd": lambda rows: clarabel.PSDTriangleConeT(order(rows)),
+    "psd": lambda rows: clarabel.PSDTriangleConeT(matrix_order(rows)),
 }
 
 
@@ -35,14 +37,16 @@ CONES: dict[ConeKind, Callable[[int], object]] = {
 class Block:
     """Hold unknowns that form one symmetric matrix, or one free block."""
 
-    at: Ids  #: Their places in v, (k,).
-    size: int = 0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
+    indices: Ids  #: Their places in v, (k,).
+    matrix_order: int = (
+        0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
+    )
     #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None if they are svec itself.
-    svec: Array | None = None
+    svec_per_unknown: Array | None = None
 
 
 @dataclass(frozen=True)
-class ConeRows:
+class ConeConstraint:
     """Hold constraints: b - A v lies in a cone."""
 
     kind: ConeKind  #: Kind of the cone; for "psd", rows are svec of a matrix.
@@ -56,8 +60,8 @@ class ConeProgram:
 
     cost: Array  #: c, (n,).
     blocks: tuple[Block, ...]  #: The unknowns; their places fill 0 to n - 1.
-    rows: tuple[ConeRows, ...] = ()  #: All constraints but those of the PSD blocks.
-    quadratic: Array | None = None  #: Diagonal of P, (n,); None for none.
+    constraints: tuple[ConeConstraint, ...] = ()  #: All constraints but those of the PSD blocks.
+    quadratic_diagonal: Array | None = None  #: Diagonal of P, (n,); None for none.
 
 
 @dataclass(frozen=True)
@@ -65,16 +69,16 @@ class Solution:
     """Hold the last iterate of the solver, with its duals."""
 
     x: Array  #: The unknowns v, (n,).
-    duals: tuple[Array, ...]  #: Dual of every `ConeRows`, (rows,) each, then of every PSD block.
+    duals: tuple[Array, ...]  #: Dual of every `ConeConstraint`, (rows,) each, then of every PSD block.
     cost: float  #: Cost of x.
-    bound: float  #: Lower bound that the duals prove: no feasible v costs less.
+    lower_bound: float  #: Lower bound that the duals prove: no feasible v costs less.
     solver_status: str  #: Status as the solver names it.
     seconds: float  #: Time inside the solver.
 
     @property
     def status(self) -> str:
         """Return "solved" if the cost is within `GAP` of the bound, else the failure."""
-        if abs(self.cost - self.bound) <= GAP * max(1.0, abs(self.cost)):
+        if abs(self.cost - self.lower_bound) <= MAX_RELATIVE_GAP * max(1.0, abs(self.cost)):
             return "solved"
         return self.failure
 
@@ -84,7 +88,7 @@ class Solution:
         return f"not solved: Clarabel says {self.solver_status}"
 
 
-def solve(problem: ConeProgram, *, tolerance: float = TOLERANCE) -> Solution:
+def solve(problem: ConeProgram, *, tolerance: float = SOLVER_TOLERANCE) -> Solution:
     """Solve a conic program by Clarabel; if the solver stalls, the status reports it.
 
     Args:
@@ -94,22 +98,22 @@ def solve(problem: ConeProgram, *, tolerance: float = TOLERANCE) -> Solution:
     Returns:
         The last iterate, its duals and status.
     """
-    return run_solver(build_solver(problem, settings(tolerance)), problem)
+    return run_solver(build_solver(problem, clarabel_settings(tolerance)), problem)
 
 
-def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
+def psd_blocks(first: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
     """Make positive semi-definite blocks whose svecs follow each other.
 
     Args:
         first: Place of the first unknown.
-        sizes: Orders of the matrices.
+        orders: Orders of the matrices.
 
     Returns:
         One block per matrix.
     """
-    ends = first + np.cumsum([triangle_size(size) for size in sizes])
+    ends = first + np.cumsum([svec_length(size) for size in orders])
     return tuple(
-        Block(np.arange(k - triangle_size(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True)
+        Block(np.arange(k - svec_length(n), k), n) for k, n in zip(ends.tolist(), orders, strict=True)
     )
 
 
@@ -123,33 +127,33 @@ def free_block(first: int, count: int) -> Block:
     return Block(np.arange(first, first + count))
 
 
-def norm_below(column: int, R: Array, z: Array) -> ConeRows:
+def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:
     """Make the second-order cone |R v - z| <= v[column].
 
     Args:
-        column: Place of the bound among the unknowns.
-        R: ConeRows, zero in that column, (rows, n).
+        bound_index: Place of the bound among the unknowns.
+        R: ConeConstraint, zero in that column, (rows, n).
         z: Right-hand side, (rows,).
     """
     head = np.zeros((1, R.shape[1]))
-    head[0, column] = -1
-    return ConeRows("second order", np.vstack([head, R]), np.r_[0.0, z])
+    head[0, bound_index] = -1
+    return ConeConstraint("second order", np.vstack([head, R]), np.r_[0.0, z])
 
 
-def triangle_size(size: int) -> int:
+def svec_length(order: int) -> int:
     """Count the entries of the upper triangle of a matrix of some order."""
-    return size * (size + 1) // 2
+    return order * (order + 1) // 2
 
 
-def order(entries: int) -> int:
+def matrix_order(entries: int) -> int:
     """Compute the order of a matrix from the number of entries of its upper triangle."""
     return (math.isqrt(8 * entries + 1) - 1) // 2
 
 
 @cache
-def upper_indices(size: int) -> tuple[Ids, Ids]:
+def upper_triangle(order: int) -> tuple[Ids, Ids]:
     """List rows and columns of the upper triangle of a matrix of some order, by column."""
-    column, row = np.tril_indices(size)
+    column, row = np.tril_indices(order)
     return row, column
 
 
@@ -162,20 +166,20 @@ def svec(X: Array) -> Array:
 @cache
 def _packed(n: int) -> tuple[Ids, Array]:
     """Locate the entries of a svec in its matrix, with their size per unit of the svec, (t,) each."""
-    row, column = upper_indices(n)
+    row, column = upper_triangle(n)
     return n * row + column, np.where(row == column, 1.0, math.sqrt(2))
 
 
 def smat(x: Array) -> Array:
     """Unpack symmetric matrices, (..., n, n), from their svec, (..., n (n + 1) / 2)."""
-    places, scale = _unpacked(order(x.shape[-1]))
+    places, scale = _unpacked(matrix_order(x.shape[-1]))
     return np.asarray(x.take(places, axis=-1) * scale)
 
 
 @cache
 def _unpacked(n: int) -> tuple[Ids, Array]:
     """Locate the entries of a matrix in its svec, with their size per unit of the svec, (n, n) each."""
-    row, column = upper_indices(n)
+    row, column = upper_triangle(n)
     places = np.zeros((n, n), int)
     places[row, column] = places[column, row] = np.arange(len(row))
     return places, np.where(np.eye(n) == 1, 1.0, math.sqrt(0.5))
@@ -207,7 +211,7 @@ def eigvalsh(X: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(X)) if X.shape[-1] > 1 else X[..., 0]
 
 
-def congruence(A: Array) -> Array:
+def congruence_map(A: Array) -> Array:
     """Compute the maps svec(Y) -> svec(A Y A^T), (..., t, t), t = n (n + 1) / 2, of A, (..., n, n)."""
     n = A.shape[-1]
     places, weight = _products(n)
@@ -218,29 +222,29 @@ def congruence(A: Array) -> Array:
 @cache
 def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
     """Locate the factors of both products in a matrix of order n, with the weight of their sum, (t, t)."""
-    i, j = upper_indices(n)
+    i, j = upper_triangle(n)
     row, column = n * i[:, None], n * j[:, None]
     weight = np.where(i == j, 1.0, math.sqrt(2))[:, None] * np.where(i == j, 0.5, math.sqrt(0.5))
     return (row + i, column + j, row + j, column + i), weight
 
 
 @lru_cache(maxsize=64)
-def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
+def places_by_order(orders: tuple[int, ...]) -> list[Ids]:
     """Find the places, (blocks, entries), of the blocks of each order in the svec of all blocks."""
-    ends = np.cumsum([triangle_size(n) for n in sizes])
+    ends = np.cumsum([svec_length(n) for n in orders])
     return [
-        np.array([np.arange(e - triangle_size(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
-        for size in dict.fromkeys(sizes)
+        np.array([np.arange(e - svec_length(n), e) for n, e in zip(orders, ends, strict=True) if n == size])
+        for size in dict.fromkeys(orders)
     ]
 
 
-def psd_part(X: Array) -> Array:
+def nearest_psd(X: Array) -> Array:
     """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become zero."""
     values, Q = np.linalg.eigh(X)
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
-def settings(tolerance: float) -> clarabel.DefaultSettings:
+def clarabel_settings(tolerance: float) -> clarabel.DefaultSettings:
     """Make Clarabel's settings with a tolerance of feasibility and gap [1]."""
     options = clarabel.DefaultSettings()
     options.verbose = False
@@ -260,13 +264,15 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
     Returns:
         The solver, not yet run.
     """
-    n, rows = len(problem.cost), list(problem.rows)
+    n, rows = len(problem.cost), list(problem.constraints)
     for block in problem.blocks:
-        if block.size:
-            A = np.zeros((triangle_size(block.size), n))
-            A[:, block.at] = -np.eye(len(A)) if block.svec is None else -block.svec
-            rows.append(ConeRows("psd", A, np.zeros(len(A))))
-    P = np.zeros(n) if problem.quadratic is None else problem.quadratic
+        if block.matrix_order:
+            A = np.zeros((svec_length(block.matrix_order), n))
+            A[:, block.indices] = (
+                -np.eye(len(A)) if block.svec_per_unknown is None else -block.svec_per_unknown
+            )
+            rows.append(ConeConstraint("psd", A, np.zeros(len(A))))
+    P = np.zeros(n) if problem.quadratic_diagonal is None else problem.quadratic_diagonal
     return clarabel.DefaultSolver(
         sparse.csc_matrix(np.diag(P)),
         problem.cost,
@@ -288,13 +294,15 @@ def run_solver(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution
         The solution: unknowns, (n,), a dual for every cone, cost, lower bound, status and time [s].
     """
     result = solver.solve()
-    sizes = [len(row.b) for row in problem.rows] + [triangle_size(b.size) for b in problem.blocks if b.size]
+    sizes = [len(row.b) for row in problem.constraints] + [
+        svec_length(b.matrix_order) for b in problem.blocks if b.matrix_order
+    ]
     ends = np.cumsum(sizes)[:-1]
     return Solution(
         x=np.array(result.x),
         duals=tuple(np.split(np.array(result.z), ends)),
         cost=result.obj_val,
-        bound=result.obj_val_dual,
+        lower_bound=result.obj_val_dual,
         solver_status=str(result.status),
         seconds=result.solve_time,
     )

@@ -35,7 +35,7 @@ from testbench.model.structure import PAPER_GCO, Structure
 
 # --- Certificate of optimality for any conservative estimate ------------------------------------------------
 
-TIE_BREAK = 1e-8
+TIE_BREAK_WEIGHT = 1e-8
 """Weight of the trace in `paper_gco`, as a share of the largest sensitivity of F_M to a compliance [1].
 
 The paper has no such term. It selects the least trace among models of equal fit. If the fit keeps improving
@@ -45,7 +45,7 @@ and the advice reports it.
 LEVER_LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
 
-UNSEEN_SHARE = 1e-2
+UNOBSERVED_SENSITIVITY = 1e-2
 """Sensitivity assumed of an axis that no reading observes, as a share of the largest sensitivity [1]."""
 
 MAX_DUAL_LENGTH = 1 + 1e-9
@@ -57,7 +57,7 @@ The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 """
 
 
-def scaled_units(structure: Structure) -> Array:
+def trace_units(structure: Structure) -> Array:
     """Return units s, (n_theta,), in which traces and eigenvalues are taken: C = s X s^T.
 
     A translation counts as the rotation that causes it on an arm of `LEVER_LENGTH`, so that X and its trace
@@ -68,14 +68,14 @@ def scaled_units(structure: Structure) -> Array:
     return np.where((index < 6 * structure.links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
 
 
-def tie_break(regression: Regression) -> TracePenalty:
+def tie_break_penalty(regression: Regression) -> TracePenalty:
     """Make the trace term w <W, C> of the paper's GCO.
 
-    It is so light that it only selects among models of equal fit: w is `TIE_BREAK` times the largest
+    It is so light that it only selects among models of equal fit: w is `TIE_BREAK_WEIGHT` times the largest
     sensitivity.
     """
-    s, weight = regression.structure, TIE_BREAK * (regression.weight.max() or 1.0)
-    return TracePenalty(float(weight), scaled_units(s) ** -2.0, s, np.eye(s.n))
+    s, weight = regression.structure, TIE_BREAK_WEIGHT * (regression.weight.max() or 1.0)
+    return TracePenalty(float(weight), trace_units(s) ** -2.0, s, np.eye(s.n))
 
 
 def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
@@ -103,7 +103,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     regression = estimate.regression
     dual = gradient_dual(regression, estimate.pi) if dual is None else _checked_dual(regression, dual)
     if estimate.penalty is None or estimate.split_parameters is None:
-        return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break(regression))
+        return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break_penalty(regression))
     return lower_bound_certificate(
         estimate.penalty.regression_of_split(regression),
         estimate.split_parameters,
@@ -123,18 +123,18 @@ def _checked_dual(regression: Regression, dual: Dual) -> Dual:
     return normalise_dual(y, rest)
 
 
-def normalise_dual(y: Array, rest: Array) -> Dual:
+def normalise_dual(y: Array, y_unexplained: Array) -> Dual:
     """Scale dual vectors that are longer than one to length one.
 
     Args:
         y: Their components against the rows of every term's R, (terms, n) [1].
-        rest: Their components against the unexplained residual, (terms,) [1].
+        y_unexplained: Their components against the unexplained residual, (terms,) [1].
 
     Returns:
         The dual, every vector of length one at most.
     """
-    length = np.maximum(1.0, np.hypot(np.linalg.norm(y, axis=1), rest))
-    return Dual(y / length[:, None], rest / length)
+    length = np.maximum(1.0, np.hypot(np.linalg.norm(y, axis=1), y_unexplained))
+    return Dual(y / length[:, None], y_unexplained / length)
 
 
 def gradient_dual(regression: Regression, pi: Array) -> Dual:
@@ -211,7 +211,7 @@ def lower_bound_certificate(
 
 def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Array) -> Array:
     """Compute the smallest eigenvalue of every S_i + w W_i in scaled units, less its rounding, (blocks,)."""
-    s, unit = regression.structure, scaled_units(regression.structure)
+    s, unit = regression.structure, trace_units(regression.structure)
     scale = np.outer(unit, unit)
     S, size = (
         s.gradient(g + trace_gradient) * scale,
@@ -248,9 +248,9 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     """
     s = regression.structure
     used = s.block_of >= 0
-    unit = scaled_units(s)[used] ** 2
+    unit = trace_units(s)[used] ** 2
     sensitivity = regression.weight[used] * unit
-    sensitivity[sensitivity == 0] = UNSEEN_SHARE * (sensitivity.max() or 1.0)
+    sensitivity[sensitivity == 0] = UNOBSERVED_SENSITIVITY * (sensitivity.max() or 1.0)
     allowed = 2 * f_m(regression, np.zeros(s.n)) / sensitivity
     doubled = 2 * np.diag(s.matrix(pi))[used] / unit
     return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, doubled)))
@@ -264,29 +264,31 @@ def total_trace(structure: Structure, pi: Array) -> float:
         pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        tr(s^-1 C_theta s^-1) [rad/(N m)], with s of `scaled_units`.
+        tr(s^-1 C_theta s^-1) [rad/(N m)], with s of `trace_units`.
     """
     diagonal = structure.a == structure.b
-    return float((pi[diagonal] / scaled_units(structure)[structure.a[diagonal]] ** 2).sum())
+    return float((pi[diagonal] / trace_units(structure)[structure.a[diagonal]] ** 2).sum())
 
 
 # --- Gramian-constrained optimisation as a conic program with a certificate ---------------------------------
 
-REPORTED_PENALTY = 1e-4
+REPORTED_TIE_BREAK_COST = 1e-4
 """Share of F_M that the tie-break may cost before the advice mentions it."""
-GAP_TOLERANCE = 1e-5
+RELATIVE_GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
-DATA_TOLERANCE = 1e-7
+NOISE_FREE_GAP_TOLERANCE = 1e-7
 """Proven distance relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own.
 
 Without noise the tie-break alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
 what rounding changes in the trace does not.
 """
-EXACT_FIT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
-PROVEN_GAP = 1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
+EXACT_FIT_SHARE = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
+INTERIOR_POINT_GAP = (
+    1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
+)
 #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
-SQUARES_SHARPNESS = 100.0
-UNSEEN_WEIGHT = 1e-3
+SQUARED_RESIDUAL_SCALE = 100.0
+UNOBSERVED_SCALING_SENSITIVITY = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
 
@@ -297,28 +299,28 @@ class ConicProgram:
     A block of C_theta that no data touch is no part of it: its least trace is zero.
     """
 
-    columns: Ids  #: Parameters of the blocks that the data touch, (k,).
-    structure: Structure  #: Those blocks.
-    unit: float  #: F_M at C = 0: the unit of F_M [1].
-    scale: Array  #: pi[columns] = scale * x, (k,).
+    indices: Ids  #: Parameters of the blocks that the data touch, (k,).
+    touched_structure: Structure  #: Those blocks.
+    f_m_unit: float  #: F_M at C = 0: the unit of F_M [1].
+    parameter_units: Array  #: pi[columns] = scale * x, (k,).
     R: Array  #: Factor R of every term of F_M in these units, (terms, n, k).
     z: Array  #: Readings z of every term in these units, (terms, n).
-    rest: Array  #: Norm of the readings that no parameter can explain, (terms,).
-    trace: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
+    unexplained: Array  #: Norm of the readings that no parameter can explain, (terms,).
+    trace_cost: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
     penalty: TracePenalty  #: The trace term.
 
-    def parameters(self, x: Array, n: int) -> Array:
+    def to_pi(self, x: Array, n_parameters: int) -> Array:
         """Return all parameters of the structure from the unknowns of the program.
 
         Args:
             x: Unknowns of the program, (k,) [1].
-            n: Number of parameters of the structure.
+            n_parameters: Number of parameters of the structure.
 
         Returns:
             pi, (n,) [m/N, rad/(N m), rad/N]; zero for blocks that no data touch.
         """
-        pi = np.zeros(n)
-        pi[self.columns] = self.scale * x
+        pi = np.zeros(n_parameters)
+        pi[self.indices] = self.parameter_units * x
         return pi
 
 
@@ -343,22 +345,24 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
 
     Args:
         regression: The reduced dataset.
-        penalty: The trace term; None for `tie_break`, so light that it only chooses among models that fit
-            alike: the paper's GCO.
+        penalty: The trace term; None for `tie_break_penalty`, so light that it only chooses among models that
+            fit alike: the paper's GCO.
 
     Raises:
         BenchError: When the structure is not symmetric.
     """
     check_symmetric(regression.structure)
-    papers, penalty = penalty is None, penalty or tie_break(regression)
+    papers, penalty = penalty is None, penalty or tie_break_penalty(regression)
     split_regression = penalty.regression_of_split(regression)
-    program = scale_program(split_regression, penalty)
+    program = scaled_gco_program(split_regression, penalty)
     # Own solver, else Clarabel; an answer without proof is solved again by the sum of squares.
-    answer = solve_interior_point(split_regression, program) or solve_clarabel(split_regression, program)
+    answer = solve_gco_by_interior_point(split_regression, program) or solve_gco_by_clarabel(
+        split_regression, program
+    )
     pi = answer.pi
     certificate, reached = _certified(split_regression, program, pi, answer.dual)
     if not reached:
-        other = solve_least_squares_cone(split_regression, program)
+        other = solve_noise_free_gco(split_regression, program)
         proof, better = _certified(split_regression, program, other, gradient_dual(split_regression, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
@@ -374,7 +378,10 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
         penalty=penalty,
         split_parameters=pi,
         bounded_by_tie_break=bool(
-            papers and cost > REPORTED_PENALTY * left > REPORTED_PENALTY * EXACT_FIT * program.unit
+            papers
+            and cost
+            > REPORTED_TIE_BREAK_COST * left
+            > REPORTED_TIE_BREAK_COST * EXACT_FIT_SHARE * program.f_m_unit
         ),
     )
 
@@ -388,10 +395,10 @@ def _certified(
         f_m(regression, pi),
     )
     over = min(certificate.duality_gap, left)  # F_M cannot be negative
-    return certificate, over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
+    return certificate, over <= RELATIVE_GAP_TOLERANCE * left + NOISE_FREE_GAP_TOLERANCE * program.f_m_unit
 
 
-def solve_interior_point(regression: Regression, program: ConicProgram) -> ConicSolution | None:
+def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -> ConicSolution | None:
     """Solve the program by our dense interior-point method.
 
     Args:
@@ -401,25 +408,27 @@ def solve_interior_point(regression: Regression, program: ConicProgram) -> Conic
     Returns:
         The answer; None where a block is not whole, nothing moves, or the answer is not proven.
     """
-    s, n = program.structure, regression.structure.n
-    if not s.has_full_blocks or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
+    s, n = program.touched_structure, regression.structure.n
+    if not s.has_full_blocks or not len(program.indices) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter
     unit = np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = BlockProgram(
-        program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes
+        program.R[:, :, order] * unit, program.z, program.unexplained, program.trace_cost[order] * unit, sizes
     )
     x[order] = unit * solve_program(norms).x
-    pi = program.parameters(x, n)
+    pi = program.to_pi(x, n)
     dual = gradient_dual(regression, pi)
-    gap = lower_bound_certificate(regression, pi, dual, penalty=program.penalty).duality_gap / program.unit
-    if gap > PROVEN_GAP:
+    gap = (
+        lower_bound_certificate(regression, pi, dual, penalty=program.penalty).duality_gap / program.f_m_unit
+    )
+    if gap > INTERIOR_POINT_GAP:
         return None
     return ConicSolution(pi, time.perf_counter() - start, f"proven to {gap:.1g} of F_M without a model", dual)
 
 
-def solve_least_squares_cone(regression: Regression, program: ConicProgram) -> Array:
+def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array:
     """Minimise the squares of F_M's residuals and the trace term; for data without noise.
 
     At an exact fit the norms of F_M have no slope, so that their program cannot be solved to its last digits.
@@ -431,21 +440,25 @@ def solve_least_squares_cone(regression: Regression, program: ConicProgram) -> A
     Returns:
         Parameters, (n,) [m/N, rad/(N m), rad/N].
     """
-    s = program.structure
-    R = SQUARES_SHARPNESS * program.R.reshape(-1, len(program.scale))
+    s = program.touched_structure
+    R = SQUARED_RESIDUAL_SCALE * program.R.reshape(-1, len(program.parameter_units))
     k, n = R.shape
     solution = cone.solve(
         cone.ConeProgram(
-            cost=np.r_[np.zeros(k), program.trace],
-            blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
-            rows=(cone.ConeRows("zero", np.c_[np.eye(k), -R], -SQUARES_SHARPNESS * program.z.ravel()),),
-            quadratic=np.r_[np.ones(k), np.zeros(n)],
+            cost=np.r_[np.zeros(k), program.trace_cost],
+            blocks=(cone.free_block(0, k), *compliance_blocks(s, k)),
+            constraints=(
+                cone.ConeConstraint(
+                    "zero", np.c_[np.eye(k), -R], -SQUARED_RESIDUAL_SCALE * program.z.ravel()
+                ),
+            ),
+            quadratic_diagonal=np.r_[np.ones(k), np.zeros(n)],
         )
     )
-    return program.parameters(clip_eigenvalues(s, solution.x[k:]), regression.structure.n)
+    return program.to_pi(clip_negative_eigenvalues(s, solution.x[k:]), regression.structure.n)
 
 
-def solve_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
+def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
     """Solve the program by Clarabel, with the dual that Clarabel returns.
 
     Args:
@@ -455,23 +468,23 @@ def solve_clarabel(regression: Regression, program: ConicProgram) -> ConicSoluti
     Returns:
         The answer; a rigid arm where no marker moved.
     """
-    s, n, count = program.structure, regression.structure.n, len(program.z)
+    s, n, count = program.touched_structure, regression.structure.n, len(program.z)
     if f_m(regression, np.zeros(n)) == 0:
         return ConicSolution(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
     solution = cone.solve(
         cone.ConeProgram(
-            cost=np.r_[np.ones(count), program.trace],
-            blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
-            rows=norm_constraints(program.R, program.z, program.rest),
+            cost=np.r_[np.ones(count), program.trace_cost],
+            blocks=(cone.free_block(0, count), *compliance_blocks(s, count)),
+            constraints=norm_constraints(program.R, program.z, program.unexplained),
         )
     )
-    pi = program.parameters(clip_eigenvalues(s, solution.x[count:]), n)
+    pi = program.to_pi(clip_negative_eigenvalues(s, solution.x[count:]), n)
     z = np.array(solution.duals[:count])
     z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
     return ConicSolution(pi, solution.seconds, solution.failure, normalise_dual(z[:, 1:-1], -z[:, -1]))
 
 
-def scale_program(regression: Regression, penalty: TracePenalty) -> ConicProgram:
+def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicProgram:
     """Scale data, trace term and parameters of GCO to order one.
 
     Args:
@@ -490,14 +503,14 @@ def scale_program(regression: Regression, penalty: TracePenalty) -> ConicProgram
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit, penalty)[columns]
     return ConicProgram(
-        columns=columns,
-        structure=kept,
-        unit=unit,
-        scale=scale,
+        indices=columns,
+        touched_structure=kept,
+        f_m_unit=unit,
+        parameter_units=scale,
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
         z=np.array([term.z for term in regression.terms]) / unit,
-        rest=np.sqrt([term.unexplained for term in regression.terms]) / unit,
-        trace=penalty.gradient[columns] * scale / unit,
+        unexplained=np.sqrt([term.unexplained for term in regression.terms]) / unit,
+        trace_cost=penalty.gradient[columns] * scale / unit,
         penalty=penalty,
     )
 
@@ -509,7 +522,7 @@ def _restricted(structure: Structure, columns: bytes) -> Structure:
 
 
 def sensitivity_units(
-    regression: Regression, unit: float = 1.0, penalty: TracePenalty | None = None
+    regression: Regression, f_m_unit: float = 1.0, penalty: TracePenalty | None = None
 ) -> Array:
     """Compute units of pi in which all parameters change F_M equally: C = unit d X d^T.
 
@@ -518,7 +531,7 @@ def sensitivity_units(
 
     Args:
         regression: The reduced dataset.
-        unit: Unit of F_M [1].
+        f_m_unit: Unit of F_M [1].
         penalty: The trace term; None for none.
 
     Returns:
@@ -526,72 +539,72 @@ def sensitivity_units(
     """
     s, weight = regression.structure, regression.weight
     trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
-    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)) + trace_cost)
-    return np.asarray(unit * d[s.a] * d[s.b])
+    d = 1 / np.sqrt(np.maximum(weight, UNOBSERVED_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
+    return np.asarray(f_m_unit * d[s.a] * d[s.b])
 
 
-def norm_constraints(R: Array, z: Array, rest: Array) -> tuple[cone.ConeRows, ...]:
+def norm_constraints(R: Array, z: Array, unexplained: Array) -> tuple[cone.ConeConstraint, ...]:
     """Make the constraints |(R_k x - z_k, rest_k)| <= t_k; the unknowns are all t_k, then x.
 
     Args:
         R: Rows of every term, (terms, rows, n) [1].
         z: Their right-hand side, (terms, rows) [1].
-        rest: Norm that no x explains, (terms,) [1].
+        unexplained: Norm that no x explains, (terms,) [1].
 
     Returns:
         One second-order cone per term.
     """
     head = np.zeros((len(R), R.shape[1] + 1, len(R)))
     body = np.concatenate([R, np.zeros((len(R), 1, R.shape[2]))], axis=1)
-    A, b = np.concatenate([head, body], axis=2), np.c_[z, rest]
-    return tuple(cone.norm_below(k, A[k], b[k]) for k in range(len(R)))
+    A, b = np.concatenate([head, body], axis=2), np.c_[z, unexplained]
+    return tuple(cone.norm_constraint(k, A[k], b[k]) for k in range(len(R)))
 
 
-def clip_eigenvalues(s: Structure, x: Array) -> Array:
+def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
     """Set the negative eigenvalues of every block to zero.
 
     Args:
-        s: The unknowns.
-        x: Parameters, (n,).
+        structure: The unknowns.
+        parameters: Parameters, (n,).
 
     Returns:
         Parameters of the nearest positive semi-definite blocks, (n,).
     """
-    X = s.matrix(x)
-    for group in s.groups:
-        X[group.index] = cone.psd_part(X[group.index])
-    return s.entries(X)
+    X = structure.matrix(parameters)
+    for group in structure.groups:
+        X[group.index] = cone.nearest_psd(X[group.index])
+    return structure.entries(X)
 
 
 @lru_cache(maxsize=64)
-def psd_blocks(s: Structure, first: int) -> tuple[cone.Block, ...]:
+def compliance_blocks(structure: Structure, first: int) -> tuple[cone.Block, ...]:
     """Make the positive semi-definite blocks of C_theta as unknowns of a conic program.
 
     Args:
-        s: The unknowns.
+        structure: The unknowns.
         first: Place of the first parameter among the unknowns of the program.
 
     Returns:
         One block per block of C_theta.
     """
-    blocks = [(psd_entries(s, block), len(block)) for block in s.blocks]
+    blocks = [(block_parameters(structure, block), len(block)) for block in structure.blocks]
     return tuple(cone.Block(first + entries, size, svec) for (entries, svec), size in blocks)
 
 
-def psd_entries(s: Structure, block: Ids) -> tuple[Ids, Array]:
+def block_parameters(structure: Structure, block_rows: Ids) -> tuple[Ids, Array]:
     """Find the parameters inside one block of C_theta.
 
     Args:
-        s: The unknowns.
-        block: Rows of the block, (size,).
+        structure: The unknowns.
+        block_rows: Rows of the block, (size,).
 
     Returns:
         Places of its parameters, (k,), and the block's svec per unit of them, (size (size + 1) / 2, k).
     """
-    position = np.full(s.n_theta, -1)
-    position[block] = np.arange(len(block))
-    k = np.flatnonzero(position[s.a] >= 0)
-    i, j = np.sort([position[s.a[k]], position[s.b[k]]], axis=0)
-    svec = np.zeros((cone.triangle_size(len(block)), len(k)))
+    position = np.full(structure.n_theta, -1)
+    position[block_rows] = np.arange(len(block_rows))
+    k = np.flatnonzero(position[structure.a] >= 0)
+    i, j = np.sort([position[structure.a[k]], position[structure.b[k]]], axis=0)
+    svec = np.zeros((cone.svec_length(len(block_rows)), len(k)))
     svec[j * (j + 1) // 2 + i, np.arange(len(k))] = np.where(i == j, 1.0, math.sqrt(2))
     return k, svec

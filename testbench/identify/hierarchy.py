@@ -34,21 +34,21 @@ from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
     WeightedPrior,
-    precision_root,
+    prior_rows,
     rescale_to_data,
-    weighted_rows,
+    rows_in_prior_units,
 )
 from testbench.identify.regression import Regression
 from testbench.model.laws import law_kinds, size_prior
 
 # --- Empirical Bayes for a linear model ---------------------------------------------------------------------
 
-EVIDENCE_TOLERANCE = 1e-4
+MIN_EVIDENCE_GAIN = 1e-4
 """Gain of the evidence below which a Newton step is the last one: the next step would gain its square."""
 MAX_NEWTON_STEPS, MAX_HALVINGS = 100, 30  #: Steps, and times that one is halved.
 STUDENT_SCALE, STUDENT_DOF = 0.4, 4.0
 """Scale and degrees of freedom of the Student distribution of log sizes: most are similar, a few differ."""
-MIN_CURVATURE, MAX_STEP = 1e-3, 2.0
+MIN_CURVATURE, MAX_STEP_LENGTH = 1e-3, 2.0
 """Least second derivative that a step uses, and the longest step."""
 
 
@@ -57,9 +57,9 @@ class Hyperprior:
     """Hold the densities of linear functions z of the hyperparameters, one per row."""
 
     rows: Array  #: Rows R of z = R h - centre, (k, m).
-    centre: Array  #: Value of R h at z = 0, (k,).
+    offset: Array  #: Value of R h at z = 0, (k,).
     #: -log p(z), each, and its first and second derivatives, (k,).
-    density: Callable[[Array], tuple[Array, Array, Array]]
+    neg_log_density: Callable[[Array], tuple[Array, Array, Array]]
 
 
 def normal_neg_log_density(z: Array) -> tuple[Array, Array, Array]:
@@ -89,36 +89,36 @@ class EvidenceModel:
     """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
     gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
-    counts: Array  #: Number of equations of every kind, (kinds,).
+    equation_counts: Array  #: Number of equations of every kind, (kinds,).
     exact_gram: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
     #: Rows D of log d = D h, zero for unknowns without a prior, (c, m).
     log_deviation_rows: Array
-    expected: Array  #: Prior means m_i over their scale, (c,).
+    expected_over_scale: Array  #: Prior means m_i over their scale, (c,).
     log_scale_rows: Array  #: Rows S of the logarithm of that scale, S h, (c, m).
-    priors: tuple[Hyperprior, ...]  #: Priors of the hyperparameters.
+    hyperpriors: tuple[Hyperprior, ...]  #: Priors of the hyperparameters.
     bounds: Array  #: Least and largest value of every hyperparameter, (2, m).
 
 
 @dataclass(frozen=True)
-class NormalSolution:
+class NormalEquationsSolution:
     """Hold the solution of normal equations: the most probable unknowns and their precision P."""
 
     x: Array  #: Most probable unknowns, (c,).
     #: Cholesky factor of P scaled to unit diagonal, (c, c), and whether it is lower.
-    root: tuple[Array, bool]
-    size: Array  #: Square roots of the diagonal of P, (c,).
+    precision_root: tuple[Array, bool]
+    precision_scale: Array  #: Square roots of the diagonal of P, (c,).
 
     @property
     def log_determinant(self) -> float:
         """Return the logarithm of the determinant of the precision."""
-        return 2 * float(np.log(np.diag(self.root[0]) * self.size).sum())
+        return 2 * float(np.log(np.diag(self.precision_root[0]) * self.precision_scale).sum())
 
     @property
     def covariance(self) -> Array:
         """Compute the covariance of all unknowns, (c, c)."""
-        half = dpotri(self.root[0], lower=0)[0]
+        half = dpotri(self.precision_root[0], lower=0)[0]
         inverse = np.where(np.tri(len(half), dtype=bool), half.T, half)
-        return np.asarray(inverse / self.size / self.size[:, None])
+        return np.asarray(inverse / self.precision_scale / self.precision_scale[:, None])
 
     def variances(self, columns: Ids) -> Array:
         """Compute the variances of some unknowns.
@@ -129,11 +129,13 @@ class NormalSolution:
         Returns:
             Variances, (k,).
         """
-        unit = np.eye(len(self.size))[:, columns]
-        return np.asarray((unit * cho_solve(self.root, unit)).sum(axis=0) / self.size[columns] ** 2)
+        unit = np.eye(len(self.precision_scale))[:, columns]
+        return np.asarray(
+            (unit * cho_solve(self.precision_root, unit)).sum(axis=0) / self.precision_scale[columns] ** 2
+        )
 
 
-def solve_normal_equations(H: Array) -> NormalSolution:
+def solve_normal_equations(H: Array) -> NormalEquationsSolution:
     """Solve the normal equations for the most probable unknowns.
 
     Args:
@@ -149,30 +151,30 @@ def solve_normal_equations(H: Array) -> NormalSolution:
         raise BenchError(
             "calibration: the readings do not determine a frame or target; expected more poses"
         ) from None
-    return NormalSolution(cho_solve(root, H[:-1, -1] / size) / size, root, size)
+    return NormalEquationsSolution(cho_solve(root, H[:-1, -1] / size) / size, root, size)
 
 
 @dataclass(frozen=True)
 class EvidencePosterior:
     """Hold the unknowns and the loss at given hyperparameters."""
 
-    solution: NormalSolution  #: Most probable unknowns x.
+    solution: NormalEquationsSolution  #: Most probable unknowns x.
     covariance: Array  #: Covariance V = P^-1, (c, c).
-    deviation: Array  #: Prior deviations d, infinite for unknowns without a prior, (c,).
-    mean: Array  #: Prior means m, (c,).
+    prior_deviation: Array  #: Prior deviations d, infinite for unknowns without a prior, (c,).
+    prior_mean: Array  #: Prior means m, (c,).
     residual_squares: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
-    spent_equations: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
-    loss: float  #: -log p(y, h).
+    effective_parameters: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
+    neg_log_evidence: float  #: -log p(y, h).
     gradient: Array  #: Gradient of the loss, (m,).
 
 
-def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
+def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
     """Compute the most probable unknowns and -log p(y, h) at given hyperparameters.
 
     Mathematics: `prior-8`.
 
     Args:
-        problem: The linear model, c unknowns and m hyperparameters.
+        model: The linear model, c unknowns and m hyperparameters.
         h: Hyperparameters, logarithms, (m,) [1].
 
     Returns:
@@ -181,29 +183,29 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     Raises:
         BenchError: When the equations leave an unknown undetermined, or rounding leaves P no root.
     """
-    kinds, D = len(problem.counts), problem.log_deviation_rows
+    kinds, D = len(model.equation_counts), model.log_deviation_rows
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
-    mean = np.exp(problem.log_scale_rows @ h) * problem.expected
+    mean = np.exp(model.log_scale_rows @ h) * model.expected_over_scale
     # Gram matrix of readings and prior, and the most probable unknowns.
-    H = problem.exact_gram + sum(gram / variance for gram, variance in zip(problem.gram, s2, strict=True))
+    H = model.exact_gram + sum(gram / variance for gram, variance in zip(model.gram, s2, strict=True))
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
     solved = solve_normal_equations(H)
     V, v, off = solved.covariance, np.r_[solved.x, -1.0], (solved.x - mean) / d
-    left = problem.gram @ v @ v / s2
-    spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
+    left = model.gram @ v @ v / s2
+    spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in model.gram]) / s2
     # -log p, its derivative, and the hyperpriors.
-    value = (left.sum() + off @ off + v @ problem.exact_gram @ v + solved.log_determinant) / 2
-    value += problem.counts @ h[-kinds:] + (D @ h).sum()
-    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.log_scale_rows.T @ (mean * off / d)
-    g[-kinds:] += problem.counts - left - spent
-    for prior in problem.priors:
-        of, slope, _ = prior.density(prior.rows @ h - prior.centre)
+    value = (left.sum() + off @ off + v @ model.exact_gram @ v + solved.log_determinant) / 2
+    value += model.equation_counts @ h[-kinds:] + (D @ h).sum()
+    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - model.log_scale_rows.T @ (mean * off / d)
+    g[-kinds:] += model.equation_counts - left - spent
+    for prior in model.hyperpriors:
+        of, slope, _ = prior.neg_log_density(prior.rows @ h - prior.offset)
         value, g = value + of.sum(), g + prior.rows.T @ slope
     return EvidencePosterior(solved, V, d, mean, left, spent, float(value), g)
 
 
-def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
+def evidence_hessian(model: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
     """Compute the second derivatives of the loss by the hyperparameters, with implicit differentiation.
 
     With w = d^-2 and U = -d^2 loss / dx dh, the unknowns move by dx/dh = V U. The second derivative of the
@@ -213,7 +215,7 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
     Mathematics: `prior-9`.
 
     Args:
-        problem: The linear model.
+        model: The linear model.
         h: Hyperparameters, (m,) [1].
         posterior: The posterior there.
 
@@ -221,83 +223,86 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
         Hessian, (m, m), and dx/dh, (c, m).
     """
     D, S, V, kinds = (
-        problem.log_deviation_rows,
-        problem.log_scale_rows,
+        model.log_deviation_rows,
+        model.log_scale_rows,
         posterior.covariance,
         len(posterior.residual_squares),
     )
-    w, off = posterior.deviation**-2, (posterior.solution.x - posterior.mean) / posterior.deviation
-    a, K, s2 = off / posterior.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
+    w, off = (
+        posterior.prior_deviation**-2,
+        (posterior.solution.x - posterior.prior_mean) / posterior.prior_deviation,
+    )
+    a, K, s2 = off / posterior.prior_deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
     # U: derivative of the gradient in x by h; J = V U is how x moves.
-    pulls = (problem.gram @ np.r_[posterior.solution.x, -1.0])[:, :-1] / s2[:, None]
-    U = 2 * a[:, None] * D + (w * posterior.mean)[:, None] * S + 2 * pulls.T @ K
+    pulls = (model.gram @ np.r_[posterior.solution.x, -1.0])[:, :-1] / s2[:, None]
+    U = 2 * a[:, None] * D + (w * posterior.prior_mean)[:, None] * S + 2 * pulls.T @ K
     J = V @ U
-    shares = _shares(problem, V, w, s2)
+    shares = _shares(model, V, w, s2)
     N = w[:, None] * (np.array([(M * V).sum(axis=1) for M in shares]).T @ K)
     wD = w[:, None] * D
     # Second derivatives of the quadratic form and of log det P.
     traces = np.array([[np.vdot(M, other.T) for other in shares] for M in shares])
-    mixed = D.T @ ((posterior.mean * a)[:, None] * S) - D.T @ N
+    mixed = D.T @ ((posterior.prior_mean * a)[:, None] * S) - D.T @ N
     H = 2 * D.T @ ((off**2 + np.diag(V) * w)[:, None] * D) + 2 * (mixed + mixed.T) - U.T @ J
-    H += S.T @ ((posterior.mean**2 * w - posterior.mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
-    H += 2 * K.T @ (np.diag(posterior.residual_squares + posterior.spent_equations) - traces) @ K
-    for prior in problem.priors:
-        bend = prior.density(prior.rows @ h - prior.centre)[2]
+    H += S.T @ ((posterior.prior_mean**2 * w - posterior.prior_mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
+    H += 2 * K.T @ (np.diag(posterior.residual_squares + posterior.effective_parameters) - traces) @ K
+    for prior in model.hyperpriors:
+        bend = prior.neg_log_density(prior.rows @ h - prior.offset)[2]
         H += prior.rows.T @ (bend[:, None] * prior.rows)
     return H, J
 
 
-def _shares(problem: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array]:
+def _shares(model: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array]:
     """V A_k^T A_k / s_k^2 of every kind, (c, c); with V times all else in P they are one."""
-    shares = [V @ (gram[:-1, :-1] / variance) for gram, variance in zip(problem.gram[:-1], s2, strict=False)]
+    shares = [V @ (gram[:-1, :-1] / variance) for gram, variance in zip(model.gram[:-1], s2, strict=False)]
     last = np.eye(len(V)) - V * w - sum(shares)
-    on = np.flatnonzero(problem.exact_gram[:-1].any(axis=1))
-    last[:, on] -= V[:, on] @ problem.exact_gram[np.ix_(on, on)]
+    on = np.flatnonzero(model.exact_gram[:-1].any(axis=1))
+    last[:, on] -= V[:, on] @ model.exact_gram[np.ix_(on, on)]
     return [*shares, last]
 
 
-def maximise_evidence(problem: EvidenceModel, start: Array, fixed: int | None = None) -> Array:
+def maximise_evidence(model: EvidenceModel, start: Array, fixed_index: int | None = None) -> Array:
     """Maximise the evidence over the hyperparameters by Newton's method with step halving.
 
     Mathematics: `prior-9`.
 
     Args:
-        problem: The linear model.
+        model: The linear model.
         start: First hyperparameters, (m,) [1].
-        fixed: Place of one that stays fixed; None for none.
+        fixed_index: Place of one that stays fixed; None for none.
 
     Returns:
         Hyperparameters of greatest evidence within the bounds, (m,) [1].
     """
-    h, posterior, (low, high) = start, evidence_posterior(problem, start), problem.bounds
+    h, posterior, (low, high) = start, evidence_posterior(model, start), model.bounds
     for _ in range(MAX_NEWTON_STEPS):
         g = posterior.gradient
         # A hyperparameter at its bound is free only if the loss falls inwards.
         free = ~((h <= low) & (g > 0) | (h >= high) & (g < 0))
-        if fixed is not None:
-            free[fixed] = False
-        values, Q = np.linalg.eigh(evidence_hessian(problem, h, posterior)[0][np.ix_(free, free)])
+        if fixed_index is not None:
+            free[fixed_index] = False
+        values, Q = np.linalg.eigh(evidence_hessian(model, h, posterior)[0][np.ix_(free, free)])
         # Newton's step with |eigenvalues|: it descends even where the loss is not convex.
         step = np.zeros_like(h)
         step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), MIN_CURVATURE))
-        before, (h, posterior) = posterior.loss, _halved_step(problem, h, posterior, step)
-        if before - posterior.loss < EVIDENCE_TOLERANCE:
+        before, (h, posterior) = posterior.neg_log_evidence, _halved_step(model, h, posterior, step)
+        if before - posterior.neg_log_evidence < MIN_EVIDENCE_GAIN:
             break
     return h
 
 
 def _halved_step(
-    problem: EvidenceModel, h: Array, posterior: EvidencePosterior, step: Array
+    model: EvidenceModel, h: Array, posterior: EvidencePosterior, step: Array
 ) -> tuple[Array, EvidencePosterior]:
     """Find the point where a step, or a part of it, lowers the loss; the start if none does."""
-    step = step * min(1.0, MAX_STEP / np.abs(step).max(initial=MAX_STEP))
+    step = step * min(1.0, MAX_STEP_LENGTH / np.abs(step).max(initial=MAX_STEP_LENGTH))
     for _ in range(MAX_HALVINGS):
-        there = np.clip(h + step, *problem.bounds)
+        there = np.clip(h + step, *model.bounds)
         try:
-            trial = evidence_posterior(problem, there)
+            trial = evidence_posterior(model, there)
         except BenchError:
             trial = posterior
-        if trial.loss < posterior.loss:
+        if trial.neg_log_evidence < posterior.neg_log_evidence:
             return there, trial
         step = step / 2
     return h, posterior
@@ -305,35 +310,35 @@ def _halved_step(
 
 # --- A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used ------
 
-JOINT_LINK_GAP = 1.5
+JOINT_TO_LINK_SCALE_DEVIATION = 1.5
 """Standard deviation of the log factor of the joints over the links [1]."""
-SHAPE_PRIOR = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
-LINK_COUPLING_PRIOR = 0.15, 0.7
+ENTRY_UNCERTAINTY_PRIOR = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
+LINK_COUPLING_UNCERTAINTY_PRIOR = 0.15, 0.7
 """Median of c, and standard deviation of its logarithm [1]."""
-JOINTS_ONLY_SIZE = math.hypot(STUDENT_SCALE, SHAPE_PRIOR[0])
+JOINTS_ONLY_DEVIATION = math.hypot(STUDENT_SCALE, ENTRY_UNCERTAINTY_PRIOR[0])
 """Standard deviation of a joint's log compliance from a common scale if links are rigid [1]: scale and
 entry."""
-JOINTS_ONLY_FIT = 3.0
+JOINTS_ONLY_FIT_DEVIATION = 3.0
 """Standard deviation of the same with which joints only are then fitted [1]: readings that determine the
-joints should not be pulled to a folder whose joints are wrong. JOINTS_ONLY_SIZE loses more than 5 % to least
-squares in 15 % of arms whose links are 100 times stiffer than the folder's, this in 5 % (`kr500_l480`, seeds
-1 to 40, 11 poses)."""
-MISFIT_DEVIATION = 0.7  #: Standard deviation of log kappa above zero [1].
-LINK_WIDTH_DEVIATION = 0.5
+joints should not be pulled to a folder whose joints are wrong. JOINTS_ONLY_DEVIATION loses more than 5 % to
+least squares in 15 % of arms whose links are 100 times stiffer than the folder's, this in 5 % (`kr500_l480`,
+seeds 1 to 40, 11 poses)."""
+LOG_MISFIT_DEVIATION = 0.7  #: Standard deviation of log kappa above zero [1].
+LINK_UNCERTAINTY_DEVIATION = 0.5
 """Standard deviation of log w [1]. With it errors of arms with coupled links fall by 2 % in the median and by
 20 % in the best twentieth, and coverage in the worst tenth of arms of all kinds rises by 1 to 3 points;
 0.8 loses more than 5 % on a quarter of undisturbed arms (`kr500_l480`, seeds 1 to 40, 11 poses)."""
-JOINT_COUPLING_PRIOR = 0.2, 0.7
+JOINT_COUPLING_UNCERTAINTY_PRIOR = 0.2, 0.7
 """Median of the couplings of joints over the geometric mean of both compliances, and standard deviation of
 its logarithm [1]. Only the model with coupled joints has them; its weight is its evidence
 (`identify.average`)."""
 ALL_JOINTS = "joints"
 """Name of the common scale of all joints, as opposed to the links."""
-MAX_LOG_SCALE, MAX_MISFIT = 6.0, 30.0
+MAX_LOG_SCALE, MAX_LOG_MISFIT = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa, since misfits have no bound."""
-MAX_HYPER_DEVIATION = 1.5
+MAX_HYPERPARAMETER_DEVIATION = 1.5
 """Largest standard deviation of a hyperparameter that intervals use: beyond it the model is not linear."""
-SizePriors = tuple[tuple[float, float], ...]
+LawSizePriors = tuple[tuple[float, float], ...]
 """Median of the sizes of a kind of joint law, and deviation of its logarithm [1], by kind."""
 MAX_SIGNAL_TO_NOISE = 1e6
 """Readings over their noise beyond which their squares have no digits left for the noise [1]."""
@@ -347,24 +352,24 @@ class LearntPriorModel:
     """
 
     scaling: PriorScaling  #: Units of the prior, at the common scale that fits the data.
-    problem: EvidenceModel  #: Evidence of the readings.
-    scale_shares: Array  #: Exponent of every scale in the size of every entry of x, (n, K).
-    kind: Ids  #: Kind of every scale: 0 for links if there are some, then joints, then laws, (K,).
+    evidence: EvidenceModel  #: Evidence of the readings.
+    scale_exponents: Array  #: Exponent of every scale in the size of every entry of x, (n, K).
+    scale_kinds: Ids  #: Kind of every scale: 0 for links if there are some, then joints, then laws, (K,).
     link_scales: Ids  #: Indices of the scales of whole links, (W,).
     has_joint_couplings: bool  #: Whether joints are coupled, by compliances of relative size t.
-    start: Array  #: Medians of all hyperparameters.
+    medians: Array  #: Medians of all hyperparameters.
 
     @property
     def n_scales(self) -> int:
         """Count the scales, K."""
-        return len(self.kind)
+        return len(self.scale_kinds)
 
     @property
-    def n_after_link_widths(self) -> int:
+    def n_after_link_factors(self) -> int:
         """Count the hyperparameters after log w, T + 3."""
         return 3 + self.has_joint_couplings
 
-    def scale(self, h: Array) -> Array:
+    def entry_scales(self, h: Array) -> Array:
         """Compute the prior scale of every entry of x from the hyperparameters.
 
         Args:
@@ -373,11 +378,11 @@ class LearntPriorModel:
         Returns:
             Scale of every entry, (n,) [1].
         """
-        return np.asarray(np.exp(self.scale_shares @ h[: self.n_scales]))
+        return np.asarray(np.exp(self.scale_exponents @ h[: self.n_scales]))
 
 
-def evidence_model(
-    regression: Regression, scaling: PriorScaling, *, shared_width: bool = False
+def prior_evidence(
+    regression: Regression, scaling: PriorScaling, *, shared_link_uncertainty: bool = False
 ) -> LearntPriorModel:
     """Evaluate the evidence of a dataset for a prior, as a function of the prior's hyperparameters.
 
@@ -386,8 +391,8 @@ def evidence_model(
     Args:
         regression: The reduced dataset.
         scaling: Units of the prior.
-        shared_width: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an
-            error in few readings.
+        shared_link_uncertainty: Whether all links share one uncertainty w. Otherwise the shape of one link
+            may absorb an error in few readings.
 
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0, or no load deflects
@@ -397,64 +402,69 @@ def evidence_model(
     gram = gram_matrix(regression, scaling)
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
-        raise BenchError(f"prior {scaling.prior}: expected runs whose loads deflect the model, got none")
+        raise BenchError(f"prior {scaling.prior_name}: expected runs whose loads deflect the model, got none")
     # Places of the hyperparameters in h: K scales, factors of the kinds, widths of whole links, ties, and the
     # last three for the widths of shapes and couplings and for the misfit.
     shares, kinds, _ = scaling.entry_scales
-    kind, tied = np.unique(kinds, return_inverse=True)[1], bool(scaling.joint_couplings.any())
-    K, whole = len(kind), np.flatnonzero((np.array(scaling.sizes) == 6) & (scaling.kinds == 0))
+    kind, tied = np.unique(kinds, return_inverse=True)[1], bool(scaling.is_joint_coupling.any())
+    K, whole = len(kind), np.flatnonzero((np.array(scaling.block_orders) == 6) & (scaling.block_kinds == 0))
     first = K + kind.max() + 1
     last = first + len(whole)
     m = last + tied + 3
     # Which of them scale each entry of x, and which widen it.
-    of_kind = np.where(scaling.joint_couplings, last, np.where(scaling.link_couplings, m - 2, m - 3))
+    of_kind = np.where(scaling.is_joint_coupling, last, np.where(scaling.is_link_coupling, m - 2, m - 3))
     start, scale, drawn = np.zeros(m), np.zeros((len(shares), m)), np.eye(m)[of_kind]
     scale[:, :K], drawn[:, first:last] = shares, shares[:, whole]
     # Start at their medians, within bounds.
-    start[last : last + tied] = math.log(JOINT_COUPLING_PRIOR[0])
+    start[last : last + tied] = math.log(JOINT_COUPLING_UNCERTAINTY_PRIOR[0])
     start[-3:] = (
-        math.log(SHAPE_PRIOR[0]),
-        math.log(LINK_COUPLING_PRIOR[0]),
+        math.log(ENTRY_UNCERTAINTY_PRIOR[0]),
+        math.log(LINK_COUPLING_UNCERTAINTY_PRIOR[0]),
         max(0.0, math.log(size / MAX_SIGNAL_TO_NOISE)),
     )
     bounds = np.array([-MAX_LOG_SCALE, MAX_LOG_SCALE])[:, None] * np.ones(m)
-    bounds[:, first:last] *= not shared_width
-    bounds[:, -1] = start[-1], MAX_MISFIT
+    bounds[:, first:last] *= not shared_link_uncertainty
+    bounds[:, -1] = start[-1], MAX_LOG_MISFIT
     problem = EvidenceModel(
         gram=gram[None],
-        counts=np.array([regression.equations]),
+        equation_counts=np.array([regression.equations]),
         exact_gram=np.zeros_like(gram),
         log_deviation_rows=scale + drawn,
-        expected=scaling.expected,
+        expected_over_scale=scaling.expected_x,
         log_scale_rows=scale,
-        priors=_priors(kind, m, tied, _law_sizes(scaling)),
+        hyperpriors=_priors(kind, m, tied, _law_sizes(scaling)),
         bounds=bounds,
     )
     return LearntPriorModel(scaling, problem, shares, kind, whole, tied, start)
 
 
-def _priors(kind: Ids, m: int, tied: bool, laws: SizePriors) -> tuple[Hyperprior, ...]:
+def _priors(kind: Ids, m: int, tied: bool, laws: LawSizePriors) -> tuple[Hyperprior, ...]:
     """Make the prior densities of the hyperparameters."""
     K, unit = len(kind), np.eye(m)
     of_tie = unit[m - 4 : m - 3] if tied else unit[:0]
-    widths = np.array([SHAPE_PRIOR[1], LINK_COUPLING_PRIOR[1], MISFIT_DEVIATION])
+    widths = np.array([ENTRY_UNCERTAINTY_PRIOR[1], LINK_COUPLING_UNCERTAINTY_PRIOR[1], LOG_MISFIT_DEVIATION])
     rows, medians = (
         unit[-3:] / widths[:, None],
-        np.log([SHAPE_PRIOR[0], LINK_COUPLING_PRIOR[0], 1.0]) / widths,
+        np.log([ENTRY_UNCERTAINTY_PRIOR[0], LINK_COUPLING_UNCERTAINTY_PRIOR[0], 1.0]) / widths,
     )
     if kind.any():
-        rows, medians = np.vstack([rows, (unit[K + 1] - unit[K]) / JOINT_LINK_GAP]), np.r_[medians, 0]
+        rows, medians = (
+            np.vstack([rows, (unit[K + 1] - unit[K]) / JOINT_TO_LINK_SCALE_DEVIATION]),
+            np.r_[medians, 0],
+        )
     for k, (median, width) in enumerate(laws, start=2):
         rows, medians = np.vstack([rows, unit[K + k] / width]), np.r_[medians, math.log(median) / width]
     link_widths, tie = (
-        unit[K + kind.max() + 1 : m - 3 - tied] / LINK_WIDTH_DEVIATION,
-        of_tie / JOINT_COUPLING_PRIOR[1],
+        unit[K + kind.max() + 1 : m - 3 - tied] / LINK_UNCERTAINTY_DEVIATION,
+        of_tie / JOINT_COUPLING_UNCERTAINTY_PRIOR[1],
     )
     rows = np.vstack([rows, link_widths, tie])
     medians = np.r_[
         medians,
         np.zeros(len(link_widths)),
-        np.full(len(tie), math.log(JOINT_COUPLING_PRIOR[0]) / JOINT_COUPLING_PRIOR[1]),
+        np.full(
+            len(tie), math.log(JOINT_COUPLING_UNCERTAINTY_PRIOR[0]) / JOINT_COUPLING_UNCERTAINTY_PRIOR[1]
+        ),
     ]
     scales = (unit[:K] - unit[K + kind]) / STUDENT_SCALE
     return Hyperprior(rows, medians, normal_neg_log_density), Hyperprior(
@@ -462,7 +472,7 @@ def _priors(kind: Ids, m: int, tied: bool, laws: SizePriors) -> tuple[Hyperprior
     )
 
 
-def _law_sizes(scaling: PriorScaling) -> SizePriors:
+def _law_sizes(scaling: PriorScaling) -> LawSizePriors:
     """Return the priors of the sizes of every kind of joint law, the kinds of `scaling.kinds` from 2 on."""
     return tuple(size_prior(kind) for kind in law_kinds(scaling.structure))
 
@@ -477,7 +487,7 @@ def gram_matrix(regression: Regression, scaling: PriorScaling) -> Array:
     Returns:
         [A | y]^T [A | y], (n + 1, n + 1) [1].
     """
-    rows = np.column_stack(weighted_rows(regression, scaling))
+    rows = np.column_stack(rows_in_prior_units(regression, scaling))
     gram = rows.T @ rows
     gram[-1, -1] += math.fsum(term.equations / 3 * term.unexplained for term in regression.terms)
     return np.asarray(gram)
@@ -502,32 +512,39 @@ def learn_prior(
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0.
     """
-    model = evidence_model(regression, scaling)
-    h = maximise_evidence(model.problem, model.start)
+    model = prior_evidence(regression, scaling)
+    h = maximise_evidence(model.evidence, model.medians)
     u, c, kappa = np.exp(h[-3:])
-    shares, first = np.ones(len(scaling.sizes)), len(h) - model.n_after_link_widths - len(model.link_scales)
+    shares, first = (
+        np.ones(len(scaling.block_orders)),
+        len(h) - model.n_after_link_factors - len(model.link_scales),
+    )
     shares[model.link_scales] = np.exp(h[first : first + len(model.link_scales)])
     tie = float(np.exp(h[-4]) / kappa) if model.has_joint_couplings else None
     weighted_prior = WeightedPrior(
-        scaling=replace(model.scaling, L=model.scaling.L * model.scale(h)),
+        scaling=replace(model.scaling, L=model.scaling.L * model.entry_scales(h)),
         uncertainty=PriorUncertainty(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
         misfit=float(kappa),
     )
-    has_both_kinds = 0 < (scaling.kinds == 1).sum() < len(scaling.kinds)
+    has_both_kinds = 0 < (scaling.block_kinds == 1).sum() < len(scaling.block_kinds)
     if not (has_both_kinds or for_intervals):
         return weighted_prior
-    posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays at its optimum
-    H, J = evidence_hessian(model.problem, h, posterior)
+    posterior, m = evidence_posterior(model.evidence, h), len(h) - 1  # kappa stays at its optimum
+    H, J = evidence_hessian(model.evidence, h, posterior)
     values, Q = np.linalg.eigh(H[:m, :m])
-    values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear
+    values = np.maximum(
+        values, MAX_HYPERPARAMETER_DEVIATION**-2
+    )  # where the evidence is flat it is not linear
     if has_both_kinds:
-        weighted_prior = replace(weighted_prior, log_evidence=_log_evidence(model, posterior.loss, values))
+        weighted_prior = replace(
+            weighted_prior, log_evidence=_log_evidence(model, posterior.neg_log_evidence, values)
+        )
     if not for_intervals:
         return weighted_prior
     root = Q / np.sqrt(values)
     moves = (model.scaling.L @ J[:, :m] @ root).T
     # of a size d whose logarithm is normal of variance v the mean of d^2 is exp(2 v) times its median
-    unsure = np.exp(((model.problem.log_deviation_rows[:, :m] @ root) ** 2).sum(axis=1))
+    unsure = np.exp(((model.evidence.log_deviation_rows[:, :m] @ root) ** 2).sum(axis=1))
     return replace(
         weighted_prior,
         hyperparameter_effect=moves,
@@ -539,18 +556,19 @@ def learn_prior(
 def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
     """Compute Laplace's approximation of the log-evidence of links and joints."""
     prior = model.n_scales * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
-    prior -= math.log(JOINT_LINK_GAP * SHAPE_PRIOR[1] * LINK_COUPLING_PRIOR[1]) + len(
-        model.link_scales
-    ) * math.log(LINK_WIDTH_DEVIATION)
-    prior -= model.has_joint_couplings * math.log(JOINT_COUPLING_PRIOR[1])
+    prior -= math.log(
+        JOINT_TO_LINK_SCALE_DEVIATION * ENTRY_UNCERTAINTY_PRIOR[1] * LINK_COUPLING_UNCERTAINTY_PRIOR[1]
+    ) + len(model.link_scales) * math.log(LINK_UNCERTAINTY_DEVIATION)
+    prior -= model.has_joint_couplings * math.log(JOINT_COUPLING_UNCERTAINTY_PRIOR[1])
     prior -= sum(math.log(width) for _, width in _law_sizes(model.scaling))
     return prior - loss - float(np.log(values).sum()) / 2
 
 
-def log_evidence_alone(regression: Regression, scaling: PriorScaling) -> tuple[float, WeightedPrior]:
-    """Compute the log evidence of joints only: a normal prior of `JOINTS_ONLY_SIZE` about a common scale.
+def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> tuple[float, WeightedPrior]:
+    """Compute the log evidence of the model with joint compliances only, links rigid.
 
-    The scale is integrated out: the readings determine it.
+    Their prior is normal, of deviation `JOINTS_ONLY_DEVIATION` about a common scale. The scale is integrated
+    out: the readings determine it.
 
     Mathematics: `prior-11`.
 
@@ -563,25 +581,27 @@ def log_evidence_alone(regression: Regression, scaling: PriorScaling) -> tuple[f
     """
     scaling, n = rescale_to_data(scaling, regression), regression.structure.n
     # The prior of the compliances is fixed, so that kappa is the only hyperparameter.
-    B = np.column_stack(precision_root(scaling, PriorUncertainty(JOINTS_ONLY_SIZE)))
+    B = np.column_stack(prior_rows(scaling, PriorUncertainty(JOINTS_ONLY_DEVIATION)))
     problem = EvidenceModel(
         gram=gram_matrix(regression, scaling)[None],
-        counts=np.array([regression.equations]),
+        equation_counts=np.array([regression.equations]),
         exact_gram=B.T @ B,
         log_deviation_rows=np.zeros((n, 1)),
-        expected=np.zeros(n),
+        expected_over_scale=np.zeros(n),
         log_scale_rows=np.zeros((n, 1)),
-        priors=(Hyperprior(np.array([[1 / MISFIT_DEVIATION]]), np.zeros(1), normal_neg_log_density),),
-        bounds=np.array([[0.0], [MAX_MISFIT]]),
+        hyperpriors=(
+            Hyperprior(np.array([[1 / LOG_MISFIT_DEVIATION]]), np.zeros(1), normal_neg_log_density),
+        ),
+        bounds=np.array([[0.0], [MAX_LOG_MISFIT]]),
     )
     h = maximise_evidence(problem, np.zeros(1))
     # Its determinant, the common scale integrated out.
-    size = 2 * n * math.log(JOINTS_ONLY_SIZE) + math.log(
-        scaling.expected @ scaling.expected / JOINTS_ONLY_SIZE**2
+    size = 2 * n * math.log(JOINTS_ONLY_DEVIATION) + math.log(
+        scaling.expected_x @ scaling.expected_x / JOINTS_ONLY_DEVIATION**2
     )
     kappa = math.exp(h[0])
-    return -evidence_posterior(problem, h).loss - size / 2, WeightedPrior(
-        scaling, PriorUncertainty(JOINTS_ONLY_FIT / kappa), misfit=kappa
+    return -evidence_posterior(problem, h).neg_log_evidence - size / 2, WeightedPrior(
+        scaling, PriorUncertainty(JOINTS_ONLY_FIT_DEVIATION / kappa), misfit=kappa
     )
 
 
@@ -592,7 +612,7 @@ def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[Learn
     compliance_scales = np.flatnonzero(kinds < 2)
     rows, names = np.zeros((len(compliance_scales), m)), [called[k] for k in compliance_scales]
     rows[range(len(compliance_scales)), compliance_scales] = 1
-    rows[range(len(compliance_scales)), K + model.kind[compliance_scales]] = -1
+    rows[range(len(compliance_scales)), K + model.scale_kinds[compliance_scales]] = -1
     if len(np.unique(kinds[compliance_scales])) > 1:
         rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
         names.append(ALL_JOINTS)
@@ -601,9 +621,9 @@ def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[Learn
     return tuple(LearntScale(name, float(factor), float(deviation)) for name, factor, deviation in factors)
 
 
-CONTRADICTED_BY, CONTRADICTED_FACTOR = 2.5, 2.0
+CONTRADICTION_DEVIATIONS, CONTRADICTION_FACTOR = 2.5, 2.0
 """Standard deviations, and factor, from which a learnt scale contradicts the prior."""
-LOG_TENFOLD, REFUSING_LOSS = math.log(10), 2.0
+LOG_TENFOLD, REJECTING_EVIDENCE_LOSS = math.log(10), 2.0
 """Logarithm of a scale that the readings must be able to reject, and the loss of evidence that rejects it."""
 
 
@@ -615,20 +635,20 @@ def contradicted_scales(weighted_prior: WeightedPrior) -> tuple[LearntScale, ...
 
     def wrong(scale: LearntScale) -> bool:
         size = abs(math.log(scale.factor))
-        return size > math.log(CONTRADICTED_FACTOR) and size > CONTRADICTED_BY * scale.deviation
+        return size > math.log(CONTRADICTION_FACTOR) and size > CONTRADICTION_DEVIATIONS * scale.log_deviation
 
     return tuple(filter(wrong, weighted_prior.scales))
 
 
 @dataclass(frozen=True)
-class UndeterminedParts:
+class UndeterminedCompliances:
     """List links and joints whose tenfold error in the prior these readings could not reveal."""
 
     stiffer: tuple[str, ...] = ()  #: Those that may be ten times stiffer.
     softer: tuple[str, ...] = ()  #: Those that may be ten times softer.
 
 
-def undetermined_parts(regression: Regression, scaling: PriorScaling) -> UndeterminedParts:
+def undetermined_compliances(regression: Regression, scaling: PriorScaling) -> UndeterminedCompliances:
     """Find the links and joints whose prior scale the readings leave undetermined.
 
     Mathematics: `prior-16`.
@@ -639,29 +659,33 @@ def undetermined_parts(regression: Regression, scaling: PriorScaling) -> Undeter
 
     Returns:
         Names of links and joints. With a tenfold scale of each, and the best scales of all others, the log
-        evidence falls by less than `REFUSING_LOSS`.
+        evidence falls by less than `REJECTING_EVIDENCE_LOSS`.
     """
-    model = evidence_model(regression, scaling)
-    best = maximise_evidence(model.problem, model.start)
-    whole = [k for k, size in enumerate(scaling.sizes) if size == 6 or scaling.kinds[k] == 1]
+    model = prior_evidence(regression, scaling)
+    best = maximise_evidence(model.evidence, model.medians)
+    whole = [k for k, size in enumerate(scaling.block_orders) if size == 6 or scaling.block_kinds[k] == 1]
     stiffer, softer = (
-        tuple(scaling.names[k] for k in whole if _loss_at(model, best, k, sign * LOG_TENFOLD) < REFUSING_LOSS)
+        tuple(
+            scaling.block_names[k]
+            for k in whole
+            if _loss_at(model, best, k, sign * LOG_TENFOLD) < REJECTING_EVIDENCE_LOSS
+        )
         for sign in (-1, 1)
     )
-    return UndeterminedParts(stiffer, softer)
+    return UndeterminedCompliances(stiffer, softer)
 
 
 def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float:
     """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
-    start, kind = best.copy(), model.n_scales + model.kind[k]
+    start, kind = best.copy(), model.n_scales + model.scale_kinds[k]
     start[k] = best[kind] + size
-    h = maximise_evidence(model.problem, start, fixed=k)
+    h = maximise_evidence(model.evidence, start, fixed_index=k)
     penalty, penalty_before = (
         float(student_neg_log_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best)
     )
     return (
-        evidence_posterior(model.problem, h).loss
-        - evidence_posterior(model.problem, best).loss
+        evidence_posterior(model.evidence, h).neg_log_evidence
+        - evidence_posterior(model.evidence, best).neg_log_evidence
         - penalty
         + penalty_before
     )

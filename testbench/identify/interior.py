@@ -34,10 +34,10 @@ from testbench.identify import cone
 
 # --- One program of norms or squares ------------------------------------------------------------------------
 
-ITERATIONS = 40  #: Most steps.
+MAX_ITERATIONS = 40  #: Most steps.
 MIN_FIRST_GAP = 0.1
 """Least duality gap at the start, as a share of the cost [1]."""
-INITIAL_SIZE = 1e-3
+MIN_INITIAL_SIZE = 1e-3
 """Size of the first x if the data fit best at zero [1]."""
 STOP_DISTANCE = 1e-11
 """Distance from the optimum at which the method ends, in units in which the data are of order one."""
@@ -67,10 +67,10 @@ class BlockProgram:
 
     R: Array  #: Rows of the residuals r_k = R_k x - z_k, (K, rows, n).
     z: Array  #: Right-hand sides, (K, rows).
-    rest: Array  #: Part of every residual that no x changes, (K,).
-    c: Array  #: Linear cost, (n,).
-    sizes: tuple[int, ...]  #: Orders of the blocks.
-    squares: bool = False  #: Whether half the squares of the norms count.
+    unexplained: Array  #: Part of every residual that no x changes, (K,).
+    linear_cost: Array  #: Linear cost, (n,).
+    block_orders: tuple[int, ...]  #: Orders of the blocks.
+    sum_of_squares: bool = False  #: Whether half the squares of the norms count.
     barrier: float = 0.0  #: Weight of -log det of every block.
 
     @cached_property
@@ -87,7 +87,7 @@ class BlockProgram:
         Returns:
             Weights, (K,).
         """
-        return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
+        return np.ones_like(norms) if self.sum_of_squares else 1 / np.maximum(norms, TINY)
 
     def misfit(self, norms: Array) -> float:
         """Compute the misfit: the sum of the norms, or half the sum of their squares.
@@ -98,7 +98,7 @@ class BlockProgram:
         Returns:
             The misfit, in units of the cost.
         """
-        return float((norms**2 / 2 if self.squares else norms).sum())
+        return float((norms**2 / 2 if self.sum_of_squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
         """Compute the cost of x: misfit, linear term and barrier.
@@ -110,9 +110,9 @@ class BlockProgram:
         Returns:
             The cost.
         """
-        cost = self.misfit(norms) + float(x @ self.c)
+        cost = self.misfit(norms) + float(x @ self.linear_cost)
         if self.barrier:
-            blocks = (cone.smat(x[at]) for at in cone.groups_of(self.sizes))
+            blocks = (cone.smat(x[at]) for at in cone.places_by_order(self.block_orders))
             cost -= self.barrier * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
         return cost
 
@@ -126,7 +126,7 @@ class BlockProgram:
             Norms, (K,), and gradients, (K, n).
         """
         left = self.R @ x - self.z
-        norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
+        norms = np.sqrt((left**2).sum(axis=1) + self.unexplained**2)
         return norms, np.vecmat(left, self.R) * self.residual_weights(norms)[:, None]
 
 
@@ -135,11 +135,11 @@ class Iterate:
     """Hold one iterate: x, multipliers s, norms and gradients."""
 
     x: Array  #: svec of the blocks, positive definite, (n,).
-    s: Array  #: svec of their multipliers, positive definite, (n,).
+    multipliers: Array  #: svec of their multipliers, positive definite, (n,).
     norms: Array  #: Norms of the residuals, (K,).
     gradients: Array  #: Gradients of their parts of the cost, (K, n).
     dual_residual: Array  #: Gradient of the cost minus the multipliers, (n,).
-    step: float = 0.5  #: Length of the last step, 1 for a full one.
+    step_length: float = 0.5  #: Length of the last step, 1 for a full one.
     #: Whether the norms change little from step to step, so that their tangent is accurate.
     norms_are_steady: bool = False
 
@@ -154,15 +154,15 @@ class Iterate:
         Returns:
             The bound, in units of the cost.
         """
-        gap = float(self.x @ self.s)
+        gap = float(self.x @ self.multipliers)
         if program.barrier:
-            groups = cone.groups_of(program.sizes)
-            products = (cone.smat(self.x[at]) @ cone.smat(self.s[at]) for at in groups)
+            groups = cone.places_by_order(program.block_orders)
+            products = (cone.smat(self.x[at]) @ cone.smat(self.multipliers[at]) for at in groups)
             gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
         return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.dual_residual))
 
 
-def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
+def least_squares_on_cone(M: Array, r: Array, block_orders: tuple[int, ...] = ()) -> tuple[Array, float]:
     """Minimise |M x - r|^2 / 2 over x, svec of blocks of these orders that are positive semi-definite.
 
     Mathematics: `est-15`.
@@ -170,7 +170,7 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
     Args:
         M: Rows, (rows, n), of rank n.
         r: Right-hand sides, (rows,).
-        sizes: Orders of the blocks; () for no cone.
+        block_orders: Orders of the blocks; () for no cone.
 
     Returns:
         x, (n,), and an upper bound of its cost above the least: |x . s| + F H^-1 F / 2 for any s in the cone,
@@ -187,31 +187,36 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
     x, s = np.zeros(n), np.zeros(n)
     for _ in range(2):  # the second step removes the rounding of the first
         x -= cho_solve(root, M.T @ (M @ x - r))
-    if not is_semidefinite(x, sizes, 0.0):
+    if not is_semidefinite(x, block_orders, 0.0):
         unit = max(float(np.linalg.norm(r)), TINY)
         R = np.asarray(np.linalg.qr(np.c_[M, r] / unit, mode="r"))[:n]
         iterate = solve_program(
-            BlockProgram(R[None, :, :n], R[None, :, n], np.zeros(1), np.zeros(n), sizes, squares=True)
+            BlockProgram(
+                R[None, :, :n], R[None, :, n], np.zeros(1), np.zeros(n), block_orders, sum_of_squares=True
+            )
         )
-        x, s = iterate.x, unit**2 * iterate.s
-        if not (is_semidefinite(x, sizes, TRACE_ROUNDING) and is_semidefinite(s, sizes, TRACE_ROUNDING)):
+        x, s = iterate.x, unit**2 * iterate.multipliers
+        if not (
+            is_semidefinite(x, block_orders, TRACE_ROUNDING)
+            and is_semidefinite(s, block_orders, TRACE_ROUNDING)
+        ):
             return x, np.inf
     F = M.T @ (M @ x - r) - s
     return x, float(abs(x @ s) + abs(F @ cho_solve(root, F)) / 2)
 
 
-def is_semidefinite(x: Array, sizes: tuple[int, ...], share: float) -> bool:
+def is_semidefinite(x: Array, block_orders: tuple[int, ...], tolerance: float) -> bool:
     """Tell whether all blocks are positive semi-definite, up to a share of their traces.
 
     Args:
         x: svec of all blocks, (n,).
-        sizes: Orders of the blocks.
-        share: Share of its trace by which an eigenvalue may be negative [1].
+        block_orders: Orders of the blocks.
+        tolerance: Share of its trace by which an eigenvalue may be negative [1].
     """
     if not np.isfinite(x).all():
         return False
-    X = [cone.smat(x[at]) for at in cone.groups_of(sizes)]
-    return all((np.linalg.eigvalsh(B)[:, 0] >= -share * np.trace(B, axis1=1, axis2=2)).all() for B in X)
+    X = [cone.smat(x[at]) for at in cone.places_by_order(block_orders)]
+    return all((np.linalg.eigvalsh(B)[:, 0] >= -tolerance * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
 def solve_program(program: BlockProgram) -> Iterate:
@@ -227,9 +232,11 @@ def solve_program(program: BlockProgram) -> Iterate:
     """
     state = _initial_iterate(program)
     iterate, best = state, program.cost(state.x, state.norms)
-    near, least = (STOP_DISTANCE_OF_SQUARES, 0.0) if program.squares else (STOP_DISTANCE, ZERO_RESIDUAL)
+    near, least = (
+        (STOP_DISTANCE_OF_SQUARES, 0.0) if program.sum_of_squares else (STOP_DISTANCE, ZERO_RESIDUAL)
+    )
     with np.errstate(all="ignore"):  # a step that is not finite is not taken
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             before = state.distance_from_optimum(program)
             try:
                 state = _step(program, state)
@@ -239,7 +246,7 @@ def solve_program(program: BlockProgram) -> Iterate:
             if cost <= best + near:  # near no residual at all rounding makes steps wild
                 iterate, best = state, min(best, cost)
             left = state.distance_from_optimum(program)
-            if not (left > near and state.norms.min() > least and state.step >= MIN_STEP):
+            if not (left > near and state.norms.min() > least and state.step_length >= MIN_STEP):
                 break
             if left < STALL_DISTANCE and left > before / 2:
                 break
@@ -248,17 +255,17 @@ def solve_program(program: BlockProgram) -> Iterate:
 
 def _initial_iterate(program: BlockProgram) -> Iterate:
     """Start with equal blocks that fit the data best, and multipliers of the gradient's size."""
-    identity = np.concatenate([cone.svec(np.eye(size)) for size in program.sizes])
+    identity = np.concatenate([cone.svec(np.eye(size)) for size in program.block_orders])
     moved = program.R @ identity
     square = max(float((moved**2).sum()), TINY)
     size = max(
-        np.vdot(moved, program.z) / square, INITIAL_SIZE * float(np.linalg.norm(program.z)) / square**0.5
+        np.vdot(moved, program.z) / square, MIN_INITIAL_SIZE * float(np.linalg.norm(program.z)) / square**0.5
     )
     norms, pulls = program.norms_and_gradients(size * identity)
-    gradient = pulls.sum(axis=0) + program.c
-    matrices = (cone.smat(gradient[at]) for at in cone.groups_of(program.sizes))
+    gradient = pulls.sum(axis=0) + program.linear_cost
+    matrices = (cone.smat(gradient[at]) for at in cone.places_by_order(program.block_orders))
     large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
-    s = max(MIN_FIRST_GAP * program.misfit(norms) / sum(program.sizes) / size, large) * identity
+    s = max(MIN_FIRST_GAP * program.misfit(norms) / sum(program.block_orders) / size, large) * identity
     return Iterate(size * identity, s, norms, pulls, gradient - s)
 
 
@@ -270,7 +277,7 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     Raises:
         LinAlgError, ValueError: If the system has no solution.
     """
-    x, s, missing = state.x, state.s, state.dual_residual
+    x, s, missing = state.x, state.multipliers, state.dual_residual
     share = program.residual_weights(state.norms)
     # Hessian of the norms: Weiszfeld's majorant, minus the tangent term where the norms are steady.
     hessian = (
@@ -278,58 +285,62 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
         - state.norms_are_steady * (state.gradients.T * share) @ state.gradients
     )
     # E, the scaling of Nesterov and Todd, block by block.
-    scalings = [Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
+    scalings = [NesterovToddScaling.of_pairs(at, x, s) for at in cone.places_by_order(program.block_orders)]
     A = hessian.copy()
     for scaling in scalings:
-        A[scaling.at[:, :, None], scaling.at[:, None]] += cone.congruence(
+        A[scaling.indices[:, :, None], scaling.indices[:, None]] += cone.congruence_map(
             scaling.inverse.swapaxes(1, 2) @ scaling.inverse
         )
     root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
     # Predictor: the affine step to the optimum; a barrier needs none.
     predicted = cho_solve(root, -s - missing) * (not program.barrier)
     # Gap to aim at, from the length of the last step.
-    aim = max(program.barrier, max((1 - state.step) ** 2, MIN_AIM) * float(x @ s) / sum(program.sizes))
+    aim = max(
+        program.barrier, max((1 - state.step_length) ** 2, MIN_AIM) * float(x @ s) / sum(program.block_orders)
+    )
     for scaling in scalings:
-        sums.append(scaling.corrected(aim, scaling.scaled(predicted)))
-        w[scaling.at] = cone.svec(scaling.inverse.swapaxes(1, 2) @ sums[-1] @ scaling.inverse)
+        sums.append(scaling.corrected_step_sum(aim, scaling.scale_step(predicted)))
+        w[scaling.indices] = cone.svec(scaling.inverse.swapaxes(1, 2) @ sums[-1] @ scaling.inverse)
     # Corrector: the step with the second-order term of the predicted one.
     dx = cho_solve(root, w - missing)
     # Stay inside the cone: a share MIN_BOUNDARY_SHARE to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
-    step = min(1.0, *(float(scaling.longest_step(scaling.scaled(dx), total)) for scaling, total in pairs))
+    step = min(1.0, *(float(scaling.longest_step(scaling.scale_step(dx), total)) for scaling, total in pairs))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.norms_and_gradients(x)
-    steady = not program.squares and np.abs(norms * share - 1).max() < MAX_STEADY_CHANGE
-    return Iterate(x, s, norms, pulls, pulls.sum(axis=0) + program.c - s, step, norms_are_steady=bool(steady))
+    steady = not program.sum_of_squares and np.abs(norms * share - 1).max() < MAX_STEADY_CHANGE
+    return Iterate(
+        x, s, norms, pulls, pulls.sum(axis=0) + program.linear_cost - s, step, norms_are_steady=bool(steady)
+    )
 
 
 @dataclass(frozen=True)
-class Scaling:
+class NesterovToddScaling:
     """Hold the Nesterov-Todd scaling G^-1 X G^-T = G^T S G = diag d of blocks of one order, many pairs."""
 
-    at: Ids  #: Places of the blocks, (blocks, entries).
+    indices: Ids  #: Places of the blocks, (blocks, entries).
     L: Array  #: Cholesky factor of X, (..., blocks, m, m).
     V: Array  #: Eigenvectors of L^T S L, (..., blocks, m, m).
     d: Array  #: Roots of its eigenvalues, (..., blocks, m).
 
     @classmethod
-    def of(cls, at: Ids, x: Array, s: Array) -> "Scaling":
+    def of_pairs(cls, indices: Ids, x: Array, multipliers: Array) -> "NesterovToddScaling":
         """Compute the scaling of pairs: G^-1 X G^-T = G^T S G = diag d (Nesterov and Todd).
 
         Mathematics: `est-10`.
 
         Args:
-            at: Places of the blocks among the coordinates, (blocks, entries).
+            indices: Places of the blocks among the coordinates, (blocks, entries).
             x: svec of all blocks, (..., n).
-            s: svec of their multipliers, (..., n).
+            multipliers: svec of their multipliers, (..., n).
 
         Raises:
             LinAlgError: If a block is not positive definite.
         """
-        L = cone.cholesky(cone.smat(x[..., at]))
-        squares, V = cone.eigh(L.swapaxes(-1, -2) @ cone.smat(s[..., at]) @ L)
-        return cls(at, L, V, np.sqrt(np.maximum(squares, TINY)))
+        L = cone.cholesky(cone.smat(x[..., indices]))
+        squares, V = cone.eigh(L.swapaxes(-1, -2) @ cone.smat(multipliers[..., indices]) @ L)
+        return cls(indices, L, V, np.sqrt(np.maximum(squares, TINY)))
 
     @cached_property
     def G(self) -> Array:
@@ -341,46 +352,46 @@ class Scaling:
         """Return G^-1, (..., blocks, m, m)."""
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
-    def scaled(self, x: Array) -> Array:
+    def scale_step(self, step: Array) -> Array:
         """Scale a direction of x: G^-1 X G^-T of every block.
 
         Args:
-            x: Directions svec(X), (..., n).
+            step: Directions svec(X), (..., n).
 
         Returns:
             Scaled directions, (..., blocks, m, m).
         """
-        return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
+        return np.asarray(self.inverse @ cone.smat(step[..., self.indices]) @ self.inverse.swapaxes(-1, -2))
 
-    def corrected(self, aim: float | Array, X: Array) -> Array:
+    def corrected_step_sum(self, target_product: float | Array, scaled_step: Array) -> Array:
         """Compute the sum of the scaled steps of x and s that leads to products X S = aim.
 
         The second-order term of the predicted step is included (Mehrotra's corrector).
 
         Args:
-            aim: Product to aim at, one number or one per pair.
-            X: Predicted step of x, scaled, (..., blocks, m, m).
+            target_product: Product to aim at, one number or one per pair.
+            scaled_step: Predicted step of x, scaled, (..., blocks, m, m).
 
         Returns:
             The sum, (..., blocks, m, m).
         """
         identity = np.eye(self.d.shape[-1])
-        half = X @ (self.d[..., None] * identity + X)
+        half = scaled_step @ (self.d[..., None] * identity + scaled_step)
         product = (half + half.swapaxes(-1, -2)) / (self.d[..., :, None] + self.d[..., None, :])
-        return np.asarray((aim / self.d - self.d)[..., None] * identity + product)
+        return np.asarray((target_product / self.d - self.d)[..., None] * identity + product)
 
-    def longest_step(self, X: Array, total: Array) -> Array:
+    def longest_step(self, scaled_step: Array, step_sum: Array) -> Array:
         """Compute the longest step that keeps x and s in the cone.
 
         Args:
-            X: Step of x, scaled, (..., blocks, m, m).
-            total: Sum of the scaled steps of x and s, (..., blocks, m, m).
+            scaled_step: Step of x, scaled, (..., blocks, m, m).
+            step_sum: Sum of the scaled steps of x and s, (..., blocks, m, m).
 
         Returns:
             Step length, (...).
         """
         root = 1 / np.sqrt(self.d)
-        steps = np.stack([X, total - X]) * (root[..., :, None] * root[..., None, :])
+        steps = np.stack([scaled_step, step_sum - scaled_step]) * (root[..., :, None] * root[..., None, :])
         least = cone.eigvalsh(steps)[..., 0].min(axis=(0, -1))
         return np.asarray(1 / np.maximum(-least, TINY))
 
@@ -402,8 +413,8 @@ class BatchedProblems:
     R: Array  #: Root of the Gram matrix of every fold, (folds, rank, n).
     g: Array  #: Product of the rows with the readings, R^T y, (folds, n).
     half_squares: Array  #: Half the sum of squares of the readings, (folds,).
-    c: Array  #: Cost per unit of x, (n,).
-    sizes: tuple[int, ...]  #: Orders of the blocks.
+    trace_cost: Array  #: Cost per unit of x, (n,).
+    block_orders: tuple[int, ...]  #: Orders of the blocks.
 
 
 @dataclass(frozen=True)
@@ -438,7 +449,10 @@ def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array
     Returns:
         x and its multipliers, (folds, weights, n) each, NaN where none was found.
     """
-    groups, shape = cone.groups_of(problems.sizes), (len(problems.g), len(weights), len(problems.c))
+    groups, shape = (
+        cone.places_by_order(problems.block_orders),
+        (len(problems.g), len(weights), len(problems.trace_cost)),
+    )
     solutions = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
     with np.errstate(all="ignore"):  # a problem that is not finite is given up
         state = _start_problems(problems, weights, groups)
@@ -464,7 +478,7 @@ def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array
     return x, s
 
 
-def effective_parameters(problems: BatchedProblems, x: Array, s: Array) -> Array:
+def effective_parameters(problems: BatchedProblems, x: Array, multipliers: Array) -> Array:
     """Compute the effective number of parameters of each fit.
 
     It is the trace of the derivative of the predicted readings with respect to the readings.
@@ -472,14 +486,14 @@ def effective_parameters(problems: BatchedProblems, x: Array, s: Array) -> Array
     Args:
         problems: The folds.
         x: Solutions, (folds, weights, n).
-        s: Their multipliers, (folds, weights, n).
+        multipliers: Their multipliers, (folds, weights, n).
 
     Returns:
         The numbers, (folds, weights); NaN where there is no solution.
     """
     solved: Mask = np.asarray(np.isfinite(x).all(axis=2))
-    fold, groups = np.nonzero(solved)[0], cone.groups_of(problems.sizes)
-    inner = _Newton.of(problems.R[fold], x[solved], s[solved], groups).inner
+    fold, groups = np.nonzero(solved)[0], cone.places_by_order(problems.block_orders)
+    inner = _Newton.of(problems.R[fold], x[solved], multipliers[solved], groups).inner
     numbers = np.full(solved.shape, np.nan)
     numbers[solved] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)
     return numbers
@@ -499,16 +513,16 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
     scaled, wanted, sums = newton.scaled_back(missing), np.empty_like(x), []
     for scaling in newton.scalings:  # s is diag d there
-        wanted[:, scaling.at] = cone.svec(scaling.d[..., None] * np.eye(scaling.d.shape[-1]))
+        wanted[:, scaling.indices] = cone.svec(scaling.d[..., None] * np.eye(scaling.d.shape[-1]))
     predicted, _ = newton.solve(-wanted - scaled)
     for scaling in newton.scalings:
-        total = scaling.corrected(aim[:, None, None], cone.smat(predicted[:, scaling.at]))
+        total = scaling.corrected_step_sum(aim[:, None, None], cone.smat(predicted[:, scaling.indices]))
         sums.append(np.nan_to_num(total))
-        wanted[:, scaling.at] = cone.svec(sums[-1])
+        wanted[:, scaling.indices] = cone.svec(sums[-1])
     y, moved = newton.solve(wanted - scaled)
     step = np.ones(len(x))
     for scaling, total in zip(newton.scalings, sums, strict=True):
-        step = np.minimum(step, scaling.longest_step(np.nan_to_num(cone.smat(y[:, scaling.at])), total))
+        step = np.minimum(step, scaling.longest_step(np.nan_to_num(cone.smat(y[:, scaling.indices])), total))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     turned = step[:, None] * np.vecmat(moved, state.R)  # what the step changes of the gradient
     return replace(
@@ -523,17 +537,17 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
 def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]) -> _State:
     """Start with equal blocks that fit the readings best, and multipliers of the gradient's size."""
     fold = np.repeat(np.arange(len(problems.g)), len(weights))
-    linear = np.tile(weights, len(problems.g))[:, None] * problems.c - problems.g[fold]
-    identity = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
+    linear = np.tile(weights, len(problems.g))[:, None] * problems.trace_cost - problems.g[fold]
+    identity = np.concatenate([cone.svec(np.eye(size)) for size in problems.block_orders])
     moved = np.vecmat(problems.R @ identity, problems.R)
     square = np.maximum(moved @ identity, TINY)
     size = np.maximum(
-        problems.g @ identity / square, INITIAL_SIZE * np.sqrt(2 * problems.half_squares / square)
+        problems.g @ identity / square, MIN_INITIAL_SIZE * np.sqrt(2 * problems.half_squares / square)
     )[fold]
     gradient = size[:, None] * moved[fold] + linear
     fit = size**2 * square[fold] / 2 - size * (problems.g @ identity)[fold] + problems.half_squares[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
-    s = np.maximum(FIRST_GAP * fit / sum(problems.sizes) / size, np.max(large, axis=0))
+    s = np.maximum(FIRST_GAP * fit / sum(problems.block_orders) / size, np.max(large, axis=0))
     return _State(
         at=np.arange(len(fold)),
         R=problems.R[fold],
@@ -550,7 +564,7 @@ def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]
 class _Newton:
     """Solve (1 + S^T S) y = u in scaled coordinates, S = R K."""
 
-    scalings: list[Scaling]  #: Scalings of the blocks of each order.
+    scalings: list[NesterovToddScaling]  #: Scalings of the blocks of each order.
     K: list[Array]  #: svec(Y) -> svec(G Y G^T) of their blocks, (problems, blocks, t, t) each.
     S: Array  #: (problems, rank, n).
     inner: Array  #: 1 + S S^T, (problems, rank, rank).
@@ -567,16 +581,16 @@ class _Newton:
         Args:
             R: Rows of every problem, (problems, rows, n).
             x: Points in the cone, (problems, n).
-            s: Points in the dual cone, (problems, n).
+            s: Multipliers: points in the dual cone, (problems, n).
             groups: Places of the blocks of each order, (blocks, entries) per order.
         """
-        scalings = [Scaling.of(at, x, s) for at in groups]
-        K, S = [cone.congruence(scaling.G) for scaling in scalings], np.empty_like(R)
+        scalings = [NesterovToddScaling.of_pairs(at, x, s) for at in groups]
+        K, S = [cone.congruence_map(scaling.G) for scaling in scalings], np.empty_like(R)
         for scaling, maps in zip(scalings, K, strict=True):
             if maps.shape[-1] == 1:
-                S[:, :, scaling.at[:, 0]] = R[:, :, scaling.at[:, 0]] * maps[:, None, :, 0, 0]
+                S[:, :, scaling.indices[:, 0]] = R[:, :, scaling.indices[:, 0]] * maps[:, None, :, 0, 0]
                 continue
-            for k, places in enumerate(scaling.at):
+            for k, places in enumerate(scaling.indices):
                 columns = slice(places[0], places[-1] + 1)
                 np.matmul(R[:, :, columns], maps[:, k], out=S[:, :, columns])
         return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
@@ -592,7 +606,7 @@ class _Newton:
         """
         u = np.empty_like(v)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
-            u[:, scaling.at] = np.vecmat(v[:, scaling.at], maps)
+            u[:, scaling.indices] = np.vecmat(v[:, scaling.indices], maps)
         return u
 
     def unscaled(self, y: Array) -> Array:
@@ -606,7 +620,7 @@ class _Newton:
         """
         x = np.empty_like(y)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
-            x[:, scaling.at] = np.matvec(maps, y[:, scaling.at])
+            x[:, scaling.indices] = np.matvec(maps, y[:, scaling.indices])
         return x
 
     def solve(self, u: Array) -> tuple[Array, Array]:

@@ -29,10 +29,10 @@ from testbench.identify.prior import (
     Prior,
     PriorScaling,
     PriorUncertainty,
-    aggregate,
-    precision_root,
+    aggregate_left_out_joints,
+    prior_rows,
+    rows_in_prior_units,
     scale_by_prior,
-    weighted_rows,
 )
 from testbench.identify.regression import (
     RANK_TOLERANCE,
@@ -411,7 +411,7 @@ def of_regression(
     to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
     to_loads = directions(loads, unit, groups, to_structure)
     wanted = sampled_tasks(vjm, data, structure)
-    moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected), axis=-1)
+    moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected_x), axis=-1)
     known = _known(scaled, uncertainty, regression)
     component, entry = _places(vjm, structure)
     proposals = []
@@ -494,9 +494,9 @@ def expected_error(known: Posterior, wanted: Array) -> float:
 
 def _known(scaled: PriorScaling, uncertainty: PriorUncertainty, *data: Regression) -> Posterior:
     """Compute the posterior by a prior and the rows of data; their readings do not count."""
-    rows = [weighted_rows(regression, scaled)[0] for regression in data]
-    M = np.vstack([*rows, precision_root(scaled, uncertainty)[0]])
-    return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
+    rows = [rows_in_prior_units(regression, scaled)[0] for regression in data]
+    M = np.vstack([*rows, prior_rows(scaled, uncertainty)[0]])
+    return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected_x)
 
 
 def _placed(proposals: list[MeasurementProposal]) -> tuple[MeasurementProposal, ...]:
@@ -545,7 +545,7 @@ def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
     a, b = np.array(pairs).T
     scale_by_prior(prior, vjm, replace(structure, a=a, b=b))  # refuses a bad prior
     size = _unit(prior, vjm, structure) * np.where(structure.a == structure.b, 1, np.sqrt(0.5))
-    expected = structure.entries(aggregate(prior.C_theta, vjm, structure)) / size
+    expected = structure.entries(aggregate_left_out_joints(prior.C_theta, vjm, structure)) / size
     return PriorScaling(prior.name, structure, np.diag(size), expected, ())
 
 
@@ -569,7 +569,7 @@ def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
 
 def _unit(prior: Prior, vjm: Vjm, structure: Structure) -> Array:
     """Compute the expected size of every parameter, sqrt(P_aa P_bb), (n,)."""
-    d = np.sqrt(np.diag(aggregate(prior.C_theta, vjm, structure)))
+    d = np.sqrt(np.diag(aggregate_left_out_joints(prior.C_theta, vjm, structure)))
     return np.asarray(d[structure.a] * d[structure.b])
 
 

@@ -22,7 +22,7 @@ from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Estimate, ModelAverage
-from testbench.identify.prior import WeightedPrior, precision_root
+from testbench.identify.prior import WeightedPrior, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE, scatter_to
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Weights, displacement, loaded_deflection, secant
@@ -271,7 +271,7 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
     L = np.diag(sensitivity_units(regression)) if weighted_prior is None else weighted_prior.scaling.L
     blocks = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
     if weighted_prior is not None:
-        blocks.append(np.column_stack(precision_root(weighted_prior.scaling, weighted_prior.uncertainty)))
+        blocks.append(np.column_stack(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)))
     x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [block[:, :-1] for block in blocks]
     back, unobservable = _inverse(np.vstack(rows))
     pull = _distance_without_cone(estimate, rows, back, [block @ x for block in blocks])

@@ -27,7 +27,7 @@ from testbench.model.vjm import Vjm
 
 UNCERTAINTY_RANGE = 1e-6, 1e6
 """Range of accepted relative uncertainties of a prior [1]; `PriorUncertainty` refuses others."""
-SOFTENING = 0.5
+COUPLING_REDUCTION = 0.5
 """Share of the couplings (off-diagonal compliances) that `with_weaker_coupling` removes from every link [1].
 
 It stands for bearings and flanges that are elastic in addition to the beam between them.
@@ -58,7 +58,7 @@ class Prior(Displayed):
 
 @dataclass(frozen=True)
 class PriorUncertainty:
-    """Hold the relative uncertainty of a prior; `precision_root` makes its weights from it."""
+    """Hold the relative uncertainty of a prior; `prior_rows` makes its weights from it."""
 
     relative: float  #: Relative standard deviation u of an entry of x around its expectation [1].
     #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to
@@ -100,15 +100,15 @@ def cad_prior(arm: Arm) -> Prior:
 
 @lru_cache(maxsize=CACHED_PRIORS)
 def with_weaker_coupling(prior: Prior) -> Prior:
-    """Make a prior whose links are less like beams: C (1 - SOFTENING) + SOFTENING diag(C); cached.
+    """Make a prior whose links are less like beams: (1 - r) C + r diag(C), r = `COUPLING_REDUCTION`; cached.
 
     Mathematics: `prior-6`.
     """
     C = prior.C_theta
-    return replace(prior, C_theta=(1 - SOFTENING) * C + SOFTENING * np.diag(np.diag(C)))
+    return replace(prior, C_theta=(1 - COUPLING_REDUCTION) * C + COUPLING_REDUCTION * np.diag(np.diag(C)))
 
 
-def perturbed(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
+def perturb_prior(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
     """Make a wrong prior: D C D times a common factor, D diagonal and random.
 
     Args:
@@ -130,7 +130,7 @@ def perturbed(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
     return Prior(name, scale * factor[:, None] * prior.C_theta * factor)
 
 
-def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
+def aggregate_left_out_joints(C: Array, vjm: Vjm, structure: Structure) -> Array:
     """Add the compliance of joints that a structure leaves out to the link before them, as the paper does.
 
     Mathematics: `prior-5`.
@@ -157,30 +157,30 @@ def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
 # --- Compliances in units of a prior ------------------------------------------------------------------------
 
 CACHED_SCALINGS = 32  #: Number of scalings that are cached: many datasets are fitted with few.
-MAX_ASYMMETRY = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
+MAX_PRIOR_ASYMMETRY = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
 #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
-MIN_EIGENVALUE = 1e-9
+MIN_PRIOR_EIGENVALUE = 1e-9
 
 
 @dataclass(frozen=True)
 class PriorScaling:
     """Hold the unknowns of a structure in units of a prior: pi = L x, x of order one."""
 
-    prior: str  #: Name of the prior.
+    prior_name: str  #: Name of the prior.
     structure: Structure  #: The unknowns, n of them.
     L: Array  #: Parameters pi per unit of x, block diagonal, (n, n) [m/N, rad/N, rad/(N m)].
-    expected: Array  #: Expected x, svec of X = 1, (n,) [1].
-    sizes: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
+    expected_x: Array  #: Expected x, svec of X = 1, (n,) [1].
+    block_orders: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
 
     @cached_property
-    def link_couplings(self) -> Mask:
+    def is_link_coupling(self) -> Mask:
         """Tell which entries of x couple axes of a link that a straight beam does not couple, (n,)."""
         row, column = self.structure.triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
         return np.asarray((row < 6 * self.structure.links) & ~beam)
 
     @cached_property
-    def joint_couplings(self) -> Mask:
+    def is_joint_coupling(self) -> Mask:
         """Tell which entries of x couple two joints, (n,)."""
         row, column = self.structure.triangles
         return np.asarray((row >= 6 * self.structure.links) & (row != column))
@@ -194,43 +194,43 @@ class PriorScaling:
         Returns:
             Exponent of every scale in that of an entry, (n, K) [1]; kind and name of every scale, K each.
         """
-        owner = np.repeat(np.arange(len(self.sizes)), [cone.triangle_size(n) for n in self.sizes])
+        owner = np.repeat(np.arange(len(self.block_orders)), [cone.svec_length(n) for n in self.block_orders])
         row, column = self.structure.triangles
         first = np.array([block[0] for block in self.structure.blocks])
-        tied = (self.kinds == 1) & (np.array(self.sizes) > 1)
+        tied = (self.block_kinds == 1) & (np.array(self.block_orders) > 1)
         a, b = (np.where(tied[owner], end, first[owner]) for end in (row, column))
         at, place = np.unique(np.r_[a, b], return_inverse=True)
         shares = (np.eye(len(at))[place[: len(a)]] + np.eye(len(at))[place[len(a) :]]) / 2
         block = self.structure.block_of[at]
         names = [
-            self.structure.labels[k] if tied[block_index] else self.names[block_index]
+            self.structure.labels[k] if tied[block_index] else self.block_names[block_index]
             for k, block_index in zip(at.tolist(), block.tolist(), strict=True)
         ]
-        return shares, self.kinds[block], tuple(names)
+        return shares, self.block_kinds[block], tuple(names)
 
     @cached_property
-    def kinds(self) -> Ids:
+    def block_kinds(self) -> Ids:
         """Return the kind of every block: 0 links, 1 joints, from 2 on the joint laws in turn, (blocks,)."""
         first, joints = 6 * self.structure.links, self.structure.links - 1
         row = np.array([block[0] for block in self.structure.blocks])
         return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
-    def law(self) -> Mask:
+    def is_law_size(self) -> Mask:
         """Tell which entries of x are sizes of joint laws, (n,)."""
         return np.asarray(self.structure.triangles[0] >= self.structure.n_compliance_rows)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def block_names(self) -> tuple[str, ...]:
         """Return the name of every block: its link or joint, or its first row if a link has several."""
         labels = [self.structure.labels[block[0]] for block in self.structure.blocks]
-        whole = [size == 6 for size in self.sizes]
+        whole = [size == 6 for size in self.block_orders]
         return tuple(
             label.rpartition(".")[0] if is_whole else label
             for label, is_whole in zip(labels, whole, strict=True)
         )
 
-    def matrices(self, x: Array) -> list[Array]:
+    def block_matrices(self, x: Array) -> list[Array]:
         """Unpack the matrix X of every block from x = svec(X).
 
         Args:
@@ -239,10 +239,10 @@ class PriorScaling:
         Returns:
             One symmetric matrix per block.
         """
-        ends = np.cumsum([cone.triangle_size(n) for n in self.sizes])[:-1]
+        ends = np.cumsum([cone.svec_length(n) for n in self.block_orders])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
-    def project(self, x: Array) -> Array:
+    def clip_negative_eigenvalues(self, x: Array) -> Array:
         """Set the negative eigenvalues of every block to zero, to remove the solver's rounding.
 
         Args:
@@ -252,8 +252,8 @@ class PriorScaling:
             Entries of positive semi-definite blocks, (n,) [1].
         """
         projected = x.copy()
-        for at in cone.groups_of(self.sizes):
-            projected[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
+        for at in cone.places_by_order(self.block_orders):
+            projected[at] = cone.svec(cone.nearest_psd(cone.smat(x[at])))
         return projected
 
 
@@ -263,7 +263,7 @@ class LearntScale:
 
     name: str  #: Name of the link or joint; "joints" for the common scale of all joints.
     factor: float  #: Over the prior's compliance [1].
-    deviation: float  #: Standard deviation of its logarithm [1].
+    log_deviation: float  #: Standard deviation of its logarithm [1].
 
 
 @dataclass(frozen=True)
@@ -324,7 +324,7 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
             f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
         )
     row, column = structure.triangles
-    root = _root(aggregate(P, vjm, structure), prior, structure)
+    root = _root(aggregate_left_out_joints(P, vjm, structure), prior, structure)
     L, expected = np.zeros((structure.n, structure.n)), np.where(row == column, 1.0, 0.0)
     for group in structure.groups:
         parameters = structure.parameter[group.entries]
@@ -332,7 +332,7 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
     return PriorScaling(prior.name, structure, L, expected, sizes)
 
 
-def weighted_rows(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:
+def rows_in_prior_units(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:
     """Compute the weighted equations in units of the prior: |A x - y|^2 is chi squared without its constant.
 
     Args:
@@ -346,7 +346,7 @@ def weighted_rows(regression: Regression, scaling: PriorScaling) -> tuple[Array,
     return A @ scaling.L, y
 
 
-def precision_root(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tuple[Array, Array]:
+def prior_rows(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tuple[Array, Array]:
     """Compute the rows B, c of a prior: |B x - c|^2 is its penalty added to chi squared.
 
     With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
@@ -361,21 +361,21 @@ def precision_root(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tupl
     Returns:
         B, (n, n) [1], and c, (n,) [1].
     """
-    d = np.full(len(scaling.expected), uncertainty.relative)
+    d = np.full(len(scaling.expected_x), uncertainty.relative)
     if uncertainty.link_coupling is not None:  # of a structure of whole blocks
-        d[scaling.link_couplings] = uncertainty.link_coupling
+        d[scaling.is_link_coupling] = uncertainty.link_coupling
     if uncertainty.joint_coupling is not None:
-        d[scaling.joint_couplings] = uncertainty.joint_coupling
+        d[scaling.is_joint_coupling] = uncertainty.joint_coupling
     if uncertainty.block_factors is not None:
-        d = d * np.repeat(uncertainty.block_factors, [cone.triangle_size(n) for n in scaling.sizes])
-    e = scaling.expected / d
+        d = d * np.repeat(uncertainty.block_factors, [cone.svec_length(n) for n in scaling.block_orders])
+    e = scaling.expected_x / d
     size = np.linalg.norm(e)
     e, along = e / size, 1 / np.hypot(1, size * uncertainty.scale)
     B = (np.eye(len(e)) - (1 - along) * np.outer(e, e)) / d
     return B, along * size * e
 
 
-def with_prior_rows(
+def rows_with_prior(
     regression: Regression, scaling: PriorScaling, uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
     """Stack the rows of data and prior: weighted least squares with a prior minimises |M x - r|^2.
@@ -390,7 +390,7 @@ def with_prior_rows(
     Returns:
         M, (rows, n) [1], and r, (rows,) [1].
     """
-    (A, y), (B, c) = weighted_rows(regression, scaling), precision_root(scaling, uncertainty)
+    (A, y), (B, c) = rows_in_prior_units(regression, scaling), prior_rows(scaling, uncertainty)
     return np.vstack([A, B]), np.r_[y, c]
 
 
@@ -411,15 +411,16 @@ def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScali
     Raises:
         BenchError: When the best factor is not above 0.
     """
-    A, y = weighted_rows(regression, scaling)
-    moved = A @ np.where(scaling.law, 0.0, scaling.expected)
+    A, y = rows_in_prior_units(regression, scaling)
+    moved = A @ np.where(scaling.is_law_size, 0.0, scaling.expected_x)
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
         raise BenchError(
-            f"prior {scaling.prior}: expected readings that move with the load; the best scale is {scale:.3g}"
+            f"prior {scaling.prior_name}: expected readings that move with the load; "
+            f"the best scale is {scale:.3g}"
         )
-    return replace(scaling, L=np.where(scaling.law, 1.0, scale) * scaling.L)
+    return replace(scaling, L=np.where(scaling.is_law_size, 1.0, scale) * scaling.L)
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:
@@ -432,12 +433,12 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     safe = np.where(d > 0, d, 1.0)
     unit, root = P / np.outer(safe, safe), np.zeros_like(P)
     row, column = structure.triangles
-    bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > MAX_ASYMMETRY)
+    bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > MAX_PRIOR_ASYMMETRY)
     if bad.any():
         raise _prior_error(prior, structure, row[np.argmax(bad)], "symmetric block with a positive diagonal")
     for group in structure.groups:
         values, Q = np.linalg.eigh(unit[group.index])
-        if values.min() <= MIN_EIGENVALUE:
+        if values.min() <= MIN_PRIOR_EIGENVALUE:
             k = np.argmin(values[:, 0])
             problem = f"positive definite block, got smallest eigenvalue {values[k, 0]:.3g}"
             problem += " (of the block scaled to unit diagonal)"
@@ -454,7 +455,7 @@ def _prior_error(prior: Prior, structure: Structure, row: int, expected: str) ->
 
 def _congruences(roots: Array) -> Array:
     """Compute upper triangles of root X root^T per unit of each entry of svec(X), (k, entries, entries)."""
-    row, column = cone.upper_indices(roots.shape[1])
+    row, column = cone.upper_triangle(roots.shape[1])
     a, b = roots[:, row], roots[:, column]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))
     return np.asarray(weight * (a[..., row] * b[..., column] + a[..., column] * b[..., row]))

@@ -34,7 +34,13 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify import cone
-from testbench.identify.conic import EXACT_FIT, clip_eigenvalues, psd_entries, sensitivity_units, solve_gco
+from testbench.identify.conic import (
+    EXACT_FIT_SHARE,
+    block_parameters,
+    clip_negative_eigenvalues,
+    sensitivity_units,
+    solve_gco,
+)
 from testbench.identify.equations import WeightedReadings, single_readings
 from testbench.identify.estimate import (
     ORIENTATION_READING,
@@ -44,15 +50,15 @@ from testbench.identify.estimate import (
     TracePenalty,
     make_estimate,
 )
-from testbench.identify.interior import least_squares
+from testbench.identify.interior import least_squares_on_cone
 from testbench.identify.observability import null_space
 from testbench.identify.prior import (
     PriorUncertainty,
     RegressionWithPrior,
     WeightedPrior,
     cad_prior,
+    rows_with_prior,
     scale_by_prior,
-    with_prior_rows,
 )
 from testbench.identify.registration import PAIR_LOSS
 from testbench.identify.regression import (
@@ -143,7 +149,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
         return replace(plain, status=f"{NO_CONSERVATIVE_FIT}: the data determine all unknowns")
     # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
     free = free_directions(regression, plain.pi)
-    shortest = cone.norm_below(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
+    shortest = cone.norm_constraint(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
     solution = cone.solve(
         _equal_fit_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,))
     )
@@ -155,9 +161,9 @@ def complete_conservatively(regression: Regression) -> Estimate:
         )
         return replace(plain, status=why, solver_seconds=solution.seconds)
     # Remove the solver's last digits, then check that the fit did not change by more than rounding.
-    pi = free.unit * clip_eigenvalues(regression.structure, free.x + free.N @ solution.x[1:])
+    pi = free.unit * clip_negative_eigenvalues(regression.structure, free.x + free.N @ solution.x[1:])
     estimate = make_estimate(regression, pi, method=COMPLETED_METHOD, constraint="free")
-    allowed = EQUAL_FIT * plain.f_m + EXACT_FIT * f_m(regression, np.zeros(len(pi)))
+    allowed = EQUAL_FIT * plain.f_m + EXACT_FIT_SHARE * f_m(regression, np.zeros(len(pi)))
     good = estimate.conservative and estimate.f_m <= plain.f_m + allowed
     if not good:
         estimate = replace(plain, status=f"{solution.failure}, and the solution is not exact enough")
@@ -197,18 +203,18 @@ def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
     identity = np.where(s.a == s.b, 1.0, 0.0)
     first = np.eye(1, 1 + equal_fits.N.shape[1])
     return cone.solve(
-        _equal_fit_program(s, equal_fits, identity, (cone.ConeRows("nonnegative", -first, np.ones(1)),))
-    ).bound
+        _equal_fit_program(s, equal_fits, identity, (cone.ConeConstraint("nonnegative", -first, np.ones(1)),))
+    ).lower_bound
 
 
 def _equal_fit_program(
-    s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.ConeRows, ...]
+    s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.ConeConstraint, ...]
 ) -> cone.ConeProgram:
     """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the `shift_direction`."""
     for block in s.blocks:
-        entries, svec = psd_entries(s, block)
+        entries, svec = block_parameters(s, block)
         A = -svec @ np.c_[shift_direction, equal_fits.N][entries]
-        rows += (cone.ConeRows("psd", A, svec @ equal_fits.x[entries]),)
+        rows += (cone.ConeConstraint("psd", A, svec @ equal_fits.x[entries]),)
     cost = np.r_[1.0, np.zeros(equal_fits.N.shape[1])]
     return cone.ConeProgram(cost, (cone.free_block(0, len(cost)),), rows)
 
@@ -286,8 +292,8 @@ def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> Prior
         `solve_by_reference`.
     """
     start, scaling = time.perf_counter(), case.prior.scaling
-    M, r = with_prior_rows(case.regression, scaling, case.prior.uncertainty)
-    x = certified_solution(M, r, scaling.sizes if constraint == "psd" else ())
+    M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
+    x = certified_solution(M, r, scaling.block_orders if constraint == "psd" else ())
     if x is None:
         return solve_by_reference(constraint, case)
     return PriorSolution(scaling.L @ x, time.perf_counter() - start, "solved", by_our_solver=True)
@@ -304,7 +310,7 @@ def certified_solution(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | No
     Returns:
         x, (n,) [1]; None where the duality gap exceeds `OPTIMALITY_TOLERANCE`.
     """
-    x, gap = least_squares(M, r, sizes)
+    x, gap = least_squares_on_cone(M, r, sizes)
     cost = float(np.sum((M @ x - r) ** 2)) / 2
     return x if gap <= OPTIMALITY_TOLERANCE + ROUNDING_SHARE * cost else None
 
@@ -320,13 +326,16 @@ def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> Pri
         The answer, its status as the solver reports it.
     """
     start, scaling = time.perf_counter(), case.prior.scaling
-    M, r = with_prior_rows(case.regression, scaling, case.prior.uncertainty)
+    M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
     if constraint == "none":
         pi = scaling.L @ np.linalg.lstsq(M, r, rcond=None)[0]
         return PriorSolution(pi, time.perf_counter() - start, "solved", by_our_solver=False)
-    solution = solve_by_clarabel(M, r, scaling.sizes)
+    solution = solve_by_clarabel(M, r, scaling.block_orders)
     return PriorSolution(
-        scaling.L @ scaling.project(solution.x[1:]), solution.seconds, solution.status, by_our_solver=False
+        scaling.L @ scaling.clip_negative_eigenvalues(solution.x[1:]),
+        solution.seconds,
+        solution.status,
+        by_our_solver=False,
     )
 
 
@@ -349,7 +358,7 @@ def solve_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Soluti
         cone.ConeProgram(
             cost=np.r_[1.0, np.zeros(n)],
             blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, sizes)),
-            rows=(cone.norm_below(0, residual, R[:, n] / unit),),
+            constraints=(cone.norm_constraint(0, residual, R[:, n] / unit),),
         )
     )
 

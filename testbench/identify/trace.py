@@ -32,7 +32,7 @@ from scipy.special import stdtrit
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import interior
-from testbench.identify.conic import scaled_units
+from testbench.identify.conic import trace_units
 from testbench.identify.estimate import TracePenalty
 from testbench.identify.interior import TINY
 from testbench.identify.regression import PartitionedRegression, Regression
@@ -216,7 +216,7 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
 
     Returns:
         The trace term: joints have a small weight, displacements count as the rotations that cause them
-        (`scaled_units`).
+        (`trace_units`).
     """
     first, columns = 6 * structure.links, []
     aggregated = [first + j for j in range(structure.links - 1) if structure.block_of[first + j] < 0]
@@ -228,7 +228,7 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
     whole = replace(
         structure, a=np.r_[structure.a, aggregated].astype(int), b=np.r_[structure.b, aggregated].astype(int)
     )
-    W = scaled_units(structure) ** -2.0
+    W = trace_units(structure) ** -2.0
     W[first:] = JOINT_TRACE_WEIGHT
     return TracePenalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
 
@@ -385,7 +385,7 @@ def _fit_joints_only(s: Structure, gram: Array) -> Array:
 
 def _rigid_rate(s: Structure, gram: Array, pi: Array) -> float:
     """Compute the least rate l that keeps all links rigid at the best joints, (n,)."""
-    H, g, units = gram[:-1, :-1], gram[:-1, -1], scaled_units(s)
+    H, g, units = gram[:-1, :-1], gram[:-1, -1], trace_units(s)
     S = s.gradient(H @ pi - g) * np.outer(units, units)
     links = [block for block in s.blocks if block[0] < 6 * s.links]
     return max((-float(np.linalg.eigvalsh(S[np.ix_(b, b)])[0]) for b in links), default=0.0)

@@ -20,14 +20,14 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
-from testbench.identify.cone import psd_part
+from testbench.identify.cone import nearest_psd
 from testbench.identify.conic import (
-    EXACT_FIT,
+    EXACT_FIT_SHARE,
     norm_constraints,
-    scale_program,
+    scaled_gco_program,
     sensitivity_units,
-    solve_clarabel,
     solve_gco,
+    solve_gco_by_clarabel,
 )
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.interior import BlockProgram, solve_program
@@ -38,7 +38,7 @@ from testbench.identify.prior import (
     PriorUncertainty,
     RegressionWithPrior,
     WeightedPrior,
-    weighted_rows,
+    rows_in_prior_units,
 )
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce, reduce_parts
 from testbench.identify.solve import minimum_norm, solve_with_prior
@@ -81,14 +81,16 @@ def stein_parameters(case: RegressionWithPrior) -> Array:
 def _minimum(case: RegressionWithPrior) -> tuple[Array, float]:
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
     scaling, n = case.prior.scaling, case.prior.scaling.structure.n
-    e, (A, y) = scaling.expected, weighted_rows(case.regression, scaling)
+    e, (A, y) = scaling.expected_x, rows_in_prior_units(case.regression, scaling)
     scale = max(1e-6, float(np.linalg.solve(scaling.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
     T: Array = np.asarray(np.linalg.qr(np.c_[scale * A, y], mode="r"))[:n]
     size = float(T[:, n] @ T[:, n])
     R, z = T[None, :, :n] / math.sqrt(size), T[None, :, n] / math.sqrt(size)
     weight = 1 / (size * case.prior.uncertainty.relative**2)
-    program = BlockProgram(R, z, np.zeros(1), weight * e, scaling.sizes, squares=True, barrier=weight)
+    program = BlockProgram(
+        R, z, np.zeros(1), weight * e, scaling.block_orders, sum_of_squares=True, barrier=weight
+    )
     iterate = solve_program(program)
     return np.asarray(scale * scaling.L @ iterate.x), iterate.distance_from_optimum(program)
 
@@ -109,24 +111,25 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     """
     best = solve_gco(regression).f_m
     n, count = scaling.structure.n, len(regression.terms)
-    allowed = (1 + SLACK) * max(best, EXACT_FIT * f_m(regression, np.zeros(n)))
-    total = cone.ConeRows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
+    allowed = (1 + SLACK) * max(best, EXACT_FIT_SHARE * f_m(regression, np.zeros(n)))
+    total = cone.ConeConstraint("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
     parts = [(term.R @ scaling.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
     norms = norm_constraints(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
         cone.ConeProgram(
-            cost=np.r_[np.zeros(count), scaling.expected],
-            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, scaling.sizes)),
-            rows=(total, *norms),
+            cost=np.r_[np.zeros(count), scaling.expected_x],
+            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, scaling.block_orders)),
+            constraints=(total, *norms),
         )
     )
     estimate = make_estimate(
         regression,
-        scaling.L @ scaling.project(solution.x[count:]),
+        scaling.L @ scaling.clip_negative_eigenvalues(solution.x[count:]),
         method="GCO, least trace in the metric",
         constraint="psd",
         advice=(
-            f"free directions: least trace in the metric of {scaling.prior}, F_M within {100 * SLACK:g} %",
+            f"free directions: least trace in the metric of {scaling.prior_name}, "
+            f"F_M within {100 * SLACK:g} %",
         ),
     )
     return replace(estimate, status=solution.status, solver_seconds=solution.seconds)
@@ -218,7 +221,7 @@ def clipped(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     plain = least_squares(vjm, structure, data)
     C = plain.C_theta.copy()
     for block in structure.blocks:
-        C[np.ix_(block, block)] = psd_part(C[np.ix_(block, block)])
+        C[np.ix_(block, block)] = nearest_psd(C[np.ix_(block, block)])
     pi, regression = structure.entries(C), plain.regression
     return replace(
         make_estimate(regression, pi, method="clipped least squares", constraint="clipped"), status="solved"
@@ -278,7 +281,7 @@ def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
         split_regressions = [penalty.regression_of_split(regression) for regression in regressions]
         return np.array(
             [
-                penalty.pi_per_split @ solve_clarabel(r, scale_program(r, penalty)).pi
+                penalty.pi_per_split @ solve_gco_by_clarabel(r, scaled_gco_program(r, penalty)).pi
                 for r in split_regressions
             ]
         )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.identify.conic import TIE_BREAK, total_trace
+from testbench.identify.conic import TIE_BREAK_WEIGHT, total_trace
 from testbench.identify.estimate import Estimate, ModelAverage
 from testbench.identify.prior import WeightedPrior
 from testbench.identify.solve import COMPLETED_METHOD, NO_OUTLIERS, REJECTION_THRESHOLD
@@ -99,7 +99,7 @@ def _of_method(estimate: Estimate) -> list[str]:
             return [f"GCO: trace weight {penalty.weight:.3g} N m/rad"]
         said = [
             "in directions that no reading determines, GCO chooses the compliances of least trace "
-            f"(weight {TIE_BREAK:g})"
+            f"(weight {TIE_BREAK_WEIGHT:g})"
         ] * free
         if estimate.bounded_by_tie_break:
             said.append(
@@ -117,7 +117,7 @@ def _of_method(estimate: Estimate) -> list[str]:
 
 def of_prior(weighted_prior: WeightedPrior) -> str:
     """Say which prior filled what the data cannot see."""
-    uncertainty, name = weighted_prior.uncertainty, weighted_prior.scaling.prior
+    uncertainty, name = weighted_prior.uncertainty, weighted_prior.scaling.prior_name
     if uncertainty.link_coupling is not None:
         shape, coupling = (
             100 * weighted_prior.misfit * u for u in (uncertainty.relative, uncertainty.link_coupling)

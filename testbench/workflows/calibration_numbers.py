@@ -329,7 +329,7 @@ def _solved(calibration: Calibration) -> Row:
         return Row(blocks=[], program=None)
     blocks = [
         Row(name=name, smallest=float(own[0]), largest=float(own[-1]))
-        for name, own in zip(elastic.names, estimate.eigenvalues, strict=True)
+        for name, own in zip(elastic.block_names, estimate.eigenvalues, strict=True)
     ]
     program = Row(
         method=estimate.method,

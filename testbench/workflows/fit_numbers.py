@@ -9,7 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
-from testbench.identify.conic import scaled_units
+from testbench.identify.conic import trace_units
 from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors
 from testbench.identify.observability import (
     DECIDED,
@@ -19,7 +19,13 @@ from testbench.identify.observability import (
     of_regression,
 )
 from testbench.identify.posterior import CONFIDENCE, posterior_of_estimate
-from testbench.identify.prior import Prior, PriorUncertainty, aggregate, cad_prior, weighted_rows
+from testbench.identify.prior import (
+    Prior,
+    PriorUncertainty,
+    aggregate_left_out_joints,
+    cad_prior,
+    rows_in_prior_units,
+)
 from testbench.identify.regression import Regression
 from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load
@@ -131,7 +137,7 @@ def eigenvalues(arm: Arm, structure: Structure, C_theta: Array) -> list[Row]:
     Returns:
         A row for each part: its name and `urad_per_Nm`, ascending; rounding is zero.
     """
-    s = scaled_units(structure)
+    s = trace_units(structure)
     X = UM * C_theta / np.outer(s, s)
     links, first = len(arm.links), 6 * len(arm.links)
     blocks = [X[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(links)]
@@ -205,7 +211,7 @@ def singular_values(vjm: Vjm, regression: Regression, prior: Prior, uncertainty:
     Returns:
         The singular values [1].
     """
-    rows = weighted_rows(regression, any_metric(prior, vjm, regression.structure))[0]
+    rows = rows_in_prior_units(regression, any_metric(prior, vjm, regression.structure))[0]
     return rounded(np.asarray(uncertainty * np.linalg.svd(rows, compute_uv=False), dtype=np.float64))
 
 
@@ -228,7 +234,7 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
         estimate.compliance_regression.structure,
         NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
     )
-    assumed = plain.entries(aggregate(prior.C_theta, vjm, plain))
+    assumed = plain.entries(aggregate_left_out_joints(prior.C_theta, vjm, plain))
     L, known, rows = any_metric(prior, vjm, plain).L, posterior_of_estimate(estimate), []
     for k, joint in enumerate(vjm.arm.joints):
         before, after = (joint_functional(vjm, structure, k) for structure in (plain, estimate.structure))

@@ -17,9 +17,9 @@ from testbench.files.read_pairs import SIGMA
 from testbench.identify.estimate import DeflectionErrors, Estimate, deflections, score
 from testbench.identify.hierarchy import (
     ALL_JOINTS,
-    UndeterminedParts,
+    UndeterminedCompliances,
     contradicted_scales,
-    undetermined_parts,
+    undetermined_compliances,
 )
 from testbench.identify.method import Method
 from testbench.identify.observability import set_aside
@@ -60,7 +60,7 @@ QUIET, CHANCE = 0.6, 1e-6
 
 def of_scale(scale: LearntScale) -> Doubt:
     """Doubt a scale of a learnt prior that the readings contradict."""
-    low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
+    low, high = (scale.factor * math.exp(sign * 2 * scale.log_deviation) for sign in (-1, 1))
     name, others = (
         ("the joints", "the links") if scale.name == ALL_JOINTS else (scale.name, "the other links or joints")
     )
@@ -285,13 +285,13 @@ def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list
     return said
 
 
-def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> UndeterminedParts:
+def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> UndeterminedCompliances:
     """What the readings do not check of a model's prior; nothing where it has none."""
     method = taken.estimator
     if not isinstance(method, Method) or method.prior is None:
-        return UndeterminedParts()
+        return UndeterminedCompliances()
     regression = estimates[taken.name].compliance_regression
-    return undetermined_parts(regression, scale_by_prior(method.prior, cell.vjm, regression.structure))
+    return undetermined_compliances(regression, scale_by_prior(method.prior, cell.vjm, regression.structure))
 
 
 def _fit(cell: Cell, fitted_models: FittedModels, k: int, widest: Dataset | None) -> Row:
@@ -405,14 +405,14 @@ def write_stiffness(
 def _prior(weighted_prior: WeightedPrior) -> object:
     uncertainty = weighted_prior.uncertainty
     return {
-        "name": weighted_prior.scaling.prior,
+        "name": weighted_prior.scaling.prior_name,
         "learnt": weighted_prior.hyperparameter_effect is not None,
         "uncertainty": float(uncertainty.relative),
         "scale_uncertainty": finite(uncertainty.scale),
         "coupling": None if uncertainty.link_coupling is None else float(uncertainty.link_coupling),
         "misfit": float(weighted_prior.misfit),
         "scales": [
-            {"name": scale.name, "factor": float(scale.factor), "deviation": finite(scale.deviation)}
+            {"name": scale.name, "factor": float(scale.factor), "deviation": finite(scale.log_deviation)}
             for scale in weighted_prior.scales
         ],
     }

@@ -25,7 +25,7 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_type
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.method import Method, completed_least_squares, gco, least_squares, with_prior
-from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, perturbed
+from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, perturb_prior
 from testbench.identify.regression import PartitionedRegression, f_m, non_redundant, reduce, reduce_parts
 from testbench.identify.trace import (
     Candidate,
@@ -552,7 +552,7 @@ def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
     Returns:
         The prior.
     """
-    return perturbed(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=trial_rng(seed, 5))
+    return perturb_prior(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=trial_rng(seed, 5))
 
 
 def prior_of(cell: Cell, name: str, seed: int) -> Prior:

@@ -175,7 +175,7 @@ def _pairs(made: Planned) -> Row:
     return Row(
         model=scaling.structure.name,
         whole_arm=scaling.structure.n == all153(cell.arm).n,
-        prior=None if spec.uncertainty is None else scaling.prior,
+        prior=None if spec.uncertainty is None else scaling.prior_name,
         within_percent=100 * prior_uncertainty(spec),
         half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
         joints_alone_mm=MM * float(np.sqrt(np.square(error_on(alone, spec.tasks.q, spec.tasks.load)).mean())),
@@ -189,7 +189,7 @@ def _pairs(made: Planned) -> Row:
         ),
         plan=_runs(made, plan),
         tracker_mm=_by_tracker(plan, prior),
-        tasks=_tasks(made, plan, rms(rows @ scaling.expected)),
+        tasks=_tasks(made, plan, rms(rows @ scaling.expected_x)),
         observability=observability(plan.examined.problem, plan.chosen),
         directions=_directions(plan, influence),
         curve=[
@@ -274,7 +274,7 @@ def _runs(made: Planned, plan: Plan) -> list[Row]:
     """The poses of a plan for tasks, and what hangs or pulls in each."""
     spec, masses = plan.specification, made.settings.loads_kg
     load = loads_of(spec, plan.load)
-    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.scaling.expected)
+    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.scaling.expected_x)
     rows = _measured(made, ("deflection", moved))
     for row, index, wrench in zip(rows, plan.load, load.wrench, strict=True):
         pulls = index >= len(masses)  # they come behind all that hangs

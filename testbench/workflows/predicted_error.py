@@ -16,7 +16,7 @@ from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.posterior import CONFIDENCE
-from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, precision_root, scale_by_prior
+from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, prior_rows, scale_by_prior
 from testbench.model.laws import for_load_history, with_joint_laws, with_laws
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only
@@ -132,7 +132,7 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
         fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.read)
         found[other] = bounded_mm(error_on(fit, q, load))
     found[name] = bounded_mm(forecast.error)
-    moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.scaling.expected)
+    moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.scaling.expected_x)
     workspace_poses = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], moved)
     return error_places(workspace_poses, found, list(found), EXPECTED)
 
@@ -271,7 +271,7 @@ def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
     if spec.uncertainty is None or linear:
         return []
     whole = scale_by_prior(prior, with_joint_laws(vjm), with_laws(plain, vjm.arm))
-    B, _ = precision_root(
+    B, _ = prior_rows(
         scale_by_prior(prior, vjm, plain), PriorUncertainty(prior_uncertainty(spec), SCALE_UNCERTAINTY)
     )
     specification = replace(

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
-from testbench.identify.prior import Prior, cad_prior, perturbed
+from testbench.identify.prior import Prior, cad_prior, perturb_prior
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
@@ -91,7 +91,7 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
         sigma=sigma,
     )
     scale = float(np.exp(SCALE * rng.standard_normal()))
-    prior = perturbed(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=rng)
+    prior = perturb_prior(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=rng)
     tracker = bool(rng.random() < TRACKER)
     if tracker:
         cell, data = _in_tracker(cell, data, rng, mount)

@@ -116,13 +116,13 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     fitted = fit_residual_model(vjm, scale_by_prior(cad_prior(own.cell.arm), vjm, structure), own.data)
     h, prior = fitted.hyperparameters, fitted.scaling
     assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
-    blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
+    blocks = np.repeat(np.arange(len(prior.block_orders)), [n * (n + 1) // 2 for n in prior.block_orders])
     size = np.exp(h[blocks])
-    D = size**2 * np.where(prior.link_couplings, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
+    D = size**2 * np.where(prior.is_link_coupling, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
     G = fitted.readings.A.reshape(-1, structure.n) @ prior.L
     S = G @ (D[:, None] * G.T) + np.exp(2 * h[-1]) * np.eye(len(G))
-    apart = fitted.readings.y.ravel() - G @ (size * prior.expected)
-    mean = prior.L @ (size * prior.expected + D * (G.T @ np.linalg.solve(S, apart)))
+    apart = fitted.readings.y.ravel() - G @ (size * prior.expected_x)
+    mean = prior.L @ (size * prior.expected_x + D * (G.T @ np.linalg.solve(S, apart)))
     unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
     joints = backlash_and_stiffening_columns(vjm, own.data, structure, fitted.pi)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import BenchError
-from testbench.identify.cone import psd_part
+from testbench.identify.cone import nearest_psd
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import deflections, deflections_of_models, make_estimate
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
@@ -56,7 +56,7 @@ def test_of_section_5_2_the_nearest_conservative_model_of_equal_fit_is_found(arm
     for _ in range(500):
         X = s.matrix((x + correction) / root_2)
         for block in s.blocks:
-            X[np.ix_(block, block)] = psd_part(X[np.ix_(block, block)])
+            X[np.ix_(block, block)] = nearest_psd(X[np.ix_(block, block)])
         y = s.entries(X) * root_2
         correction += x - y
         x = y - seen.T @ (seen @ (y - start))

@@ -11,7 +11,7 @@ from testbench.data.dataset import select_rows
 from testbench.identify.conic import gradient_dual
 from testbench.identify.method import gco, least_squares
 from testbench.identify.observability import of_regression, sampled_tasks
-from testbench.identify.prior import PriorUncertainty, cad_prior, scale_by_prior, weighted_rows
+from testbench.identify.prior import PriorUncertainty, cad_prior, rows_in_prior_units, scale_by_prior
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mls36, template56
 from testbench.model.vjm import chain, observation
@@ -164,7 +164,7 @@ def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, data):
     )  # a known common scale: the prior's covariance is 0.3^2 times the identity
     report = report_of(kr500, structure, data, known)
     m = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure)
-    A, _ = weighted_rows(reduce(kr500.vjm, structure, data), m)
+    A, _ = rows_in_prior_units(reduce(kr500.vjm, structure, data), m)
     rng, n, draws = np.random.default_rng(5), structure.n, 2000
     x = 0.3 * rng.standard_normal((draws, n))
     y = x @ A.T + rng.standard_normal((draws, len(A)))

@@ -97,14 +97,14 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
     campaign, own = simulate(kr500, asked, 1), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s)
     again = resampler(reduce(kr500.vjm, s, campaign.identification))
     coupling = uncertainty.relative if uncertainty.link_coupling is None else uncertainty.link_coupling
-    size = np.where(own.link_couplings, coupling, uncertainty.relative)
+    size = np.where(own.is_link_coupling, coupling, uncertainty.relative)
     scale = uncertainty.scale if np.isfinite(uncertainty.scale) else 0.0
     back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
-        x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
+        x = own.expected_x * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
         found = solve(again(own.L @ x, rng), "none", WeightedPrior(own, uncertainty))
-        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.link_couplings]
-        a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
+        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.is_link_coupling]
+        a = np.vstack([row, any_ @ back, some @ back, own.expected_x @ back])
         z.append(a @ (found.pi - own.L @ x) / posterior_of_estimate(found).deviations(a))
     for found in np.transpose(z)[: 4 if scale else 3]:
         check_ranks(found)

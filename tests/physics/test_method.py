@@ -11,7 +11,7 @@ from testbench import BenchError, Scenario, score, simulate
 from testbench.identify.equations import single_readings
 from testbench.identify.estimate import ORIENTATION_READING, make_estimate
 from testbench.identify.hierarchy import learn_prior
-from testbench.identify.interior import least_squares as psd_least_squares
+from testbench.identify.interior import least_squares_on_cone as psd_least_squares
 from testbench.identify.method import (
     ROBUST_PRIOR_UNCERTAINTY,
     gco,
@@ -24,8 +24,8 @@ from testbench.identify.prior import (
     PriorUncertainty,
     WeightedPrior,
     cad_prior,
-    perturbed,
-    precision_root,
+    perturb_prior,
+    prior_rows,
     rescale_to_data,
     scale_by_prior,
 )
@@ -64,7 +64,7 @@ def campaign(kr500):
 
 @pytest.fixture(scope="module")
 def prior(kr500):
-    return perturbed(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(5))
+    return perturb_prior(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(5))
 
 
 def rigid(vjm, structure, data):
@@ -215,7 +215,7 @@ def readings(cell, seed, truth="linear"):
 
 def rough(cell, structure, seed):
     """The CAD prior, 2 times wrong in scale and 30 % in shape."""
-    wrong = perturbed(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
+    wrong = perturb_prior(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
     return scale_by_prior(wrong, cell.vjm, structure)
 
 
@@ -241,14 +241,14 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
         single_readings(kr500.vjm, s, data),
         reduce(kr500.vjm, s, data),
     )
-    A, y, (B, c) = own.A @ units.L, own.y, precision_root(units, STRENGTH)
+    A, y, (B, c) = own.A @ units.L, own.y, prior_rows(units, STRENGTH)
     length, status = reject_iteratively(
         kr500.vjm, own, regression, constraint, WeightedPrior(units, STRENGTH)
     )
     assert status == "solved"
     weight = np.sqrt(np.minimum(1, DELTA / np.maximum(length, DELTA)))
     rows, right = np.vstack([(weight[:, None, None] * A).reshape(-1, s.n), B]), weight[:, None] * y
-    x, _ = psd_least_squares(rows, np.r_[right.ravel(), c], units.sizes if constraint == "psd" else ())
+    x, _ = psd_least_squares(rows, np.r_[right.ravel(), c], units.block_orders if constraint == "psd" else ())
     left, off = A @ x - y, B @ x - c
     found = np.linalg.norm(left, axis=1)
     np.testing.assert_allclose(found, length, rtol=0, atol=1e-4)
@@ -257,7 +257,9 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
     gradient, scale = np.einsum("ikn,ik->n", A, pull) + B.T @ off, 1e-5 * loss
     if constraint == "none":
         assert np.abs(gradient).max() < scale
-    for X, S in zip(units.matrices(units.project(x)), units.matrices(gradient), strict=True):
+    for X, S in zip(
+        units.block_matrices(units.clip_negative_eigenvalues(x)), units.block_matrices(gradient), strict=True
+    ):
         assert np.linalg.eigvalsh(S)[0] > -scale
         assert abs((S * X).sum()) < scale
 

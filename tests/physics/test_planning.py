@@ -36,9 +36,9 @@ from testbench.identify.observability import undetermined_quantities
 from testbench.identify.prior import (
     PriorUncertainty,
     cad_prior,
-    precision_root,
+    prior_rows,
+    rows_in_prior_units,
     scale_by_prior,
-    weighted_rows,
 )
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import WorkArea, marker_points, random_poses, tool_points
@@ -134,7 +134,7 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
     wanted = plans.deflection_rows(spec.experiment, poses[120:123], side)
-    B, _ = precision_root(spec.experiment.scaling, PriorUncertainty(0.3, 10.0))
+    B, _ = prior_rows(spec.experiment.scaling, PriorUncertainty(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
     seen, lift = plans.information(problem, chosen), problem.lift
@@ -144,7 +144,7 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
     data = measure_markers(kr500, setup, poses_with_weight(kr500, q, np.arange(7) + 1, 460.3), trial_rng(2))
     rows = plans.reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
-    A, _ = weighted_rows(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.scaling)
+    A, _ = rows_in_prior_units(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.scaling)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 

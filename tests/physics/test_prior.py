@@ -44,10 +44,10 @@ from testbench.identify.prior import (
     PriorUncertainty,
     WeightedPrior,
     cad_prior,
-    precision_root,
+    prior_rows,
     rescale_to_data,
+    rows_in_prior_units,
     scale_by_prior,
-    weighted_rows,
     with_weaker_coupling,
 )
 from testbench.identify.regression import f_m, restrict_to, scatter_to
@@ -85,7 +85,7 @@ def test_with_a_prior_least_squares_is_the_ridge_solution(kr500, structure, unce
     """With the common scale an unknown."""
     n = structure.n
     regression, own = scaled(kr500, structure, 3)
-    (A, y), e = weighted_rows(regression, own), own.expected
+    (A, y), e = rows_in_prior_units(regression, own), own.expected_x
     rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
     ridge = own.L @ np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
     found = solve(regression, "none", WeightedPrior(own, PriorUncertainty(uncertainty))).pi
@@ -97,8 +97,8 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     loose = shrinkage.gco_stein(regression, own, PriorUncertainty(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
-    assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
-    (A, y), e = weighted_rows(regression, own), own.expected
+    assert min(np.linalg.eigvalsh(X)[0] for X in own.block_matrices(x)) > 1e-3
+    (A, y), e = rows_in_prior_units(regression, own), own.expected_x
     scale = (
         np.linalg.solve(own.L, solve(regression, "psd", WeightedPrior(own, PriorUncertainty(3.0))).pi)
         @ e
@@ -106,7 +106,7 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     )
 
     def cost(x):
-        log_det = sum(np.linalg.slogdet(X)[1] for X in own.matrices(x))
+        log_det = sum(np.linalg.slogdet(X)[1] for X in own.block_matrices(x))
         return ((A @ x - y) ** 2).sum() / 2 + (e @ x / scale - log_det) / 3.0**2
 
     # directions in which the cost is about equally curved: none goes down
@@ -118,7 +118,7 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     ours, plain = shrinkage.gco_least_trace(regression, own), paper_gco(kr500.vjm, structure, data)
     assert ours.conservative
     assert ours.f_m <= (1 + shrinkage.SLACK) * plain.f_m * (1 + 1e-6)
-    traces = [own.expected @ np.linalg.solve(own.L, e.pi) for e in (ours, plain)]
+    traces = [own.expected_x @ np.linalg.solve(own.L, e.pi) for e in (ours, plain)]
     assert traces[0] < traces[1]
 
 
@@ -205,14 +205,18 @@ def tied(arm):
 
 @pytest.mark.parametrize("make", [tied, mgco68])
 def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campaign, make, rng):
-    seen = hierarchy.evidence_model(*seen_by(kr500, campaign, make(kr500.arm)))
-    h = seen.start + 0.2 * rng.standard_normal(len(seen.start))
-    own, step = evidence_posterior(seen.problem, h), 1e-5
+    seen = hierarchy.prior_evidence(*seen_by(kr500, campaign, make(kr500.arm)))
+    h = seen.medians + 0.2 * rng.standard_normal(len(seen.medians))
+    own, step = evidence_posterior(seen.evidence, h), 1e-5
     ends = [
-        [evidence_posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
+        [evidence_posterior(seen.evidence, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
     ]
-    H, J = evidence_hessian(seen.problem, h, own)
-    of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.solution.x)
+    H, J = evidence_hessian(seen.evidence, h, own)
+    of_slopes = (
+        (own.gradient, lambda x: x.neg_log_evidence),
+        (H, lambda x: x.gradient),
+        (J.T, lambda x: x.solution.x),
+    )
     for found, of in of_slopes:
         expected = np.array([(of(up) - of(down)) / (2 * step) for up, down in ends])
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
@@ -220,28 +224,29 @@ def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campai
 
 def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, campaign):
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    seen = hierarchy.evidence_model(regression, own)
-    h, other = seen.start.copy(), seen.start.copy()
+    seen = hierarchy.prior_evidence(regression, own)
+    h, other = seen.medians.copy(), seen.medians.copy()
     h[-3:], other[-3:] = np.log([0.3, 0.2, 1.2]), np.log([0.5, 0.1, 1.0])
     other[-6:-3] = np.log([0.5, 1.0, 2.0])  # of links 0, 2 and 3
 
     def density(h):
         """Minus its logarithm, from all rows as they are, the scales at one."""
-        A, y = weighted_rows(regression, seen.scaling)
+        A, y = rows_in_prior_units(regression, seen.scaling)
         u, c, kappa = np.exp(h[-3:])
-        D = (np.where(seen.scaling.link_couplings, c, u) * (seen.scale_shares @ shares(seen, h))) ** 2
+        D = (np.where(seen.scaling.is_link_coupling, c, u) * (seen.scale_exponents @ shares(seen, h))) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
-        e = y - A @ seen.scaling.expected
+        e = y - A @ seen.scaling.expected_x
         more = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2 / 2
         beyond = (regression.equations - len(y)) * np.log(kappa)
         return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
 
     def hyper(h):
-        z = (h[-6:] - seen.start[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
+        z = (h[-6:] - seen.medians[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
         return z @ z / 2
 
     found = [
-        evidence_posterior(seen.problem, point).loss - hyper(point) - density(point) for point in (h, other)
+        evidence_posterior(seen.evidence, point).neg_log_evidence - hyper(point) - density(point)
+        for point in (h, other)
     ]
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
 
@@ -256,15 +261,17 @@ def shares(seen, h):
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
     regression, own = seen_by(kr500, campaign, all153(kr500.arm))
     weighted_prior = hierarchy.learn_prior(regression, own)
-    (A, y), D = weighted_rows(regression, weighted_prior.scaling), weighted_prior.misfit**2
-    e, uncertainty = weighted_prior.scaling.expected, weighted_prior.uncertainty
+    (A, y), D = rows_in_prior_units(regression, weighted_prior.scaling), weighted_prior.misfit**2
+    e, uncertainty = weighted_prior.scaling.expected_x, weighted_prior.uncertainty
     assert np.std(np.log(uncertainty.block_factors[:7])) > 0.01  # links of one arm are unlike
     own = np.repeat(uncertainty.block_factors, [21] * 7 + [1] * 6)
     P = (
         D
         * (
             own
-            * np.where(weighted_prior.scaling.link_couplings, uncertainty.link_coupling, uncertainty.relative)
+            * np.where(
+                weighted_prior.scaling.is_link_coupling, uncertainty.link_coupling, uncertainty.relative
+            )
         )
         ** 2
     )
@@ -289,11 +296,11 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
 def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
     """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    weighted_prior, seen = hierarchy.learn_prior(regression, own), hierarchy.evidence_model(regression, own)
-    h = maximise_evidence(seen.problem, seen.start)
+    weighted_prior, seen = hierarchy.learn_prior(regression, own), hierarchy.prior_evidence(regression, own)
+    h = maximise_evidence(seen.evidence, seen.medians)
 
     def estimate(h):
-        L = seen.scaling.L * seen.scale(h)
+        L = seen.scaling.L * seen.entry_scales(h)
         u, c, kappa = np.exp(h[-3:])
         own = PriorUncertainty(u / kappa, 0.0, link_coupling=c / kappa, block_factors=tuple(shares(seen, h)))
         there = WeightedPrior(replace(seen.scaling, L=L), own)
@@ -301,9 +308,9 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
 
     steps = 1e-4 * np.eye(len(h))[:-1]
     J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
-    slopes = [[evidence_posterior(seen.problem, h + s * d).gradient for s in (1, -1)] for d in steps]
+    slopes = [[evidence_posterior(seen.evidence, h + s * d).gradient for s in (1, -1)] for d in steps]
     H = np.array([up - down for up, down in slopes])[:, :-1] / 2e-4
-    assert np.linalg.eigvalsh(H)[0] > hierarchy.MAX_HYPER_DEVIATION**-2
+    assert np.linalg.eigvalsh(H)[0] > hierarchy.MAX_HYPERPARAMETER_DEVIATION**-2
     expected = J.T @ np.linalg.solve(H, J)
     np.testing.assert_allclose(
         weighted_prior.hyperparameter_effect.T @ weighted_prior.hyperparameter_effect,
@@ -324,7 +331,7 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
         estimate = with_prior(gco, own)(kr500.vjm, all153(kr500.arm), campaign.identification)
         errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
     [joints] = [scale for scale in estimate.weighted_prior.scales if scale.name == "joints"]
-    assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
+    assert abs(np.log(joints.factor * factor)) < 4 * joints.log_deviation < np.log(10)  # told from 1
     [doubt] = [
         scale for scale in hierarchy.contradicted_scales(estimate.weighted_prior) if scale.name == "joints"
     ]
@@ -342,7 +349,7 @@ def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, c
     told = any(
         scale.name == name for scale in hierarchy.contradicted_scales(hierarchy.learn_prior(regression, own))
     )
-    found = hierarchy.undetermined_parts(regression, own)
+    found = hierarchy.undetermined_compliances(regression, own)
     assert told or name in (found.stiffer if factor > 1 else found.softer)
 
 
@@ -367,13 +374,15 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
 
 def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
-    seen = hierarchy.evidence_model(reduce(kr500.vjm, own.structure, campaign.identification), own)
-    h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
+    seen = hierarchy.prior_evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h, A = rng.normal(size=len(seen.medians)), rng.normal(size=(len(seen.medians) - 1,) * 2)
     C, K = A @ A.T, seen.n_scales
-    of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
+    of = [(k, K + kind) for k, kind in enumerate(seen.scale_kinds)] + [
+        (K + 1, K)
+    ]  # last the joints over the links
     for scale, (i, j) in zip(hierarchy._scales(seen, h, C), of, strict=True):
         assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
-        assert scale.deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
+        assert scale.log_deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
 
 
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
@@ -409,13 +418,13 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     regression = reduce(kr500.vjm, s, data)
     for name in ("right", "scaled", "uncoupled"):
         own = scale_by_prior(prior_of(kr500, name, 2), kr500.vjm, s)
-        log_evidence, weighted_prior = hierarchy.log_evidence_alone(regression, own)
+        log_evidence, weighted_prior = hierarchy.joints_only_log_evidence(regression, own)
         kappa, e = (
-            hierarchy.JOINTS_ONLY_FIT / weighted_prior.uncertainty.relative,
-            weighted_prior.scaling.expected,
+            hierarchy.JOINTS_ONLY_FIT_DEVIATION / weighted_prior.uncertainty.relative,
+            weighted_prior.scaling.expected_x,
         )
-        A, y = weighted_rows(regression, weighted_prior.scaling)
-        S = kappa**2 * np.eye(len(y)) + hierarchy.JOINTS_ONLY_SIZE**2 * A @ A.T
+        A, y = rows_in_prior_units(regression, weighted_prior.scaling)
+        S = kappa**2 * np.eye(len(y)) + hierarchy.JOINTS_ONLY_DEVIATION**2 * A @ A.T
         best = float(y @ np.linalg.solve(S, A @ e))
         best /= float(A @ e @ np.linalg.solve(S, A @ e))
 
@@ -429,7 +438,7 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
         rest = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2
         beyond = (regression.equations - len(y)) * math.log(kappa)
         dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_determinant + rest) / 2 - beyond
-        found.append(log_evidence - dense + (math.log(kappa) / hierarchy.MISFIT_DEVIATION) ** 2 / 2)
+        found.append(log_evidence - dense + (math.log(kappa) / hierarchy.LOG_MISFIT_DEVIATION) ** 2 / 2)
     np.testing.assert_allclose(found, -math.log(2 * math.pi) / 2, rtol=0, atol=1e-5)  # left out on purpose
 
 
@@ -459,7 +468,7 @@ def test_an_average_is_conservative_and_widths_are_less_sure_of_joints_alone(kr5
     assert found.conservative
     assert w > found.average.joints_only_probability > 0.5  # these joints are alone
     *_, found = by_beams_and_both["coupled"]
-    assert sum(share for share, _ in found.average.parts) == pytest.approx(1)
+    assert sum(share for share, _ in found.average.under_each_prior) == pytest.approx(1)
     assert found.conservative
 
 
@@ -551,7 +560,7 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
 
     def learn(_regression, prior, *, for_intervals):
         return WeightedPrior(
-            prior, PriorUncertainty(1.0), log_evidence=e_laws if prior.law.any() else e_links
+            prior, PriorUncertainty(1.0), log_evidence=e_laws if prior.is_law_size.any() else e_links
         )
 
     def solve(regression, constraint, weighted_prior):
@@ -564,10 +573,10 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     monkeypatch.setattr(average, "learn_prior", learn)
     monkeypatch.setattr(average, "solve", solve)
 
-    def log_evidence_alone(_regression, prior):
+    def joints_only_log_evidence(_regression, prior):
         return e_joints, WeightedPrior(prior, PriorUncertainty(1.0))
 
-    monkeypatch.setattr(average, "log_evidence_alone", log_evidence_alone)
+    monkeypatch.setattr(average, "joints_only_log_evidence", joints_only_log_evidence)
     found, together = average._average_joint_couplings(r, "psd", own, for_intervals=True)
     joints, links = average.JOINTS_ONLY_PRIOR_ODDS * math.exp(e_joints), math.exp(e_links)
     linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_PRIOR_ODDS
@@ -605,17 +614,17 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
 def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(kr500, campaign, make, laws):
     """Of links and joints: the evidence by the prior alone is log 1, the factor of all blocks held."""
     s = with_laws(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
-    seen = hierarchy.evidence_model(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
-    mute = replace(seen.problem, gram=0 * seen.problem.gram, counts=0 * seen.problem.counts)
-    h = np.r_[np.zeros(len(seen.start) - 3), seen.start[-3:-1], 0.0]
-    for k in range(2, seen.kind.max() + 1):  # sizes of laws beside the prior's
+    seen = hierarchy.prior_evidence(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
+    mute = replace(seen.evidence, gram=0 * seen.evidence.gram, counts=0 * seen.evidence.equation_counts)
+    h = np.r_[np.zeros(len(seen.medians) - 3), seen.medians[-3:-1], 0.0]
+    for k in range(2, seen.scale_kinds.max() + 1):  # sizes of laws beside the prior's
         own = math.log(hierarchy._law_sizes(seen.scaling)[k - 2][0])
-        h[seen.n_scales + k], h[: seen.n_scales][seen.kind == k] = own, own
+        h[seen.n_scales + k], h[: seen.n_scales][seen.scale_kinds == k] = own, own
     at = evidence_posterior(mute, h)
     some = np.setdiff1d(np.arange(len(h) - 1), [seen.n_scales])
     values = np.linalg.eigvalsh(evidence_hessian(mute, h, at)[0][np.ix_(some, some)])
-    assert at.loss == pytest.approx(0, abs=1e-9)
-    assert hierarchy._log_evidence(seen, at.loss, values) == pytest.approx(0, abs=1e-9)
+    assert at.neg_log_evidence == pytest.approx(0, abs=1e-9)
+    assert hierarchy._log_evidence(seen, at.neg_log_evidence, values) == pytest.approx(0, abs=1e-9)
 
 
 def default(cell, seed):
@@ -653,26 +662,25 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     """By the mean of its square over what the readings leave open: so large is an error of the prior."""
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     r = reduce(kr500.vjm, own.structure, campaign.identification)
-    weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.evidence_model(r, own)
-    h = maximise_evidence(seen.problem, seen.start)
+    weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.prior_evidence(r, own)
+    h = maximise_evidence(seen.evidence, seen.medians)
     values, Q = np.linalg.eigh(
-        evidence_hessian(seen.problem, h, evidence_posterior(seen.problem, h))[0][:-1, :-1]
+        evidence_hessian(seen.evidence, h, evidence_posterior(seen.evidence, h))[0][:-1, :-1]
     )
-    draws = (Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPER_DEVIATION**-2))) @ rng.standard_normal(
-        (len(values), 20000)
-    )
-    size = np.exp(seen.problem.log_deviation_rows[:, :-1] @ draws)  # over that at the best h
+    draws = (
+        Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPERPARAMETER_DEVIATION**-2))
+    ) @ rng.standard_normal((len(values), 20000))
+    size = np.exp(seen.evidence.log_deviation_rows[:, :-1] @ draws)  # over that at the best h
     middle = np.quantile(size, 0.84, axis=1)  # one standard deviation above the median
     np.testing.assert_allclose(weighted_prior.size_uncertainty, np.exp(np.log(middle) ** 2), rtol=0.1)
     found = solve(r, "none", weighted_prior)
     B = (
         weighted_prior.size_uncertainty[:, None]
-        * precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0]
+        * prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     )
-    A, _ = weighted_rows(r, weighted_prior.scaling)
+    A, _ = rows_in_prior_units(r, weighted_prior.scaling)
     M = np.linalg.inv(
-        A.T @ A
-        + np.diag(precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0].diagonal() ** 2)
+        A.T @ A + np.diag(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0].diagonal() ** 2)
     )
     open_ = weighted_prior.misfit**2 * weighted_prior.scaling.L @ M @ B.T @ B @ M @ weighted_prior.scaling.L.T
     rows = rng.standard_normal((5, own.structure.n)) / np.sqrt(np.diag(open_))
@@ -755,8 +763,8 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     told = posterior_of_estimate(found)
     np.testing.assert_array_equal(told.x, found.pi)
-    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.average.parts)
-    own = sum(p * posterior_of_estimate(e).deviations(rows) ** 2 for p, e in found.average.parts)
+    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.average.under_each_prior)
+    own = sum(p * posterior_of_estimate(e).deviations(rows) ** 2 for p, e in found.average.under_each_prior)
     np.testing.assert_allclose(told.deviations(rows) ** 2, own + around, rtol=1e-9)
 
 
@@ -774,7 +782,7 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
     whole = fit if fit.average is None else fit.average.links_and_joints
     weighted_prior, poses = whole.weighted_prior, restrict_to(regression, whole.structure).poses
     found = average._held_out_errors(poses, poses, weighted_prior)
-    L, (B, c) = weighted_prior.scaling.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)
+    L, (B, c) = weighted_prior.scaling.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     for k, held in enumerate(poses):
         rest = np.vstack([rows for other, rows in enumerate(poses) if other != k])
         M, r = np.vstack([rest[:, :-1] @ L, B]), np.r_[rest[:, -1], c]
@@ -815,7 +823,7 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
 
     monkeypatch.setattr(average, "_average_priors", with_laws_of_half)
     monkeypatch.setattr(average.LinksVersusJointsOnly, "links_certain", False)
-    monkeypatch.setattr(average.LinksVersusJointsOnly, "errors", (np.ones(8), np.ones(8)))
+    monkeypatch.setattr(average.LinksVersusJointsOnly, "held_out_errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)
     assert (found.average.joints_only_weight, found.average.joint_laws_weight) == (1, 0)
     assert not found.pi[found.structure.a < 6 * found.structure.links].any()

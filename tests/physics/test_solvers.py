@@ -15,9 +15,9 @@ from testbench.identify.conic import (
     default_trace_bounds,
     gradient_dual,
     lower_bound_certificate,
-    scaled_units,
-    tie_break,
+    tie_break_penalty,
     total_trace,
+    trace_units,
 )
 from testbench.identify.estimate import Dual, make_estimate
 from testbench.identify.method import least_squares, paper_gco
@@ -55,13 +55,16 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
         assert found.over <= WORSE
         assert not found.own or found.gap <= APART
         assert least_squares_off(case) <= OFF
-        penalty = tie_break(regression)
-        program = conic.scale_program(regression, penalty)
-        answers = conic.solve_interior_point(regression, program), conic.solve_clarabel(regression, program)
+        penalty = tie_break_penalty(regression)
+        program = conic.scaled_gco_program(regression, penalty)
+        answers = (
+            conic.solve_gco_by_interior_point(regression, program),
+            conic.solve_gco_by_clarabel(regression, program),
+        )
         if answers[0] is not None:
             trace = [penalty.gradient @ a.pi for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
-            assert cost[0] <= cost[1] + WORSE * program.unit
+            assert cost[0] <= cost[1] + WORSE * program.f_m_unit
     assert own >= 5 or kind != "kind"  # of random ones 97 of 100 are proven
 
 
@@ -91,8 +94,8 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
         assert found.status == "solved"
         unit = f_m(found.regression, np.zeros(found.structure.n))
         assert found.f_m < 1e-5 * unit
-        squares = conic.solve_least_squares_cone(
-            found.regression, conic.scale_program(found.regression, found.penalty)
+        squares = conic.solve_noise_free_gco(
+            found.regression, conic.scaled_gco_program(found.regression, found.penalty)
         )
         assert f_m(found.regression, squares) < 1e-8 * unit
 
@@ -100,11 +103,13 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
 @pytest.mark.parametrize(("off", "status"), [(1e-9, "solved"), (1e-2, "worse")])
 def test_what_is_not_near_enough_is_not_called_solved(kr500, campaign, off, status, monkeypatch):
     regression = reduce(kr500.vjm, mgco68(kr500.arm), campaign.identification)
-    own = conic.solve_clarabel(regression, conic.scale_program(regression, tie_break(regression)))
+    own = conic.solve_gco_by_clarabel(
+        regression, conic.scaled_gco_program(regression, tie_break_penalty(regression))
+    )
     far = replace(own, pi=(1 + off) * own.pi, failure="worse")
-    monkeypatch.setattr(conic, "solve_interior_point", lambda *args: None)
-    monkeypatch.setattr(conic, "solve_clarabel", lambda *args: far)
-    monkeypatch.setattr(conic, "solve_least_squares_cone", lambda *args: far.pi)
+    monkeypatch.setattr(conic, "solve_gco_by_interior_point", lambda *args: None)
+    monkeypatch.setattr(conic, "solve_gco_by_clarabel", lambda *args: far)
+    monkeypatch.setattr(conic, "solve_noise_free_gco", lambda *args: far.pi)
     assert conic.solve_gco(regression).status == status
 
 
@@ -140,7 +145,7 @@ def symmetric(rng, n):
 def nearest(z, blocks):
     """min |v - z| over v; the unknowns are the distance, then v."""
     cost = np.r_[1.0, np.zeros(len(z))]
-    rows = (cone.norm_below(0, np.eye(len(z), 1 + len(z), 1), z),)
+    rows = (cone.norm_constraint(0, np.eye(len(z), 1 + len(z), 1), z),)
     return cone.solve(cone.ConeProgram(cost, (cone.free_block(0, 1), *blocks), rows))
 
 
@@ -149,11 +154,11 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
     A, B = symmetric(rng, 4), symmetric(rng, 3)
     found = nearest(np.r_[cone.svec(A), cone.svec(B)], cone.psd_blocks(1, (4, 3)))
     assert found.status == "solved"
-    expected = np.r_[cone.svec(cone.psd_part(A)), cone.svec(cone.psd_part(B))]
+    expected = np.r_[cone.svec(cone.nearest_psd(A)), cone.svec(cone.nearest_psd(B))]
     np.testing.assert_allclose(found.x[1:], expected, atol=1e-6)
     lost = [np.minimum(np.linalg.eigvalsh(M), 0) for M in (A, B)]
     assert found.cost == pytest.approx(np.linalg.norm(np.concatenate(lost)), rel=1e-8)
-    assert found.bound == pytest.approx(found.cost, rel=1e-8)
+    assert found.lower_bound == pytest.approx(found.cost, rel=1e-8)
     z = np.array([1.0, -2.0, 3.0, 4.0])  # X_00, X_11, X_22, X_01
     places = np.zeros((6, 4))
     places[[0, 2, 5, 1], [0, 1, 2, 3]] = 1, 1, 1, np.sqrt(2)
@@ -166,7 +171,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
 
 
 def test_what_cannot_be_is_not_called_solved():
-    apart = tuple(cone.ConeRows("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
+    apart = tuple(cone.ConeConstraint("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
     found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(0, 1),), apart))  # x <= -1 and x >= 1
     assert found.status == f"not solved: Clarabel says {found.solver_status}"
     assert "nfeasible" in found.solver_status
@@ -190,33 +195,35 @@ def by_hand(regression, pi):
 
 def traces(structure, pi):
     """Of every block in scaled units."""
-    diagonal = np.diag(structure.matrix(pi)) / scaled_units(structure) ** 2
+    diagonal = np.diag(structure.matrix(pi)) / trace_units(structure) ** 2
     return np.array([diagonal[block].sum() for block in structure.blocks])
 
 
 def best_within(regression, t):
     """The model of least F_M within traces: another program, without a trace weight, by another solver."""
-    program = conic.scale_program(regression, tie_break(regression))
-    s, count = program.structure, len(regression.terms)
+    program = conic.scaled_gco_program(regression, tie_break_penalty(regression))
+    s, count = program.touched_structure, len(regression.terms)
     of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
     room = np.zeros((len(s.blocks), count + s.n))
     for k, block in enumerate(s.blocks):
         own = np.flatnonzero((s.a == s.b) & np.isin(s.a, block))
-        room[k, count + own] = program.scale[own] / scaled_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
-    norms = conic.norm_constraints(program.R, program.z, program.rest)
+        room[k, count + own] = (
+            program.parameter_units[own] / trace_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
+        )
+    norms = conic.norm_constraints(program.R, program.z, program.unexplained)
     found = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.ones(count), np.zeros(s.n)],
-            blocks=(cone.free_block(0, count), *conic.psd_blocks(s, count)),
-            rows=(*norms, cone.ConeRows("nonnegative", room, np.ones(len(room)))),
+            blocks=(cone.free_block(0, count), *conic.compliance_blocks(s, count)),
+            constraints=(*norms, cone.ConeConstraint("nonnegative", room, np.ones(len(room)))),
         )
     )
-    return program.parameters(found.x[count:], regression.structure.n)
+    return program.to_pi(found.x[count:], regression.structure.n)
 
 
 def refuted(regression, certificate, cost, pi):
     """By how much a model within the bounds is better than a certificate of this F_M allows."""
-    weight, s = tie_break(regression).weight, regression.structure
+    weight, s = tie_break_penalty(regression).weight, regression.structure
     own, other = (f_m(regression, p) for p in (cost, pi))
     program = weight * (total_trace(s, cost) - total_trace(s, pi))
     return max(
@@ -241,7 +248,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
             for dual in (None, best.certificate.dual, Dual(y[:, :-1], y[:, -1])):
                 dual = dual or gradient_dual(regression, estimate.pi)
                 found = lower_bound_certificate(
-                    regression, estimate.pi, dual, t, penalty=tie_break(regression)
+                    regression, estimate.pi, dual, t, penalty=tie_break_penalty(regression)
                 )
                 for other in others:
                     slack = 1e-9 if other is least else SLACK  # what Clarabel leaves of its constraints
@@ -255,7 +262,7 @@ def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
     longer = Dual(1.001 * known.dual.y, 1.001 * known.dual.y_unexplained)
     poor = by_hand(regression, 0.5 * best.pi)
     fooled = lower_bound_certificate(
-        regression, poor.pi, longer, known.trace_bounds, penalty=tie_break(regression)
+        regression, poor.pi, longer, known.trace_bounds, penalty=tie_break_penalty(regression)
     )  # no door, so that the door is needed
     assert refuted(regression, fooled, poor.pi, best.pi) > 1e-6
     with pytest.raises(BenchError, match=r"dual: expected vectors of length 1 at most, got one of 1\.001"):

@@ -103,7 +103,11 @@ def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monk
     assert np.isfinite(x).all()
     for k, i in ((0, 4), (3, 0), (7, 2)):
         own = interior.BatchedProblems(
-            folds.R[k : k + 1], folds.g[k : k + 1], folds.half_squares[k : k + 1], folds.c, folds.sizes
+            folds.R[k : k + 1],
+            folds.g[k : k + 1],
+            folds.half_squares[k : k + 1],
+            folds.trace_cost,
+            folds.block_orders,
         )
         [[alone]], _ = whole(own, weights[i : i + 1])
         np.testing.assert_allclose(alone, x[k, i], rtol=0, atol=1e-6 * np.abs(alone).max())

@@ -40,23 +40,23 @@ def square(rng, rows, size):
 def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
     """Its gradient is zero along all but compliances, and along these is in the cone and opposite to X."""
     elastic = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
-    r, e = 4, len(elastic.expected)
+    r, e = 4, len(elastic.expected_x)
     own = ActiveUnknowns(None, np.arange(r + e), elastic)
     learnt, S = ErrorScales(np.full(r + e, 2.0), np.ones(1)), square(rng, 3 * e, r + e)
     H, (P, b) = S[0].copy(), evidence.active_prior(own, learnt, WIDE_PRIOR)
     H[:-1, :-1] += P
     H[:-1, -1] += b
     free, found = (solve_active(own, S, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd"))
-    assert min(np.linalg.eigvalsh(X)[0] for X in elastic.matrices(free[r:])) < -0.01
+    assert min(np.linalg.eigvalsh(X)[0] for X in elastic.block_matrices(free[r:])) < -0.01
     gradient = H[:-1, :-1] @ found - H[:-1, -1]
     np.testing.assert_allclose(gradient[:r], 0, atol=1e-6 * np.abs(H[:-1, -1]).max())
-    for X, G in zip(elastic.matrices(found[r:]), elastic.matrices(gradient[r:]), strict=True):
+    for X, G in zip(elastic.block_matrices(found[r:]), elastic.block_matrices(gradient[r:]), strict=True):
         size = np.abs(G).max() + 1
         assert np.linalg.eigvalsh(X)[0] > -1e-6
         assert np.linalg.eigvalsh(G)[0] > -1e-4 * size
         assert abs(np.trace(X @ G)) < 1e-3 * size
     inside = S.copy()  # readings of the expected arm: no block leaves its cone, and no digit may change
-    inside[0, :-1, -1] = inside[0, -1, :-1] = S[0, :-1, :-1] @ np.r_[np.zeros(r), elastic.expected]
+    inside[0, :-1, -1] = inside[0, -1, :-1] = S[0, :-1, :-1] @ np.r_[np.zeros(r), elastic.expected_x]
     one, other = (
         solve_active(own, inside, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd")
     )

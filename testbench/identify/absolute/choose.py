@@ -34,7 +34,7 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
 from testbench.identify.estimate import Constraint
-from testbench.identify.hierarchy import NormalSolution
+from testbench.identify.hierarchy import NormalEquationsSolution
 from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import mean_and_standard_error
@@ -383,7 +383,7 @@ def _held_out(
     return np.asarray(T @ v @ v), deviance
 
 
-def predictive_deviance(G: Array, v: Array, others: NormalSolution) -> float:
+def predictive_deviance(G: Array, v: Array, others: NormalEquationsSolution) -> float:
     """Compute -2 log of the predictive density of held-out readings, up to a constant.
 
     Mathematics: `abs-16`.
@@ -396,7 +396,7 @@ def predictive_deviance(G: Array, v: Array, others: NormalSolution) -> float:
     Returns:
         The deviance [1].
     """
-    left, U = G @ v, np.triu(others.root[0]) * others.size
+    left, U = G @ v, np.triu(others.precision_root[0]) * others.precision_scale
     both = cho_factor(U.T @ U + G[:-1, :-1])  # precision by all readings
     squares = float(v @ left - left[:-1] @ cho_solve(both, left[:-1]))
     return squares + 2 * float(np.log(np.diag(both[0])).sum()) - others.log_determinant

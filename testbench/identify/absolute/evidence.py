@@ -32,7 +32,7 @@ from testbench.identify.hierarchy import (
     STUDENT_SCALE,
     EvidenceModel,
     Hyperprior,
-    NormalSolution,
+    NormalEquationsSolution,
     maximise_evidence,
     solve_normal_equations,
     student_neg_log_density,
@@ -41,9 +41,9 @@ from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
     WeightedPrior,
-    precision_root,
+    prior_rows,
     rescale_to_data,
-    with_prior_rows,
+    rows_with_prior,
 )
 from testbench.identify.registration import NOMINAL_DEVIATION
 from testbench.identify.regression import (
@@ -105,7 +105,7 @@ class ActiveUnknowns:
     @property
     def n_rigid(self) -> int:
         """Count the selected columns that are not compliances."""
-        return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected))
+        return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected_x))
 
 
 def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | None) -> ActiveUnknowns:
@@ -201,7 +201,7 @@ def active_prior(
     held = np.arange(active.n_rigid)
     P[held, held] = scales.deviation[active.columns[: active.n_rigid]] ** -2.0
     if active.elastic is not None:
-        B, towards = precision_root(active.elastic, uncertainty)
+        B, towards = prior_rows(active.elastic, uncertainty)
         P[active.n_rigid :, active.n_rigid :], b[active.n_rigid :] = B.T @ B, B.T @ towards
     return P, b
 
@@ -212,7 +212,7 @@ def solve_active(
     scales: ErrorScales,
     uncertainty: PriorUncertainty,
     constraint: Constraint = "none",
-) -> NormalSolution:
+) -> NormalEquationsSolution:
     """Solve for the most probable unknowns: minimise |A x - y|^2 / factor^2 plus the prior's squares.
 
     Args:
@@ -237,22 +237,22 @@ def solve_active(
     return replace(optimum, x=_in_cone(optimum, active.n_rigid, active.elastic))
 
 
-def _in_cone(optimum: NormalSolution, rigid: int, elastic: PriorScaling) -> Array:
+def _in_cone(optimum: NormalEquationsSolution, rigid: int, elastic: PriorScaling) -> Array:
     """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
     With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
     unknowns follow the compliances e: their rows vanish, and |U_e (e - e_0)|^2 remains. Returns x_0 itself if
     it is in the cone.
     """
-    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.matrices(optimum.x[rigid:])):
+    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.block_matrices(optimum.x[rigid:])):
         return optimum.x
     # Cost of the compliances alone.
-    U = np.triu(optimum.root[0]) * optimum.size
+    U = np.triu(optimum.precision_root[0]) * optimum.precision_scale
     M = U[rigid:, rigid:]
     r = M @ optimum.x[rigid:]
-    e = certified_solution(M, r, elastic.sizes)
+    e = certified_solution(M, r, elastic.block_orders)
     if e is None:
-        e = elastic.project(solve_by_clarabel(M, r, elastic.sizes).x[1:])
+        e = elastic.clip_negative_eigenvalues(solve_by_clarabel(M, r, elastic.block_orders).x[1:])
     # The other unknowns follow.
     step = U[:rigid, rigid:] @ (e - optimum.x[rigid:])
     others: Array = optimum.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
@@ -312,7 +312,7 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
         drawn[place[of], k] = 1
     # Fixed priors: those of the compliances, of frames and of mounts.
     if active.elastic is not None:
-        B = np.column_stack(precision_root(active.elastic, WIDE_PRIOR))
+        B = np.column_stack(prior_rows(active.elastic, WIDE_PRIOR))
         known[active.n_rigid :, active.n_rigid :] = B.T @ B
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     placed = active.columns[:first]  # frames and mounts
@@ -321,12 +321,12 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
     most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(counts)
     problem = EvidenceModel(
         gram=S,
-        counts=counts,
+        equation_counts=counts,
         exact_gram=known,
         log_deviation_rows=drawn,
-        expected=np.zeros(c),
+        expected_over_scale=np.zeros(c),
         log_scale_rows=np.zeros((c, m)),
-        priors=_priors(groups, m),
+        hyperpriors=_priors(groups, m),
         bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
     )
     deviation = start.deviation.copy()
@@ -434,7 +434,7 @@ def _solve_compliances(
 ) -> StepSolution:
     """Solve for compliances by the last rows of T, (c + 1, c + 1), then for all other unknowns."""
     c = len(T) - 1
-    r = c - len(elastic.expected)
+    r = c - len(elastic.expected_x)
     # The lower rows of T are the equations of the compliances alone.
     regression = compliance_rows(T, elastic, equations)
     weighted_prior = (
@@ -443,7 +443,7 @@ def _solve_compliances(
     estimate = solve(regression, constraint, weighted_prior)
     pressure = _cone_pressure(regression, weighted_prior, estimate)
     # Posterior precision: likelihood and prior of the compliances, in units of the prior.
-    L, B = elastic.L, precision_root(weighted_prior.scaling, weighted_prior.uncertainty)[0]
+    L, B = elastic.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     B = B @ np.linalg.solve(weighted_prior.scaling.L, L)
     below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
     if weighted_prior.hyperparameter_effect is not None:
@@ -456,7 +456,7 @@ def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estima
     """Compute how far the cone raises chi squared with penalty above that of least squares with a prior."""
     if estimate.constraint == "none":
         return 0.0
-    M, r = with_prior_rows(regression, weighted_prior.scaling, weighted_prior.uncertainty)
+    M, r = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
     every = (estimate, solve(regression, "none", weighted_prior))
     mine, free = (
         float(np.sum((M @ np.linalg.solve(weighted_prior.scaling.L, e.pi) - r) ** 2)) for e in every
@@ -472,7 +472,7 @@ def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regressi
         elastic: Units of the compliances' prior.
         equations: Number of equations.
     """
-    r = len(T) - 1 - len(elastic.expected)
+    r = len(T) - 1 - len(elastic.expected_x)
     term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
     return regression_of(elastic.structure, (term,))
 

@@ -206,7 +206,7 @@ def snap_direction(g: Array, angle_limit: float) -> Array:
 
 def _by_deflections(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> tuple[Array, float]:
     """Fit the direction of gravity, (3,), by robust least squares, and the share that it explains [1]."""
-    pi = scaling.L @ scaling.expected
+    pi = scaling.L @ scaling.expected_x
     read = [single_readings(vjm, scaling.structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))

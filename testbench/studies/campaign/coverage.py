@@ -21,7 +21,7 @@ from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
     WeightedPrior,
-    aggregate,
+    aggregate_left_out_joints,
     cad_prior,
     scale_by_prior,
 )
@@ -100,7 +100,7 @@ def gravity_cases(cell: Cell) -> list[CoverageCase]:
 
 
 def _case(cell: Cell, name: str, s: Structure, data: Dataset, functionals: Array) -> CoverageCase:
-    truth = s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
+    truth = s.entries(aggregate_left_out_joints(cell.arm.C_theta, cell.vjm, s))
     scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, s)
     return CoverageCase(name, reduce(cell.vjm, s, data), scaling, truth, functionals)
 
@@ -179,8 +179,8 @@ def draw_conservative(
         scale = 1.0
         if np.isfinite(uncertainty.scale):
             scale += uncertainty.scale * rng.standard_normal()
-        x = scale * scaling.expected + uncertainty.relative * rng.standard_normal(len(scaling.expected))
-        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in scaling.matrices(x)):
+        x = scale * scaling.expected_x + uncertainty.relative * rng.standard_normal(len(scaling.expected_x))
+        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in scaling.block_matrices(x)):
             return x
     raise BenchError(
         f"prior: expected a conservative model among {REJECTIONS} draws of uncertainty "

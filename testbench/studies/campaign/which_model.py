@@ -16,7 +16,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.identify.estimate import Estimate, deflections_of_models
-from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
+from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_compliances
 from testbench.identify.method import least_squares
 from testbench.identify.prior import Prior, scale_by_prior
 from testbench.plant.true_arms import TRUTHS
@@ -218,7 +218,7 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
     if link is None:
         return Doubted(heard, None)
     regression = estimate.compliance_regression
-    left = undetermined_parts(regression, scale_by_prior(prior, cell.vjm, regression.structure))
+    left = undetermined_compliances(regression, scale_by_prior(prior, cell.vjm, regression.structure))
     traces = [
         np.trace(prior.C_theta[k : k + 6, k : k + 6]) / np.trace(cell.arm.C_theta[k : k + 6, k : k + 6])
         for k in range(0, 6 * len(cell.arm.links), 6)

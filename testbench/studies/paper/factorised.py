@@ -31,8 +31,8 @@ from scipy.stats import qmc
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify.cone import psd_part
-from testbench.identify.conic import ConicProgram, certify, scale_program, tie_break
+from testbench.identify.cone import nearest_psd
+from testbench.identify.conic import ConicProgram, certify, scaled_gco_program, tie_break_penalty
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import Regression, Term, check_symmetric, reduce
 from testbench.model.structure import Structure
@@ -106,12 +106,12 @@ def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
     if not 1 <= m <= MAX_ORDER:
         raise BenchError(f"m: expected an order of the vector space of 1 to {MAX_ORDER}, got {m}")
     check_symmetric(regression.structure)
-    program = scale_program(regression, tie_break(regression))
-    blocks = program.structure.blocks
+    program = scaled_gco_program(regression, tie_break_penalty(regression))
+    blocks = program.touched_structure.blocks
     rows = np.concatenate(blocks)
     size = np.repeat([len(block) for block in blocks], [len(block) for block in blocks])
     order = np.argsort(rows)
-    scaled = [term.R[:, program.columns] * program.scale for term in regression.terms]
+    scaled = [term.R[:, program.indices] * program.parameter_units for term in regression.terms]
     terms = tuple(replace(term, R=R) for term, R in zip(regression.terms, scaled, strict=True))
     return Factorised(regression, program, m, rows[order], np.arange(m)[:, None] < size[order], terms)
 
@@ -126,7 +126,7 @@ def vectors(problem: Factorised, b: Array) -> Array:
     Returns:
         Vectors, (m, n_theta, ...).
     """
-    V = np.zeros((problem.m, problem.program.structure.n_theta, *b.shape[1:]))
+    V = np.zeros((problem.m, problem.program.touched_structure.n_theta, *b.shape[1:]))
     part = np.zeros((*problem.free.shape, *b.shape[1:]))
     part[problem.free] = b
     V[:, problem.rows] = part
@@ -146,12 +146,12 @@ def parameters(problem: Factorised, b: Array) -> Array:
         Parameters, (n,) [m/N, rad/(N m)].
     """
     x = _gramians(problem, vectors(problem, b))
-    return problem.program.parameters(x, problem.regression.structure.n)
+    return problem.program.to_pi(x, problem.regression.structure.n)
 
 
 def _gramians(problem: Factorised, V: Array) -> Array:
     """Products v_a . v_b of every parameter, Eq. (16), in the program's units, (n, ...)."""
-    s = problem.program.structure
+    s = problem.program.touched_structure
     return np.asarray(np.einsum("mn...,mn...->n...", V[:, s.a], V[:, s.b]))
 
 
@@ -165,7 +165,7 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
     Returns:
         F_M and its gradient, (size,).
     """
-    s, V = problem.program.structure, vectors(problem, b)
+    s, V = problem.program.touched_structure, vectors(problem, b)
     x = (V[:, s.a] * V[:, s.b]).sum(axis=0)
     value, g = 0.0, np.zeros(s.n)
     for term in problem.terms:
@@ -330,7 +330,7 @@ def certified(search: Search) -> Estimate:
         constraint="psd",
     )
     certificate = certify(estimate)
-    if certificate.f_m_excess_bound <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.unit:
+    if certificate.f_m_excess_bound <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.f_m_unit:
         status = "solved"
     else:
         status = "local optimum" if best.finished else f"not solved: {MAX_STEPS} steps were not enough"
@@ -585,12 +585,12 @@ def solve_modelled(
     """
     cp = cvxpy(solver)
     check_symmetric(regression.structure)
-    program = scale_program(regression, tie_break(regression))
-    s = program.structure
+    program = scaled_gco_program(regression, tie_break_penalty(regression))
+    s = program.touched_structure
     blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
     x = entries(s, blocks)
-    cost = program.trace @ x
-    for R, z, rest in zip(program.R, program.z, program.rest, strict=True):
+    cost = program.trace_cost @ x
+    for R, z, rest in zip(program.R, program.z, program.unexplained, strict=True):
         cost += cp.norm(cp.hstack([R @ x - z, rest]))
     problem = cp.Problem(cp.Minimize(cost))
     with warnings.catch_warnings():
@@ -598,8 +598,8 @@ def solve_modelled(
         problem.solve(solver=solver, **settings)
     C = np.zeros((s.n_theta, s.n_theta))
     for i, X in zip(s.blocks, blocks, strict=True):
-        C[np.ix_(i, i)] = psd_part((X.value + X.value.T) / 2)
-    pi = program.parameters(s.entries(C), regression.structure.n)
+        C[np.ix_(i, i)] = nearest_psd((X.value + X.value.T) / 2)
+    pi = program.to_pi(s.entries(C), regression.structure.n)
     method, word = f"GCO (conic program, cvxpy with {solver})", str(problem.status)
     return replace(
         make_estimate(regression, pi, method=method, constraint="psd"),
