@@ -206,7 +206,7 @@ def draw(own, uncertainty, rng):
     covariance u^2 of the prior, u its relative uncertainty [1], and C = P^1/2 X P^1/2 is positive definite.
     """
     freedom, parts = 2 / uncertainty**2, []
-    for n in own.sizes:
+    for n in own.block_orders:
         X = np.reshape(wishart(freedom, np.eye(n) / freedom).rvs(random_state=rng), (n, n))
         column, row = np.tril_indices(n)
         parts.append(X[row, column] * np.where(row == column, 1, np.sqrt(2)))
