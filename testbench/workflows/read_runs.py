@@ -21,18 +21,18 @@ from testbench.files.columns import Columns, ReadColumn
 from testbench.files.mapping import Map
 from testbench.files.names import What
 from testbench.files.read_pairs import Export, read_export
-from testbench.identify.diagnosis.deflections import deflection_scale
-from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
-from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.kinematics import Submission
-from testbench.identify.metric import cad_prior, scale_by_prior
-from testbench.identify.registered import (
+from testbench.identify.base_frame import (
     STATION,
     FrameChoice,
     RegisteredDataset,
     register_dataset,
     station_number,
 )
+from testbench.identify.diagnosis.deflections import deflection_scale
+from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
+from testbench.identify.diagnosis.hypotheses import describe
+from testbench.identify.diagnosis.kinematics import Submission
+from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame, Registration, largest_deviation
 from testbench.identify.regression import BLOCK_RUNS
 from testbench.model.load import own_weight, read_weights

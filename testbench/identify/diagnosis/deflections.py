@@ -32,10 +32,7 @@ from testbench.identify.diagnosis.kinematics import (
     correct_one_by_one,
     score_test,
 )
-from testbench.identify.hierarchy import evidence_model, evidence_posterior, maximise_evidence
-from testbench.identify.metric import PriorScaling
-from testbench.identify.regression import reduce
-from testbench.identify.rows import (
+from testbench.identify.equations import (
     WeightedReadings,
     each_reading,
     jacobian,
@@ -43,6 +40,9 @@ from testbench.identify.rows import (
     single_readings,
     whiten,
 )
+from testbench.identify.hierarchy import evidence_posterior, maximise_evidence, prior_evidence
+from testbench.identify.prior import PriorScaling
+from testbench.identify.regression import reduce
 from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import Structure
@@ -201,7 +201,7 @@ def deflection_scale(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> float:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
     regression = reduce(vjm, scaling.structure, data)
-    pi = scaling.L @ scaling.expected
+    pi = scaling.L @ scaling.expected_x
     rows = [(t.R @ pi, t.z) for t in regression.terms]
     return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
 
@@ -232,27 +232,27 @@ def fit_residual_model(
         BenchError: When no compliance moves as the readings do.
     """
     structure = scaling.structure
-    model = evidence_model(reduce(vjm, structure, data), scaling, shared_width=True)
+    model = prior_evidence(reduce(vjm, structure, data), scaling, shared_link_uncertainty=True)
     hyperparameters = (
-        maximise_evidence(model.problem, model.start) if hyperparameters is None else hyperparameters
+        maximise_evidence(model.evidence, model.medians) if hyperparameters is None else hyperparameters
     )
     read = single_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ model.scaling.L
     # The most probable compliances: least squares over the rows of the readings and of the prior.
-    s, kappa = model.scale(hyperparameters), np.exp(hyperparameters[-1])
-    width = np.exp(model.problem.log_deviation_rows @ hyperparameters)
-    residual = read.y.ravel() - G @ (s * model.scaling.expected)
+    s, kappa = model.entry_scales(hyperparameters), np.exp(hyperparameters[-1])
+    width = np.exp(model.evidence.log_deviation_rows @ hyperparameters)
+    residual = read.y.ravel() - G @ (s * model.scaling.expected_x)
     half = G * width
     expected = np.concatenate([residual, np.zeros(len(width))])
     x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
-    pi = model.scaling.L @ (s * model.scaling.expected + width * x)
+    pi = model.scaling.L @ (s * model.scaling.expected_x + width * x)
     # Covariance by compliances and sound joints, in the singular vectors of H.
     if vjm.arm.joints:
         half = np.hstack([half, backlash_and_stiffening_columns(vjm, data, structure, pi)])
     left, size, _ = np.linalg.svd(half, full_matrices=False)
     U = left * (size / np.hypot(size, kappa) / kappa)
     weighted_residual = residual / kappa**2 - U @ (U.T @ residual)
-    least = evidence_posterior(model.problem, hyperparameters).loss
+    least = evidence_posterior(model.evidence, hyperparameters).neg_log_evidence
     return ResidualModel(vjm, model.scaling, data, read, least, pi, U, weighted_residual, hyperparameters)
 
 

@@ -200,7 +200,7 @@ def _mounting_issue(loads: LoadedRuns, observations: Observations) -> list[Issue
         return []
     if angle_between(gravity.g, DOWN) > MIN_REVERSED_ANGLE and not gravity.confirmed_by_tracker:
         model = loads.scaling
-        pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected)
+        pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected_x)
         if not sags_as_hanging(
             observations, _observations(vjm, data, data.after), model.structure.matrix(pi)
         ):

@@ -28,11 +28,11 @@ from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.evidence import first_fit
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
+from testbench.identify.base_frame import RegisteredDataset
 from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit_kinematics
-from testbench.identify.metric import Prior, PriorScaling, scale_by_prior
-from testbench.identify.registered import RegisteredDataset
+from testbench.identify.equations import single_readings
+from testbench.identify.prior import Prior, PriorScaling, scale_by_prior
 from testbench.identify.registration import Frame
-from testbench.identify.rows import single_readings
 from testbench.model.kinematics import body_pose
 from testbench.model.load import displacement, own_weight, read_weights
 from testbench.model.structure import joints_only

@@ -31,8 +31,8 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
-from testbench.identify.metric import PriorScaling
-from testbench.identify.rows import series_rows
+from testbench.identify.equations import series_rows
+from testbench.identify.prior import PriorScaling
 from testbench.model.kinematics import JointErrors
 from testbench.model.vjm import marker_motion
 

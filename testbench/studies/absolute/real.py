@@ -26,8 +26,8 @@ from testbench.identify.absolute.fit import (
 )
 from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, series_equilibrium
 from testbench.identify.diagnosis.moves import sort_by_time
-from testbench.identify.metric import PriorUncertainty, cad_prior
 from testbench.identify.posterior import ArmModel
+from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.model.vjm import translation_rows
 from testbench.report import colours
 from testbench.report.badge import Badge, badge_against_all
