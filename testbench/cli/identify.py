@@ -127,7 +127,8 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
             files.write_json(plain_data(identified.fits), folder / FITS)
             write_stiffness(cell, identified, identified.runs, flags["dataset"], folder)  # type: ignore[arg-type]
 
-        title = f"{f.arm} under {f.map.force_N:.0f} N and {f.map.moment_Nm:.0f} N m" if f.map else ""
+        moment = f" and {f.map.moment_Nm:.0f} N m" if f.map and f.map.moment_Nm >= 0.5 else ""
+        title = f"{f.arm} under {f.map.force_N:.0f} N{moment}" if f.map else ""
         left_by_run = RunRequest(
             COMMAND, f.arm, flags, [cell.arm.mjcf_path.parent], PICTURE, more=more, map=title, draw=_drawn
         )

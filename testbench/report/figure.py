@@ -230,6 +230,12 @@ def say(figure: Figure, answer: str, reading: str) -> None:
         text.set_in_layout(False)
 
 
+def words_height(figure: Figure) -> float:
+    """Return the height of the title of a figure and of the words below it [in]."""
+    title, words = figure.get_suptitle().count("\n"), figure.get_supxlabel().count("\n") + 1
+    return TITLE_BAND + TITLE_LINE * title + WORDS_LINE * words
+
+
 def _balanced(text: str, letters: int) -> str:
     """Break a text into as few lines as have room, of about the same length."""
     count = len(textwrap.wrap(text, letters))
@@ -622,8 +628,7 @@ def one_column(figure: Figure) -> Figure:
     narrow = copy.deepcopy(figure)
     narrow.set_size_inches(COLUMN, figure.get_figheight())
     say(narrow, " ".join(narrow.get_suptitle().split()), " ".join(narrow.get_supxlabel().split()))
-    title, words = narrow.get_suptitle().count("\n"), narrow.get_supxlabel().count("\n") + 1
-    around = TITLE_BAND + TITLE_LINE * title + WORDS_LINE * words
+    around = words_height(narrow)
     parts = [part for part in _leaves(narrow) if _panes(part)]
     for part in parts:
         _share_names(part)

@@ -11,7 +11,6 @@ Every figure draws rows of report.json and nothing else.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -98,7 +97,7 @@ def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
     most = float(max(1, counts.max()))
     axes.stairs(counts, edges, fill=True, color=look.hex, alpha=0.35)
     axes.stairs(counts, edges, color=look.hex, linewidth=0.8)
-    said = f"n {row.n}, mean {round(row.mean_um) + 0:d} µm"
+    said = f"n {row.n}, mean {round(row.mean_um) + 0:d} µm".replace("-", "−")
     if row.deviation_um:
         x = np.linspace(edges[0], edges[-1], 201)
         curve = NormalDist(row.mean_um, row.deviation_um)
@@ -107,7 +106,7 @@ def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
         axes.plot(x, expected, color="0.2", linewidth=1.0, label="normal")
         most = max(most, *expected)
         said += f"\ndeviation {row.deviation_um:.0f} µm\nLilliefors p {_share(row.lilliefors_p)}:\n"
-        said += "not normal" if row.lilliefors_p < REJECTED else "normality holds"
+        said += "not normal" if row.lilliefors_p < REJECTED else "normality not rejected"
     axes.text(
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
@@ -610,10 +609,7 @@ def fit_figure(words: ReportWords, seen: PageContent, f: Row, known: Mapping[str
     parts = iter(bands(figure, heights))
     if models:
         panes = next(parts).subplots(1, 1 + bool(f.over), squeeze=False)[0]
-        table, column = models
-        if column.key == "f_m_held_out":
-            column = replace(column, heading="held-out error F_M", unit="deviations of the noise")
-        model_forest(panes[0], table, column)
+        model_forest(panes[0], *models)
         for_column(panes[0])
         if f.over:
             ratio_pane(panes[1], f, models[0])

@@ -160,7 +160,7 @@ def _map(f: Row, group: int) -> PlaceMap:
     errors = f.map.errors
     half = {name: errors.errors(name) for name in errors.compared}
     return PlaceMap(
-        f"Half width of the 95 % interval of the tool's deflection under the largest load (mm); {COUNTS}",
+        f"95 % half width of the tool's deflection under the largest load (mm); {COUNTS}",
         group,
         np.array(errors.position_m),
         [_line(f, name, mm) for name, mm in half.items()],

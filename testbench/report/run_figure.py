@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypedDict
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import ListedColormap, LogNorm, Normalize, to_rgba
+from matplotlib.figure import SubFigure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull, KDTree, QhullError
@@ -38,8 +41,9 @@ from testbench.report.figure import (
     row_head,
     say,
     short,
+    words_height,
 )
-from testbench.report.markdown import ReportWords, as_plain, capital, place
+from testbench.report.markdown import ReportWords, as_plain, capital, ended, place
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -49,6 +53,7 @@ from testbench.report.scene import (
     RunChart,
     Scene,
     ellipsoid_layer,
+    label_places,
     scale_of,
     shadow,
     squares,
@@ -129,6 +134,8 @@ BARS, NAMED, ACROSS = 40, 24, 85
 """Poses up to which a chart has dots, labels that an axis has room for, and letters of level ones."""
 WIDTHS = {"cylinders": (3.5, "butt"), "tubes": (2.5, "projecting")}
 """Width of lines [pt] and their ends, where these are no fine lines."""
+SEEN_THROUGH_BOX = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0}
+"""Ground of words that stand on what is drawn."""
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROWS = 0.65, 15  #: Height of a table of models without its rows [in]; rows at most.
 
@@ -160,8 +167,8 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         for axes, (pose, name, plane) in zip(sides, views, strict=False):
             _poses(axes, seen.scene, pose_group, pose, plane)
             axes.set_title(short(f"{pose_group.names[pose]}, {name}", POSE))
-        for axes, inset in zip(sides[len(views) :], insets, strict=True):
-            _inset(axes, seen.scene, inset, pose_group.first)
+        if insets:
+            _insets(sides[len(views) :], seen.scene, pose_group.first)
         if (scale := seen.scene.tube_scale) is not None:
             norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends)
             bar = part.colorbar(ScalarMappable(norm, SIZES), ax=[*sides], fraction=0.03, pad=0.02)
@@ -194,17 +201,24 @@ def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
     return [(pose_group.first, f"typical, {name}", plane), (pose_group.worst, f"worst, {name}", plane)]
 
 
-def _inset(axes: Axes, scene: Scene, inset: PoseGroup, k: int) -> None:
-    """Draw what is seen from near, along the axis in which it is narrowest; its labels stand in the title."""
-    points = np.concatenate([layer.at.reshape(-1, 3) for layer in inset.layers])
-    narrow = int((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).argmin())
-    plane = [(1, 2), (0, 2), (0, 1)][narrow]
-    _poses(axes, scene, inset, k, plane)
-    # A narrow pane has no room beside the path: a label there would cover the numbers of the axes.
-    labels = [
-        words for layer in inset.layers if layer.kind == "dots" and layer.shown for words in layer.labels
-    ]
-    axes.set_title("\n".join([inset.name, *labels]))
+def _insets(panes: Sequence[Axes], scene: Scene, k: int) -> None:
+    """Draw what is seen from near, along the axis in which it is narrowest, all in the same frame.
+
+    Labels stand in the titles.
+    """
+    layers = [layer for inset in scene.insets for layer in inset.layers]
+    both_ends = [end for layer in layers for end in (layer.at, layer.to) if end is not None]
+    points = np.concatenate([end.reshape(-1, 3) for end in both_ends])
+    ends = np.array([np.nanmin(points, axis=0), np.nanmax(points, axis=0)])
+    plane = [(1, 2), (0, 2), (0, 1)][int((ends[1] - ends[0]).argmin())]
+    for axes, inset in zip(panes, scene.insets, strict=True):
+        axes.plot(*ends[:, plane].T, linestyle="")
+        _poses(axes, scene, inset, k, plane)
+        # A narrow pane has no room beside the path: a label there would cover the numbers of the axes.
+        labels = [
+            words for layer in inset.layers if layer.kind == "dots" and layer.shown for words in layer.labels
+        ]
+        axes.set_title("\n".join([inset.name, *labels]))
 
 
 def _poses(axes: Axes, scene: Scene, pose_group: PoseGroup, k: int, plane: tuple[int, int]) -> None:
@@ -246,7 +260,7 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=wide, capstyle=cap))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
-    _write_size(axes, layer, to, shown)
+    _write_sizes(axes, layer, k, shown)
     if layer.kind == "weights":
         side = 2 * layer.radius  # a cylinder as high as wide: a square, its top where the cord ends
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
@@ -276,21 +290,24 @@ def _fill(axes: Axes, outlines: Sequence[Array], colour: str) -> None:
     axes.add_collection(areas, autolim=True)
 
 
-def _write_size(axes: Axes, layer: Layer, to: Array, shown: list[int]) -> None:
-    """Write masses below weights seen from the side, and sizes of forces beside the ends of their arrows."""
+def _write_sizes(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
+    """Write masses below weights seen from the side, and sizes of forces at the ends of their arrows."""
     if layer.colour != LOAD or (layer.kind == "weights" and shown[1] != 2):
         return
-    ends = to - [0, 0, 2 * layer.radius] if layer.kind == "weights" else to
-    for end, words in zip(ends[:, shown], layer.labels, strict=False):
+    places, starts = label_places(layer), layer.at
+    row = k if len(places) > 1 else 0
+    for end, start, words in zip(places[row][:, shown], starts[row][:, shown], layer.labels, strict=False):
         if np.isfinite(end).all():
+            up = layer.kind == "arrows" and end[1] >= start[1]
             axes.annotate(
                 words,
                 end,
-                xytext=(0, -2),
+                xytext=(0, 3 if up else -2),
                 textcoords="offset points",
                 ha="center",
-                va="top",
+                va="bottom" if up else "top",
                 fontsize=MIN_LETTER_SIZE,
+                bbox=SEEN_THROUGH_BOX if layer.kind == "arrows" else None,
             )
 
 
@@ -426,11 +443,13 @@ distance of neighbours [1]."""
 ROOM = 0.03  #: Room around what is drawn, over its size [1].
 SEEN_THROUGH = 0.85  #: Opacity of the arm on a map [1].
 PERCENTILES = 0.02, 0.98  #: Of all errors, where colours end.
-HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
-"""Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
+PANES, BETWEEN, PANE, SINGLE_MAP, TALLEST_MAP, MAPS = 5.85, 0.14, 2.4, 2.6, 3.0, 4
+"""Width that all maps share, what is left of it between two, width of one at most, of the two views of a
+single one, and their height at most [in]; how many maps at most."""
+MAP_LINE, MAP_AXES, MAP_GAP = 0.13, 0.42, 0.13
+"""Heights of a line above a map or of its key, of the numbers below, and of what is between two rows [in]."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
-KEYED, TITLED = 0.5, 0.3  #: Heights of what says which colour errs less, and of titles of more lines [in].
 PANE_TITLE = 76  #: Letters of a line of the title of a pane, beside names of rows in words.
 MAP_LETTERS = 26  #: Letters of a line of the title of a map.
 
@@ -457,11 +476,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Silhouette | None = None) ->
     at, lines = place_map.at[there], place_map.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
     reached, ends = _ends(at, 0.0), _ends(np.vstack([at, *_corners(arm or {})]), ROOM)
-    count = len(lines) + bool(both)
-    sides, wide = ends[1] - ends[0], min(PANE, PANES / count)
-    rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
-    figure = page(HEIGHT + TITLED + KEYED * bool(both) + sum(rows))
-    panes = figure.subplots(2, count, sharex="col", sharey="row", height_ratios=rows, squeeze=False)
+    figure, part, panes, height = _map_panes(len(lines) + bool(both), ends[1] - ends[0])
     norm, extend = _norm(*values.values())
     middle_of = np.median(at, axis=0)
     for plane, row in zip(SIDES.values(), panes, strict=True):
@@ -481,12 +496,11 @@ def error_map(place_map: PlaceMap, title: str, arm: Silhouette | None = None) ->
         axes.set_title(f"{textwrap.fill(row_words(name), MAP_LETTERS)}:\n{size}")
     for_column(*panes[:, len(lines) - 1])
     if both:
-        _key_of_difference([*panes[:, -1]], *both, there)
-    for axes in panes[-1]:
-        axes.set_xlabel("x [m]")
+        _key_of_difference(part, panes[0, -1], *both, there)
     what, *_ = re.split(" (?:of|over|in) ", place_map.title)
     unit = "mm, logarithmic" if isinstance(norm, LogNorm) else "mm"
-    bar = figure.colorbar(
+    count = panes.shape[1]
+    bar = part.colorbar(
         ScalarMappable(norm, SIZES),
         ax=panes[:, -1],  # each of these measures the bar again
         label=f"{what.lower()} [{unit}]",
@@ -495,18 +509,61 @@ def error_map(place_map: PlaceMap, title: str, arm: Silhouette | None = None) ->
         extend=extend,
     )
     _plain_numbers(bar)
+    say(figure, *_map_words(place_map, title, values, at))
+    lines = max(axes.get_title().count("\n") + 1 for axes in panes[0]) + 3 * bool(both)
+    figure.set_figheight(words_height(figure) + MAP_LINE * lines + MAP_AXES + height)
+    return figure
+
+
+def _map_panes(count: int, sides: Array) -> tuple[Figure, SubFigure, npt.NDArray[np.object_], float]:
+    """Make the panes of maps, a row of them for each view; those of one map stand side by side.
+
+    Args:
+        count: How many stand side by side.
+        sides: Lengths of what is drawn along the world's axes, (3,) [m].
+
+    Returns:
+        The figure; the part of it that holds its panes; these, (views, count); the height of all rows [in].
+    """
+    figure = page(1.0)  # its height follows from its words
+    [part] = bands(figure, [1.0])
+    if count == 1:
+        wide = min(SINGLE_MAP, TALLEST_MAP * float(sides[0] / max(sides)))
+        panes = part.subplots(1, len(SIDES), squeeze=False).T
+    else:
+        wide = min(PANE, (PANES - BETWEEN * (count - 1)) / count)
+    rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
+    if count > 1:
+        panes = part.subplots(len(rows), count, sharex="col", sharey="row", height_ratios=rows, squeeze=False)
+    for axes in panes[-1] if count > 1 else panes.flat:
+        axes.set_xlabel("x [m]")
+    return figure, part, panes, sum(rows) + MAP_GAP if count > 1 else max(rows)
+
+
+def _map_words(place_map: PlaceMap, title: str, values: Mapping[str, Array], at: Array) -> tuple[str, str]:
+    """Say how large the error of the last model is at most, and what a map is.
+
+    Args:
+        place_map: The map.
+        title: What is mapped.
+        values: Errors of the models that are drawn, the last one ours, (n,) each [mm].
+        at: Their places, (n, 3) [m].
+
+    Returns:
+        Title and words below the figure.
+    """
+    what, *_ = re.split(" (?:of|over|in) ", place_map.title)
     worst = {name: int(np.nanargmax(mm)) for name, mm in values.items() if np.isfinite(mm).any()}
     largest = {name: f"{values[name][k]:.3f} mm at {place(at[k])}" for name, k in worst.items()}
     circles = "; ".join(f"{in_words(name)} {where}" for name, where in largest.items())
     rings = f" Grey rings: {place_map.without}." if place_map.without else ""
     reading = (
-        f"{title}. {place_map.title}; interpolated between places, dots: those near the slice. "
-        f"Circles: the worst places, {circles}.{rings}"
+        f"{title}. {ended(place_map.title)} Colours are interpolated between places; dots: places near the "
+        f"slice. Circles: the worst places, on the slice or off it: {circles}.{rings}"
     )
-    ours = lines[-1].name
+    *_, ours = values
     said = f"at most {largest[ours]}" if ours in largest else place_map.without
-    say(figure, f"{capital(in_words(ours))}: {what.lower()} {said}", reading)
-    return figure
+    return f"{capital(in_words(ours))}: {what.lower()} {said}", reading
 
 
 class ImageFrame(TypedDict):
@@ -607,7 +664,7 @@ def _slice(axes: Axes, cut: Slice, mm: Array, norm: Normalize) -> None:
         ha="left" if inward[0] > 0 else "right",
         va="bottom" if inward[1] > 0 else "top",
         fontsize=MIN_LETTER_SIZE,
-        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0},
+        bbox=SEEN_THROUGH_BOX,
     )
 
 
@@ -645,15 +702,22 @@ def _difference(axes: Axes, cut: Slice, both: tuple[ModelLine, ModelLine], there
     )
 
 
-def _key_of_difference(column: Sequence[Axes], ours: ModelLine, theirs: ModelLine, there: Mask) -> None:
+def _key_of_difference(part: SubFigure, pane: Axes, ours: ModelLine, theirs: ModelLine, there: Mask) -> None:
     """Say what the colours of a difference mean, and in how many places the winner errs less."""
     mm = (ours.values - theirs.values)[there]
     known = mm[np.isfinite(mm)]
-    column[0].set_title(f"Which errs less:\nthe chosen one in\n{(known <= 0).sum()} of {len(known)} places")
-    for model_line in (ours, theirs):
-        words = textwrap.fill(model_line.words, MAP_LETTERS)
-        column[-1].plot([], [], "s", color=model_line.look.hex, label=words)
-    column[-1].legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", bbox_to_anchor=(0.5, -0.2))
+    pane.set_title(f"Which errs less:\nthe chosen one in\n{(known <= 0).sum()} of {len(known)} places")
+    signs = [Line2D([], [], linestyle="", marker="s", color=own.look.hex) for own in (ours, theirs)]
+    part.legend(
+        signs,
+        [ours.words, theirs.words],
+        title="Which errs less",
+        title_fontsize=MIN_LETTER_SIZE,
+        frameon=False,
+        fontsize=MIN_LETTER_SIZE,
+        loc="outside lower right",
+        ncols=2,
+    )
 
 
 def _ends(at: Array, room: float) -> Array:

@@ -401,43 +401,54 @@ def loads(hook: Array, force: Array, reach: float) -> list[Layer]:
         reach: Of the arm [m].
 
     Returns:
-        A layer for each mass, or one for all if there are many; and one of the other forces.
+        A layer for each mass, or one for all if there are many; and one of all other forces.
     """
     size = np.linalg.norm(force, axis=1)
     hung = (np.linalg.norm(force[:, :2], axis=1) <= UPRIGHT * size) & (force[:, 2] < 0)
     layers = []
     mass = np.array([float(f"{kg:.4g}") for kg in size / GRAVITY])
-    for name, label, some in _kinds(mass, hung, "kg", "load"):
+    name, kinds = _kinds(mass, hung, "kg", "load")
+    for label, some in kinds:
         radius = float(np.cbrt(mass[some].max() / (2 * np.pi * STEEL)))
         at = _of(hook, some)
-        layers.append(
-            Layer(name, LOAD, "weights", at, at - [0, 0, CORD * reach], labels=label, radius=radius)
-        )
+        own = f"load, {label}" if len(kinds) > 1 else name
+        to, labels = at - [0, 0, CORD * reach], [label] if label else ()
+        layers.append(Layer(own, LOAD, "weights", at, to, labels=labels, radius=radius))
     longest = ARROW * reach / max(float(size.max(initial=0.0)), 1e-30)
     newton = np.array([float(f"{own:.3g}") for own in size])
-    for name, label, some in _kinds(newton, ~hung & (size > 0), "N", "force"):
-        at = _of(hook, some)
+    name, kinds = _kinds(newton, ~hung & (size > 0), "N", "force")
+    if kinds:
+        at = np.concatenate([_of(hook, some) for _, some in kinds], axis=1)
         way = longest * force[:, None]
         outward = ((force * hook).sum(axis=1) > 0)[:, None, None]  # an arrow into the arm would be hidden
         tail, tip = np.where(outward, at, at - way), np.where(outward, at + way, at)
-        layers.append(Layer(name, LOAD, "arrows", tail, tip, labels=label))
+        layers.append(Layer(name, LOAD, "arrows", tail, tip, labels=[label for label, _ in kinds if label]))
     return layers
 
 
-def _kinds(size: Array, some: Array, unit: str, noun: str) -> list[tuple[str, Sequence[str], Array]]:
-    """Names, labels and poses (poses,) of what acts there: one for each size, or for all of many."""
-    sizes = np.unique(size[some].round(6))
+def _kinds(size: Array, some: Array, unit: str, noun: str) -> tuple[str, list[tuple[str, Array]]]:
+    """Name all that acts, and label each size with the poses (poses,) where it does; of many sizes none."""
+    sizes = np.unique(size[some].round(6)).tolist()
+    name = f"{noun}, {sizes[0]:,.5g} to {sizes[-1]:,.5g} {unit}" if len(sizes) > 1 else noun
     if len(sizes) > KINDS:
-        return [(f"{noun}, {sizes[0]:,.5g} to {sizes[-1]:,.5g} {unit}", (), some)]
-    several = len(sizes) > 1
-    return [
-        (
-            f"{noun}, {own:,.5g} {unit}" if several else noun,
-            [f"{own:,.5g} {unit}"],
-            some & (size.round(6) == own),
-        )
-        for own in sizes.tolist()
-    ]
+        return name, [("", some)]
+    return name, [(f"{own:,.5g} {unit}", some & (size.round(6) == own)) for own in sizes]
+
+
+def label_places(layer: Layer) -> Array:
+    """Compute where the labels of a layer stand, (poses, k, 3) [m].
+
+    Those of weights stand below them, those of arrows at the end that is farther from the base, where the arm
+    is not, those of faces at the tips of their normals, and all others where marks begin.
+    """
+    if layer.to is None:
+        return layer.at
+    if layer.kind == "weights":
+        return layer.to - np.array([0, 0, 2 * layer.radius])
+    if layer.kind == "arrows":
+        nearer = np.linalg.norm(layer.to, axis=2) < np.linalg.norm(layer.at, axis=2)
+        return np.where(nearer[..., None], layer.at, layer.to)
+    return layer.to if layer.kind == "faces" else layer.at
 
 
 def _of(points: Array, some: Array) -> Array:

@@ -16,7 +16,7 @@ from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page import seen_plain
-from testbench.report.recording.run import _beyond, _from_zero, _legend_room, _seen, write_run
+from testbench.report.recording.run import LINE, _beyond, _from_zero, _legend_room, _seen, write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
 from testbench.report.scene import (
@@ -26,6 +26,7 @@ from testbench.report.scene import (
     ellipsoid_layer,
     faces,
     gauges,
+    label_places,
     legs,
     loads,
     read_along,
@@ -346,6 +347,21 @@ def test_models_are_bars_from_zero_each_with_its_name_and_number(seen, tmp_path)
     assert reached[1] / reached[0] == pytest.approx(4.0)
 
 
+def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_of_its_own(seen, tmp_path):
+    rows = [
+        Row(name=own.name, structure="MGCO56", constraint="psd", prior=False, error=x, conservative=x < 0.2)
+        for own, x in zip(seen.runs[0].lines, (0.4, 0.1), strict=True)
+    ]
+    keys = (TableColumn("name", "model"), TableColumn("error", "error", "mm"))
+    yes = TableColumn("conservative", "conservative", form="yes")
+    table = Table((*keys, yes), rows, "Models", "one", "error")
+    chunks = sound(written(tmp_path / "a.rrd", replace(seen, tables=[table])), "It is 3.000 mm off.")
+    texts = columns(chunks, "/models/texts")
+    assert texts["Points2D:labels"] == [["0.100", "0.400, not conservative"]]
+    heights = np.array(texts["Points2D:positions"][0])[:, 1]
+    assert np.diff(np.sort(heights)).min() >= LINE  # a label is one line high
+
+
 def test_tables_of_a_recording_say_first_what_the_names_of_models_mean(seen, tmp_path):
     rows = [
         Row(name=name, structure=name, constraint="psd", prior=False, error=x)
@@ -560,6 +576,19 @@ def test_masses_and_forces_that_differ_are_told_apart():
     [many] = loads(hook, np.outer(np.arange(1, 7), down), 1.0)
     assert (many.name, many.labels) == ("load, 1 to 6 kg", ())
     assert loads(hook, np.zeros((6, 3)), 1.0) == []
+    way = np.array([1.0, 0, 0])
+    [pushes] = loads(hook, np.outer([1010, 1010, 1020, 1020, 0, 0], way), 1.0)  # one entry of a key
+    assert (pushes.name, pushes.labels) == ("force, 1,010 to 1,020 N", ["1,010 N", "1,020 N"])
+    there = np.isfinite(pushes.at[:, :, 0])
+    assert there.tolist() == [[True, False]] * 2 + [[False, True]] * 2 + [[False, False]] * 2
+
+
+def test_the_size_of_a_force_is_written_at_the_end_of_its_arrow_that_the_arm_does_not_hide():
+    hook = np.array([[2.0, 0, 1]] * 3)
+    force = np.array([[300.0, 0, 0], [-300.0, 0, 0], [0, 0, 300.0]])
+    [push] = loads(hook, force, reach=3.0)
+    at = label_places(push)[:, 0]
+    assert at == pytest.approx(hook + 0.2 * 3 * np.array([[1, 0, 0], [1, 0, 0], [0, 0, 1.0]]))
 
 
 def test_a_tracker_stands_on_the_floor_where_that_is_near():

@@ -111,6 +111,33 @@ def test_the_slices_of_a_model_stand_above_each_other_on_one_scale_of_metres_wit
                 assert (corners < high).all()
 
 
+def test_the_two_views_of_a_single_map_stand_side_by_side_and_fill_the_width():
+    figure = error_map(mapped(MGCO56=MAPS["MGCO56"]), "arm under 9 kg", ARM)
+    figure.draw_without_rendering()
+    check_legible(figure)
+    side, above, bar = figure.axes
+    assert (side.get_ylabel(), above.get_ylabel()) == tuple(
+        f"at {'xyz'[across]} = {level:.1f} m\n{'xyz'[3 - across]} [m]" for across, level in LEVELS.items()
+    )
+    left, right = side.get_window_extent(), above.get_window_extent()
+    assert left.x1 < right.x0
+    assert left.width == pytest.approx(right.width, abs=1)  # one scale of metres
+    assert (bar.bbox.x1 - left.x0) / figure.bbox.width > 0.75
+    assert (left.width + right.width) / figure.bbox.width > 0.5
+
+
+@pytest.mark.parametrize("models", [["MLS56", "MGCO56"], ["MLS56", "Joints", "MGCO56"]])
+def test_the_height_of_a_figure_of_maps_follows_from_what_is_in_it(models):
+    rng = np.random.default_rng(6)
+    values = {name: rng.uniform(1, 2, 60) for name in models}
+    figure = error_map(mapped(**values), "arm under 9 kg", ARM)
+    figure.draw_without_rendering()
+    across = (len(figure.axes) - 1) // 2
+    for upper, lower in zip(figure.axes[:across], figure.axes[across : 2 * across], strict=True):
+        gap = upper.get_window_extent().y0 - lower.get_window_extent().y1
+        assert 0 < gap / figure.dpi < 0.35
+
+
 def test_the_last_pane_is_in_the_colour_of_the_one_that_errs_less():
     rng = np.random.default_rng(4)
     values = {
@@ -132,8 +159,8 @@ def test_the_last_pane_is_in_the_colour_of_the_one_that_errs_less():
         assert np.nanmean(array[:, x > 1]) < 0.1 < 0.9 < np.nanmean(array[:, x < -1])
     title = figure.axes[3].get_title().replace("\n", " ")
     assert title == f"Which errs less: the chosen one in {less.sum()} of 60 places"
-    key = figure.axes[7].get_legend()
-    said = [text.get_text().replace("\n", " ") for text in key.get_texts()]
+    [key] = figure.subfigs[0].legends
+    said = [text.get_text() for text in key.get_texts()]
     assert said == ["GCO of beam links", "joints-only model"]
     assert [to_hex(own.get_color()).upper() for own in key.legend_handles] == [ours.look.hex, joints.look.hex]
 

@@ -174,6 +174,8 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
         replace(first, name=tube.name, layers=[tube, spot], near=path[0], bent=None, ordered=True)
         for tube in tubes
     ]
+    far = replace(spot, name="far", colour=SCALE[0], at=path[:, :1] - [0, 0.3, 0], labels=())
+    insets[1] = replace(insets[1], layers=[*insets[1].layers, far])
     whole = replace(first, layers=tubes, ordered=True)
     found = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[whole, *insets])))
     arm, *panes, bar = found.axes[:4]
@@ -191,6 +193,10 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
         assert known
         assert all(shade == ends[mm] for mm, shade in known)
         assert (shades[-1] == SOFT) == np.isnan(tube.values[-1])
+    found.draw_without_rendering()
+    before, after = panes
+    assert before.get_ylim() == pytest.approx(after.get_ylim())  # both paths in one scale
+    assert before.get_xlim() == pytest.approx(after.get_xlim())
     keys = [
         text.get_text() for own in found.axes if own.get_legend() for text in own.get_legend().get_texts()
     ]

@@ -232,7 +232,7 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
       ellipsoid(pen, project, layer, k, ratio);
       continue;
     }
-    const end = to ? 3 : 0;
+    const end = to && (layer.kind !== "arrows" || far(to, k) > far(from, k)) ? 3 : 0; // where the arm is not
     if (layer.labels.length && layer.kind === "weights") below(pen, project, to.slice(k, k + 3), layer, k / 3, ratio, taken);
     else if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio, taken);
     pen.strokeStyle = pen.fillStyle = layer.colours ? layer.colours[k / 3] : layer.colour;
@@ -252,6 +252,11 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     if (layer.kind === "weights") weight(pen, project, to.slice(k, k + 3).map((part) => part / 1e4), layer.radius);
   }
   if (layer.legs) tripods(pen, project, layer.legs, ratio);
+}
+
+/** The distance of the k-th number's place from the base. */
+function far(numbers, k) {
+  return Math.hypot(...numbers.slice(k, k + 3));
 }
 
 /** A plane face: a square that is seen through, by its four corners. */

@@ -68,7 +68,7 @@ from testbench.workflows.model_names import in_words
 
 # --- Panes of a figure as views of a recording: lines, dots, names and axes that stay sharp at any size -----
 
-LETTER, LINE, GAP = 6.2, 15.0, 10.0
+LETTER, LINE, GAP = 6.2, 18.0, 8.0
 """Width of a letter, height of a line of text, and room around what is written, in a viewer 1600 pixels wide
 [pixel]: its texts keep their size, whatever the view shows."""
 LEAST_WIDE, LEAST_HIGH = 120.0, 90.0  #: Of the part inside of the axes [pixel].
@@ -482,7 +482,7 @@ def _models(pen: Pen, tables: Sequence[Table], *, alone: bool) -> list[tuple[rrb
     known = [own for own in table.columns if own.key == "conservative"]
     for y, (size, row) in enumerate(zip(sizes, table.rows, strict=True)):
         free = any(own.value(row) is False for own in known)
-        words = f"{column.text(size)}\nnot conservative" if free else column.text(size)
+        words = f"{column.text(size)}, not conservative" if free else column.text(size)
         axes.text(1.01, y, words, transform=axes.get_yaxis_transform())
     some = f", {len(sizes)} of {count}" if len(sizes) < count else ""
     axes.set_title(f"{table.title or 'Models'}{some}")

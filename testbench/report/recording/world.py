@@ -1,7 +1,6 @@
 """The space of a recording: the arm, what is drawn in its poses, maps of errors, and the eye."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from testbench.report.scene import (
     Layer,
     PlaceMap,
     frames_along,
+    label_places,
     legs,
     scale_of,
     shades,
@@ -156,7 +156,6 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
         rows.still(f"{path}_body", solid)
         down = np.array([0, 0, layer.radius])
         rows.rows(f"{path}_body", rr.Cylinders3D.columns(centers=to - down).partition(counts))
-        layer = replace(layer, at=ends - 2 * down)  # the mass is written below it
     _write_names(rows, f"{path}_names", layer)
 
 
@@ -194,7 +193,7 @@ def _write_faces(rows: Pen, path: str, layer: Layer, radius: float) -> None:
     rows.still(f"{path}_edges", rr.LineStrips3D(edges, colors=layer.colour, radii=radius))
     normals = rr.Arrows3D(origins=layer.at[0], vectors=way, colors=layer.colour, radii=radius)
     rows.still(f"{path}_normals", normals)
-    _write_names(rows, f"{path}_names", replace(layer, at=layer.to))
+    _write_names(rows, f"{path}_names", layer)
 
 
 def _write_ellipsoids(rows: Pen, path: str, at: Array, semi_axes: Array, colour: Colour) -> None:
@@ -223,18 +222,19 @@ def _write_tubes(rows: Pen, path: str, layer: Layer, radius: float, scale: Error
 
 
 def _write_names(rows: Pen, path: str, layer: Layer) -> None:
-    """What stands beside dots or where arrows and lines begin, in every pose."""
-    named = [k for k, text in enumerate(layer.labels) if text and np.isfinite(layer.at[:, k]).any()]
+    """Write the labels of a layer in every pose, see `label_places`."""
+    places = label_places(layer)
+    named = [k for k, text in enumerate(layer.labels) if text and np.isfinite(places[:, k]).any()]
     if not named:
         return
-    texts, poses = [layer.labels[k] for k in named], len(layer.at)
+    texts, poses = [layer.labels[k] for k in named], len(places)
     if poses == 1:
-        rows.names(path, layer.at[0, named], texts, layer.colour)
+        rows.names(path, places[0, named], texts, layer.colour)
         return
     rows.still(path, rr.Points3D.from_fields(colors=layer.colour, radii=0.0, show_labels=True))
-    known = np.asarray(np.isfinite(layer.at[:, named]).all(axis=2))
+    known = np.asarray(np.isfinite(places[:, named]).all(axis=2))
     there = [text for row in known for text, here in zip(texts, row, strict=True) if here]
-    names = rr.Points3D.columns(positions=layer.at[:, named][known], labels=there)
+    names = rr.Points3D.columns(positions=places[:, named][known], labels=there)
     rows.rows(path, names.partition(known.sum(axis=1)))
 
 
