@@ -444,7 +444,7 @@ def label_places(layer: Layer) -> Array:
     if layer.to is None:
         return layer.at
     if layer.kind == "weights":
-        return layer.to - np.array([0, 0, 2 * layer.radius])
+        return np.asarray(layer.to - np.array([0, 0, 2 * layer.radius]))
     if layer.kind == "arrows":
         nearer = np.linalg.norm(layer.to, axis=2) < np.linalg.norm(layer.at, axis=2)
         return np.where(nearer[..., None], layer.at, layer.to)
