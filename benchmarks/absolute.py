@@ -33,7 +33,7 @@ def measured(poses: int) -> dict[str, float]:
     base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     start = time.perf_counter()
     found = calibrate(
-        cell.vjm, series, cad_prior(cell.arm), CalibrationOptions(orders=ORDERS, only=EVERYTHING)
+        cell.vjm, series, cad_prior(cell.arm), CalibrationOptions(max_order=ORDERS, used_errors=EVERYTHING)
     )
     seconds = time.perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -45,7 +45,10 @@ tasks:
     measurements: {{markers: [{{measurable_dof: [true, true, true, false, false, false]}}]}}
     data: {{source_file: {file}, number_of_samples: {poses}}}
 """
-OURS = {"testbench, all geometry": CalibrationOptions(only=frozenset()), "testbench": CalibrationOptions()}
+OURS = {
+    "testbench, all geometry": CalibrationOptions(used_errors=frozenset()),
+    "testbench": CalibrationOptions(),
+}
 app = typer.Typer(add_completion=False)
 
 

@@ -46,7 +46,7 @@ ARM, POSES, MASS = "kr500_l480", 60, 460.0
 FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
 BOX = tuple(f"{face}:box" for face in (*FACES, "plane:P1:y:1.5,-1.2,1.4"))
 CHECKED, PLACED = 180, 30  #: Poses that are never fitted, and those of them that give frame and target.
-OPTIONS = CalibrationOptions(without=frozenset(SELECTABLE_ERRORS) - {"joint springs", "links"})
+OPTIONS = CalibrationOptions(excluded_errors=frozenset(SELECTABLE_ERRORS) - {"joint springs", "links"})
 CAMPAIGN = AbsoluteCampaign(
     poses=POSES,
     masses=(0.0, MASS),

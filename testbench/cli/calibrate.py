@@ -174,9 +174,9 @@ def report(
     Returns:
         The report.
     """
-    f, chosen = counted.numbers(found, left, more), found.calibration.chosen
+    f, chosen = counted.numbers(found, left, more), found.calibration.selection
     length = np.sqrt(numbers_per_target(found.series))
-    plain_mm, own_mm = (MM * length * x for x in chosen.held_out)
+    plain_mm, own_mm = (MM * length * x for x in chosen.held_out_rms)
     rival = (f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM, plain_mm)
     alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
     answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."

@@ -30,7 +30,12 @@ import numpy as np
 
 from testbench.data.dataset import Rows, join_rows, row_arrays, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
-from testbench.identify.absolute.state import ArmState, joint_equilibrium, loads_at, unsprung_theta
+from testbench.identify.absolute.state import (
+    ArmState,
+    generalised_loads_at,
+    joint_equilibrium,
+    theta_without_springs,
+)
 from testbench.model.load import Load
 from testbench.model.vjm import (
     Chain,
@@ -325,8 +330,8 @@ def _errors(points: InverseStatics, q: Array, theta: Array) -> _Errors:
     """Evaluate the deflected arm once."""
     state = points.state
     where = chain(state.vjm, q, theta)
-    u = loads_at(state, where, points.loads)
-    springs = unsprung_theta(state, q, points.loads) + (state.C_theta @ u).T - theta
+    u = generalised_loads_at(state, where, points.loads)
+    springs = theta_without_springs(state, q, points.loads) + (state.C_theta @ u).T - theta
     position = where.position + where.rotation @ np.array(points.aim.point)
     turned = _rotation_error(points, where.rotation)
     return _Errors(where, points.target.position - position, turned, springs)
@@ -381,7 +386,7 @@ def _in_batches(points: InverseStatics, max_steps: int, *, renewed: bool = False
 def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Corrected:
     """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
-    q, theta = points.start.copy(), unsprung_theta(points.state, points.start, points.loads)
+    q, theta = points.start.copy(), theta_without_springs(points.state, points.start, points.loads)
     corrected = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
     moving, now, moves = np.arange(runs), points, points.state.vjm.arm.dependence_matrix
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))

@@ -327,7 +327,7 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
     for key, name in (("geometry", "geometry"), ("errors", "joint errors")):
         inside = np.arange(unknowns.size)[unknowns.columns(key)]
         yield name, np.flatnonzero(np.isin(model.columns, inside))
-    first, links = unknowns.starts["elastic"], [link.name for link in model.arm.links]
+    first, links = unknowns.first_columns["elastic"], [link.name for link in model.arm.links]
     joints = [joint.name for joint in model.arm.joints]
     laws = model.vjm.laws
     of_laws = [] if laws is None else [joints[k] for k in laws.joints]  # they count as their joint's

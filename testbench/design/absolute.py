@@ -68,8 +68,8 @@ def expected_root(
     Returns:
         L with unknowns = L x, block diagonal, (size, size).
     """
-    d = np.full(unknowns.starts["elastic"], FRAME_DEVIATION)
-    for name, sizes in unknowns.fixed.items():
+    d = np.full(unknowns.first_columns["elastic"], FRAME_DEVIATION)
+    for name, sizes in unknowns.frame_deviations.items():
         d[unknowns.columns(f"frame {name}")] = sizes
     d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
     B, _ = prior_rows(scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
@@ -180,7 +180,7 @@ def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
     Returns:
         The rest of the rows, the same shape [m].
     """
-    first = setup.unknowns.starts["geometry"]
+    first = setup.unknowns.first_columns["geometry"]
     A = rows.reshape(-1, rows.shape[2])
     Q = np.linalg.svd(A[:, :first], full_matrices=False)[0]
     arm = A[:, first:] - Q @ (Q.T @ A[:, first:])

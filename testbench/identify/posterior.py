@@ -541,7 +541,7 @@ def model_of_compliances(
         posterior: Their posterior.
         origin: Origin of the model.
     """
-    first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
+    first = Unknowns(state.vjm, (), {}, state.errors, structure).first_columns["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n), posterior, origin)
 
 

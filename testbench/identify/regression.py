@@ -24,13 +24,13 @@ from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, check_type
 from testbench.identify.absolute.align import (
-    POSITIONS,
+    POSITION_KINDS,
     Noise,
     combine_rows,
-    inverse_noise_roots,
-    kinds_of,
+    equation_kinds_of,
     repeated_rows,
     robust_whitening,
+    whitening_matrices,
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
 from testbench.identify.equations import (
@@ -589,7 +589,7 @@ class ReducedReadings:
     @property
     def positions(self) -> Mask:
         """Return which kinds are positions, (kinds,)."""
-        return np.isin(self.kinds, POSITIONS)
+        return np.isin(self.kinds, POSITION_KINDS)
 
     @property
     def counts(self) -> Array:
@@ -619,7 +619,7 @@ def reduce_series(
             None for one block per series.
     """
     blocks = [np.zeros(readings.rows, dtype=int) for readings in series] if blocks is None else blocks
-    kinds, parts, whole = kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
+    kinds, parts, whole = equation_kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
     for place, (readings, block) in enumerate(zip(series, blocks, strict=True)):
         for block_number in np.unique(block):
             part = _factors_of_rows(linearisation, readings, np.where(block == block_number, 0, -1))
@@ -659,12 +659,12 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
     )
     # Weights by the loss, and the right-hand side for the unknowns themselves in place of steps.
     _, pull = robust_whitening(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
-    A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.current(linearisation.state))
+    A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.values(linearisation.state))
     # Readings of one pose become a mean and differences, (abs-4), and are whitened.
     groups = repeated_rows(series)
     A, (W, kinds) = (
         combine_rows(groups, A),
-        inverse_noise_roots(series, linearisation.noise, rotation, groups),
+        whitening_matrices(series, linearisation.noise, rotation, groups),
     )
     for group in groups:
         pull[:, group] = pull[:, group].min(axis=2, keepdims=True)

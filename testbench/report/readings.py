@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.align import placed_off
+from testbench.identify.absolute.align import deviation_from_stated
 from testbench.identify.base_frame import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
@@ -264,7 +264,7 @@ def _read_from(calibrated: Calibrated, rows: Row) -> list[draw.Layer]:
         if series.distance is None:
             continue
         frame, own = state.frame(series), rows.name == series.name
-        _, _, found = placed_off(series, frame)
+        _, _, found = deviation_from_stated(series, frame)
         place = series.frame, series.fixed, series.normal
         if series.normal is None:
             points.setdefault(place, (series.name, found))

@@ -25,9 +25,14 @@ from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify.absolute.align import residuals
-from testbench.identify.absolute.evidence import apply_step, back_substitute, compliance_rows, factor_of
+from testbench.identify.absolute.evidence import (
+    apply_step,
+    back_substitute,
+    compliance_equations,
+    triangular_factor,
+)
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings, select_and_solve
-from testbench.identify.absolute.posterior import locate_series
+from testbench.identify.absolute.posterior import fit_frame_and_mount
 from testbench.identify.base_frame import register_dataset
 from testbench.identify.estimate import Constraint, deflections, is_conservative, score
 from testbench.identify.posterior import CONFIDENCE, quantile
@@ -130,7 +135,9 @@ SECTION_5_2 = FullPose(
     most=41e-3,
 )
 
-ELASTIC = CalibrationOptions(only=frozenset({SPRINGS, LINKS}))  #: What explains the UR10 beside geometry.
+ELASTIC = CalibrationOptions(
+    used_errors=frozenset({SPRINGS, LINKS})
+)  #: What explains the UR10 beside geometry.
 FAMILY = ("tubes", "off_10", "off_20", "off_40", "cast", "joints")
 OTHERS = ("stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints")
 WRONG = ("link", "joints", "axes", "uncoupled")
@@ -225,18 +232,20 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     train, prior = select_rows(c, trial_rng(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
     linearised_readings = linearise_readings(cell.vjm, (train,), prior, ELASTIC)
     known = select_and_solve(linearised_readings, ELASTIC)
-    assert known.active.elastic
-    T = factor_of(known.active, linearised_readings.reduced, known.chosen.scales)
+    assert known.active.compliance_prior
+    T = triangular_factor(known.active, linearised_readings.reduced, known.selection.scales)
     judge = select_rows(a, np.arange(0, a.rows, 6))
     register = evenly_spaced_rows(judge, FRAME_POSES)
     rest = select_rows(judge, np.setdiff1d(np.arange(judge.rows), register))
 
     def off(pi: Array) -> Array:
         state = apply_step(linearised_readings.state, known.active, back_substitute(T, pi))
-        placed = locate_series(replace(known, state=state).model(), judge, register)
+        placed = fit_frame_and_mount(replace(known, state=state).model(), judge, register)
         return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
 
-    data = compliance_rows(T, known.active.elastic, int(linearised_readings.reduced.counts.sum()))
+    data = compliance_equations(
+        T, known.active.compliance_prior, int(linearised_readings.reduced.counts.sum())
+    )
     return BenchProblem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
 
 

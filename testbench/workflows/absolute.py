@@ -20,23 +20,23 @@ from testbench.identify.absolute.align import (
     Misfit,
     Outliers,
     align_all,
-    outliers,
-    placed_off,
+    deviation_from_stated,
+    find_outliers,
+    misplacement,
     residuals,
-    typical_distance,
     underdetermined_reason,
 )
-from testbench.identify.absolute.choose import MassFit, fit_weights
+from testbench.identify.absolute.choose import MassFit, fit_link_masses
 from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate, check_row_order
 from testbench.identify.absolute.posterior import (
     POSES_PER_TURNED_JOINT,
     AddedInformation,
     StructuralDirections,
+    fit_frame_and_mount,
     inside_ellipsoid,
-    locate_series,
-    predict,
+    predict_series,
+    register_with_known_frame,
     structural_directions,
-    with_known_frame,
 )
 from testbench.identify.absolute.state import (
     LEVEL_DEVIATION,
@@ -232,7 +232,7 @@ def calibrate_with_masses(
         The calibration.
     """
     weights, said = read_weights(vjm.arm), list(notes)
-    if masses := fit_weights(vjm, weights, tuple(series)):
+    if masses := fit_link_masses(vjm, weights, tuple(series)):
         weights = masses.weights
         said.append(of_masses(masses))
     with raise_explanation(vjm):
@@ -243,7 +243,7 @@ def calibrate_with_masses(
         if (few := underdetermined_reason(vjm, one))
     ]
     said += of_held(calibration)
-    wild = outliers(calibration.state, calibration.series, calibration.influences)
+    wild = find_outliers(calibration.state, calibration.series, calibration.robust_weights)
     words = (describe(issue, vjm.arm).sentence for issue in calibration.issues)
     mounted = mounting_by_own_weight(calibration.state, calibration.series, cad_prior(vjm.arm))
     return Calibrated(
@@ -267,7 +267,7 @@ def of_held(calibration: Calibration) -> list[str]:
     vjm, every, words = calibration.state.vjm, calibration.active.unknowns.undetermined, []
     for series in calibration.series:
         if series.distance is not None:
-            off, turn, found = placed_off(series, calibration.state.frame(series))
+            off, turn, found = deviation_from_stated(series, calibration.state.frame(series))
             place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
             if series.normal is None:
                 zero = calibration.state.frame(series).zero
@@ -281,7 +281,7 @@ def of_held(calibration: Calibration) -> list[str]:
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
                 unseen = "heights do not show where the base is along it or how it is turned about its normal"
-                normals = calibration.active.unknowns.normals[series.frame]
+                normals = calibration.active.unknowns.plane_normals[series.frame]
                 if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
                     unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
             words.append(f"{series.name}: {place}; {unseen}")
@@ -332,8 +332,8 @@ def of_masses(mass_fit: MassFit) -> str:
         else "those of the weight on the joints"
     )
     limited = (
-        f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.at_bound)}"
-        if mass_fit.at_bound
+        f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.bodies_at_bound)}"
+        if mass_fit.bodies_at_bound
         else ""
     )
     return (
@@ -368,7 +368,10 @@ def evenly_spaced_rows(series: Series, poses: int) -> Ids:
 
 def with_drift(model: ArmModel) -> ArmModel:
     """Widen a model to how sure it is of the arm when another series is read."""
-    posterior, geometry = model.posterior, np.flatnonzero(model.columns < model.unknowns.starts["errors"])
+    posterior, geometry = (
+        model.posterior,
+        np.flatnonzero(model.columns < model.unknowns.first_columns["errors"]),
+    )
     moved = np.zeros((len(geometry), len(posterior.x)))
     moved[np.arange(len(geometry)), geometry] = DRIFT
     return replace(model, posterior=Posterior.normal(posterior.x, np.vstack([posterior.root, moved])))
@@ -412,22 +415,22 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
         mount = state.mounts.get(one.target)
         seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
         if frame_poses is None and seen_before:
-            if off := typical_distance(state, one):
+            if off := misplacement(state, one):
                 raise BenchError(
                     f"{one.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from frame "
                     f"{one.frame!r} of the calibration; --frame-poses fits a frame of its own"
                 )
-            placed = with_known_frame(model, one)
+            placed = register_with_known_frame(model, one)
         else:
             some = frame_poses or min(FRAME_POSES, max(MIN_POSES, len(np.unique(one.pose)) // 2))
             with raise_explanation(model.state.vjm):
-                placed = locate_series(with_drift(model), one, evenly_spaced_rows(one, some))
-        rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
+                placed = fit_frame_and_mount(with_drift(model), one, evenly_spaced_rows(one, some))
+        rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.frame_rows))
         if not rest.rows:
             raise BenchError(
-                f"{one.name}: all {len(placed.rows)} rows fit its frame, so no row validates the model"
+                f"{one.name}: all {len(placed.frame_rows)} rows fit its frame, so no row validates the model"
             )
-        left, covariance = predict(model, placed, rest)
+        left, covariance = predict_series(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
         within.append(inside_ellipsoid(left, covariance, one.quantile_95)[rest.seen])
     return PositionErrors(
@@ -640,12 +643,12 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
         columns = np.arange(unknowns.size)[unknowns.columns(f"{kind} {name}")]
         own = np.setdiff1d(columns, unknowns.unused_rotations)
         rows, words = every[own], f"the {kind} of {name}"
-        if kind == "frame" and name in unknowns.normals:
+        if kind == "frame" and name in unknowns.plane_normals:
             # Planes show shifts along their normals, and turns about the axes across these.
-            words, normals = f"the plane of {name}", np.array(unknowns.normals[name])
+            words, normals = f"the plane of {name}", np.array(unknowns.plane_normals[name])
             across = np.concatenate([np.linalg.svd(normal[None])[2][1:] for normal in normals])
             rows = np.concatenate([_span(normals) @ rows[:3], _span(across) @ rows[3:]])
-        elif kind == "frame" and name in unknowns.fixed:
+        elif kind == "frame" and name in unknowns.frame_deviations:
             words = f"the fixed point of {name}"
         yield ObservedQuantity(words, rows, belongs_to_arm=False)
 
@@ -658,7 +661,7 @@ def _span(vectors: Array) -> Array:
 
 def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
-    arm, first = unknowns.vjm.arm, unknowns.starts["geometry"]
+    arm, first = unknowns.vjm.arm, unknowns.first_columns["geometry"]
     for k in range(1, arm.n_joints):
         link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.axes_in_beam[k]
         own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
@@ -672,7 +675,7 @@ def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
 
 
 def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
-    errors, first = unknowns.errors, unknowns.starts["errors"]
+    errors, first = unknowns.errors, unknowns.first_columns["errors"]
     orders = np.tile(errors.orders, 2)
     kinds, bands = np.array(errors.kinds), errors.bands
     for j, joint in enumerate(unknowns.vjm.arm.joints):
@@ -688,7 +691,7 @@ def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
 
 
 def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
-    arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.starts["elastic"]
+    arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.first_columns["elastic"]
     links = 6 * len(arm.links)
     kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.a, structure.b, strict=True)])
     for k, link in enumerate(arm.links):

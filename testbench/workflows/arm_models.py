@@ -269,7 +269,7 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
     columns = np.array(document.columns, dtype=int)
     n, unknowns = len(columns), Unknowns(state.vjm, (), {}, state.errors, structure)
     posterior = Posterior(
-        x=unknowns.current(state)[columns],
+        x=unknowns.values(state)[columns],
         root=check_array(arrays["root"], (None, n), "root"),
         unobservable=check_array(arrays["unseen"], (None, n), "unseen"),
         scale=check_array(arrays["scale"], (n,), "scale"),

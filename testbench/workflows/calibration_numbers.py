@@ -22,7 +22,7 @@ from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
 from testbench.identify.absolute.evidence import DEFAULT_SCALES, WIDE_PRIOR, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
-from testbench.identify.absolute.fit import Calibration, posterior_of
+from testbench.identify.absolute.fit import Calibration, posterior_of_calibration
 from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, series_equilibrium
 from testbench.identify.estimate import Estimate
@@ -82,7 +82,7 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
     They count with the readings and the learnt priors: an error that readings cannot tell from another one,
     such as two shifts along one axis, has the interval of its prior.
     """
-    active, known, found = calibration.active, posterior_of(calibration), []
+    active, known, found = calibration.active, posterior_of_calibration(calibration), []
     for group in functionals(active):
         a = group.of[:, active.columns]
         value, half = group.scale * (a @ known.x), group.scale * known.half_widths(a)
@@ -96,7 +96,7 @@ def functionals(active: ActiveUnknowns) -> tuple[Functionals, ...]:
     parts: dict[Part, list[Named]] = {
         "geometry": list(_geometry(active)),
         "joint errors": list(_errors(active)),
-        "joint compliances": [] if active.elastic is None else list(_joints(active)),
+        "joint compliances": [] if active.compliance_prior is None else list(_joints(active)),
         "entries": list(_entries(active)),
     }
     found = []
@@ -120,7 +120,7 @@ def _errors(active: ActiveUnknowns) -> Iterator[Named]:
     words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
     words += errors.kinds[len(words) :]
     places = product(unknowns.vjm.arm.joints, zip(words, errors.kinds, strict=True))
-    for column, (joint, (word, kind)) in enumerate(places, unknowns.starts["errors"]):
+    for column, (joint, (word, kind)) in enumerate(places, unknowns.first_columns["errors"]):
         if column in active.columns and not (joint.prismatic and kind == "harmonics"):
             yield f"{joint.name} {word}", "um" if joint.prismatic else "urad", every[column]
 
@@ -142,7 +142,7 @@ def _entries(active: ActiveUnknowns) -> Iterator[Named]:
     structure, arm, every = active.unknowns.structure, active.unknowns.vjm.arm, np.eye(active.unknowns.size)
     links = 6 * len(arm.links)
     for column in active.columns[active.n_rigid :].tolist():
-        a, b = (int(x[column - active.unknowns.starts["elastic"]]) for x in (structure.a, structure.b))
+        a, b = (int(x[column - active.unknowns.first_columns["elastic"]]) for x in (structure.a, structure.b))
         if a < links:
             name = f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}"
             turns = (a % 6 > 2) + (b % 6 > 2)
@@ -209,7 +209,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
         series=[_errors_of_series(*parts) for parts in zip(series, before, after, strict=True)],
         total_before=distance_statistics(MM * every[0]),
         total_after=distance_statistics(MM * every[1]),
-        steps=[_step(step, math.sqrt(numbers_per_target(series))) for step in calibration.chosen.steps],
+        steps=[_step(step, math.sqrt(numbers_per_target(series))) for step in calibration.selection.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
         pattern=_pattern(calibration.active.unknowns),
@@ -227,7 +227,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     f |= _validated(f)
     f["models"] = [_model(estimate, f)]
     f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
-    f["pressed"] = calibration.cone_pressure > max(
+    f["pressed"] = calibration.constraint_chi2 > max(
         PRESSED[0], PRESSED[1] * sum(one.equations for one in series)
     )
     f["more"] = more and Row(poses=FURTHER, now_mm=MM * more[0], after_mm=MM * more[1])
@@ -324,7 +324,7 @@ def _rejected(f: Row, before: float, after: float) -> str:
 
 def _solved(calibration: Calibration) -> Row:
     """Eigenvalues of every block of compliances, and how they were found."""
-    estimate, elastic = calibration.estimate, calibration.active.elastic
+    estimate, elastic = calibration.estimate, calibration.active.compliance_prior
     if estimate is None or elastic is None:
         return Row(blocks=[], program=None)
     blocks = [
@@ -363,7 +363,7 @@ def _step(step: SelectionStep, length: float) -> Row:
         step: The trial of the kind.
         length: RMS distance of a reading over its RMS along an axis [1].
     """
-    every = (step.before, step.after, step.series_before, step.series_after)
+    every = (step.rms_before, step.rms_after, step.series_rms_before, step.series_rms_after)
     mm = [MM * length * x if math.isfinite(x) else None for x in every]  # root mean squares of an axis
     keys = ("before_mm", "after_mm", "series_before_mm", "series_after_mm")
     return Row(zip(keys, mm, strict=True), name=step.name, kept=step.kept)
@@ -425,10 +425,10 @@ def unread_ranges(f: Row) -> list[Row]:
 def _spectrum(calibration: Calibration) -> Iterator[Row]:
     """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
     unknowns, active = calibration.active.unknowns, calibration.active
-    orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.starts["errors"]
+    orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.first_columns["errors"]
     if not orders or not np.isin(first, active.columns):
         return
-    known = posterior_of(calibration)
+    known = posterior_of_calibration(calibration)
     for k, joint in enumerate(unknowns.vjm.arm.joints):
         if joint.prismatic:
             continue
@@ -522,7 +522,7 @@ def _compliances(calibration: Calibration) -> list[Row]:
 
 def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
     """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
-    influences = [x[: len(one.markers)].T for x, one in zip(calibration.influences, series, strict=True)]
+    influences = [x[: len(one.markers)].T for x, one in zip(calibration.robust_weights, series, strict=True)]
     counted = np.concatenate([influence[one.seen] for influence, one in zip(influences, series, strict=True)])
     outliers = [
         Row(
@@ -544,13 +544,13 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
     active, unknowns = calibration.active, calibration.active.unknowns
     few, columns = _slow(active)
     deviation = np.zeros(unknowns.size)
-    deviation[active.columns[: active.n_rigid]] = calibration.chosen.scales.deviation[
+    deviation[active.columns[: active.n_rigid]] = calibration.selection.scales.deviation[
         active.columns[: active.n_rigid]
     ]
     loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]
     prior = np.diag(loose**2)
-    if active.elastic is not None:
-        L = WIDE_PRIOR.relative * active.elastic.L
+    if active.compliance_prior is not None:
+        L = WIDE_PRIOR.relative * active.compliance_prior.L
         prior[-len(L) :, -len(L) :] = L @ L.T
     state = replace(
         calibration.state, errors=few.errors, n=np.zeros((len(calibration.state.n), few.errors.size))
@@ -565,11 +565,14 @@ def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     few = JointErrors(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
     k, m = len(errors.orders), len(few.orders)
     of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.size)]
-    at = unknowns.starts["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
-    before, after = np.arange(unknowns.starts["errors"]), np.arange(unknowns.starts["elastic"], unknowns.size)
+    at = unknowns.first_columns["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
+    before, after = (
+        np.arange(unknowns.first_columns["errors"]),
+        np.arange(unknowns.first_columns["elastic"], unknowns.size),
+    )
     structure = unknowns.structure
-    if active.elastic is not None:
-        structure, after = active.elastic.structure, active.columns[active.n_rigid :]
+    if active.compliance_prior is not None:
+        structure, after = active.compliance_prior.structure, active.columns[active.n_rigid :]
     return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
 
 
@@ -639,7 +642,7 @@ def write_model(
         folder: The folder.
     """
     vjm = calibration.active.unknowns.vjm
-    kept = [step.name for step in calibration.chosen.steps if step.kept]
+    kept = [step.name for step in calibration.selection.steps if step.kept]
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"
     loads = np.concatenate([loads_about_tool(vjm, series) for series in calibration.series])
     model = replace(calibration.model(), origin=origin_of(method, data, doubts, loads))

@@ -514,7 +514,7 @@ def union_after(given: ArmModel, settings: PlanSettings) -> AbsoluteSetup:
     pose = replace(pose, sigma=sigma, sigma_rotation=turn if settings.orientations else None)
     unknowns = unknowns_of(given.vjm, (pose,), given.state.errors, given.structure)
     state = replace(given.state, frames={FRAME: Frame(np.eye(3), np.zeros(3))}, mounts={MOUNT: mount})
-    first, root = unknowns.starts["geometry"], given.posterior.root
+    first, root = unknowns.first_columns["geometry"], given.posterior.root
     L = np.zeros((unknowns.size, first + len(root)))
     L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
     L[first + given.columns, first:] = root.T
@@ -563,7 +563,7 @@ def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
     tells, prior = absolute.information_of(union, q), union.L @ union.L.T
-    set_up = union.unknowns.starts["geometry"]
+    set_up = union.unknowns.first_columns["geometry"]
     prior[:set_up, :set_up] = FREE_DEVIATION**2 * np.eye(set_up)
     return unobservable(union.unknowns, tells, prior, further)
 

@@ -397,7 +397,7 @@ def _hidden(made: AbsolutePlanned, scale: Row | None) -> list[str]:
             f"The scale of the arm stays known to {scale.after_mm_per_m:.2f} mm per metre, which alone is an "
             f"error of {scale.error_mm:.3f} mm. Parallel faces of one block, a bar or positions determine it"
         )
-    normals = made.union.unknowns.normals
+    normals = made.union.unknowns.plane_normals
     if any(np.linalg.matrix_rank(own) < len(own[0]) for own in normals.values()):
         said.append("Where the base is along a plane, and how it is turned about the plane's normal")
     return said
@@ -406,7 +406,7 @@ def _hidden(made: AbsolutePlanned, scale: Row | None) -> list[str]:
 def _counts(made: AbsolutePlanned) -> Row:
     """How many unknowns there are of each kind, and how many directions so many poses can see."""
     row = Row()
-    for (name, start), (_, end) in pairwise(made.union.unknowns.starts.items()):
+    for (name, start), (_, end) in pairwise(made.union.unknowns.first_columns.items()):
         kind = name.split()[0]
         row[kind] = row.get(kind, 0) + end - start
     return Row(row, seen=made.plan.examined.problem.r)

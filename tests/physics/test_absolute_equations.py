@@ -15,26 +15,31 @@ from testbench.identify.absolute.align import (
     Noise,
     align_all,
     combine_rows,
-    inverse_noise_roots,
+    estimate_model_error,
     mean_variances,
     repeated_rows,
-    scatter,
     single_reading_noise,
+    whitening_matrices,
 )
 from testbench.identify.absolute.choose import predictive_deviance
 from testbench.identify.absolute.evidence import ErrorScales, moved_mount, solve_step
 from testbench.identify.absolute.fit import (
-    INTERMEDIATE_ROWS,
+    MAX_INTERMEDIATE_ROWS,
     MIN_SERIES_ROWS,
     CalibrationOptions,
     calibrate,
-    posterior_of,
-    subsample,
+    posterior_of_calibration,
+    thin_series,
 )
-from testbench.identify.absolute.posterior import deviations_root, locate_series, predict, with_known_frame
+from testbench.identify.absolute.posterior import (
+    covariance_root,
+    fit_frame_and_mount,
+    predict_series,
+    register_with_known_frame,
+)
 from testbench.identify.absolute.state import (
+    ErrorPattern,
     Mount,
-    Pattern,
     Unknowns,
     find_pattern,
     joint_equilibrium,
@@ -81,7 +86,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     one = replace(series[0], rotation=series[0].rotation @ W)
     state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
-    step = 1e-5 * rng.standard_normal(unknowns.starts["geometry"])
+    step = 1e-5 * rng.standard_normal(unknowns.first_columns["geometry"])
     frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
     rows = series_rows(unknowns, state, one)
     after = series_rows(unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one)
@@ -126,15 +131,17 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
 def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_to_nothing(kr500, series):
     """So is the covariance of which intervals are made, in the units of the arm."""
     options = CalibrationOptions(
-        orders=2, only=frozenset({"joint springs", "links"}), uncertainty=PriorUncertainty(3.0)
+        max_order=2,
+        used_errors=frozenset({"joint springs", "links"}),
+        prior_uncertainty=PriorUncertainty(3.0),
     )
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
-    assert np.abs(found.chosen.scales.factor - 1).max() > 0.02  # or nothing would tell it from its square
-    own, root = found.active, posterior_of(found).root
+    assert np.abs(found.selection.scales.factor - 1).max() > 0.02  # or nothing would tell it from its square
+    own, root = found.active, posterior_of_calibration(found).root
     precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
-    expected = np.diag((found.chosen.scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
+    expected = np.diag((found.selection.scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
     np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
 
@@ -162,7 +169,7 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
     pose = np.repeat(np.arange(poses), k)
     series = still(poses * k, rng, pose=pose, **turned, **({} if alike else {"precision": np.linalg.inv(C)}))
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
-    W, kinds = inverse_noise_roots(series, noise, R, repeated_rows(series))
+    W, kinds = whitening_matrices(series, noise, R, repeated_rows(series))
     H = combine_rows([np.arange(k)[None]], np.eye(k)).T
     np.testing.assert_allclose(H @ H.T, np.eye(k), atol=1e-12)
     open_ = np.diag(H @ np.ones((k, k)) @ H.T)
@@ -204,9 +211,13 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
     unknowns = SimpleNamespace(
-        groups=groups, size=count, undetermined=frozenset(), fixed={}, starts={"geometry": free}
+        prior_groups=groups,
+        size=count,
+        undetermined=frozenset(),
+        frame_deviations={},
+        first_columns={"geometry": free},
     )
-    own = SimpleNamespace(n_rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
+    own = SimpleNamespace(n_rigid=count, columns=np.arange(count), compliance_prior=None, unknowns=unknowns)
     unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]
     x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4, 1.5], (free, small, large, large))
     A = [rng.normal(size=(n, count)) / unit for n in equations]
@@ -217,7 +228,7 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
 def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     """The marginal likelihood of all equations, and of what is imagined beside them, is flat there."""
     own, A, y = drawn_at_random(rng)
-    groups, counts = own.unknowns.groups, np.array([len(a) for a in A])
+    groups, counts = own.unknowns.prior_groups, np.array([len(a) for a in A])
     lines = [np.column_stack(pair) for pair in zip(A, y, strict=True)]
     S, learnt = np.array([one.T @ one for one in lines]), sizes.default_scales(own.unknowns, 2)
     learnt = sizes.learn_scales(own, S, counts, learnt)
@@ -226,11 +237,11 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     def loss(h):
         factor, size = np.exp(h[:2]), np.exp(h[2:])
         deviation = np.full(a.shape[1], 30.0)  # of the free ones, which are of order one
-        found = sizes.SPARE_EQUATIONS * (np.log(factor) + 1 / (2 * factor**2)).sum()
+        found = sizes.PSEUDO_EQUATIONS * (np.log(factor) + 1 / (2 * factor**2)).sum()
         for d, (kind, at) in zip(size, groups, strict=True):
-            large = len(at) > sizes.LARGE_GROUP
-            usual = sizes.DEFAULT_SCALES[kind] * (sizes.LARGE_GROUP_SHARE if large else 1.0)
-            found += (1.0 if large else sizes.PSEUDO_UNKNOWNS) * (np.log(d) + usual**2 / (2 * d**2))
+            large = len(at) > sizes.MAX_SMALL_GROUP
+            usual = sizes.DEFAULT_SCALES[kind] * (sizes.LARGE_GROUP_SIZE_RATIO if large else 1.0)
+            found += (1.0 if large else sizes.PSEUDO_OBSERVATIONS) * (np.log(d) + usual**2 / (2 * d**2))
             deviation[at] = d
         found += (
             (STUDENT_DOF + 1) / 2 * np.log1p((np.log(size[2] / size[1]) / STUDENT_SCALE) ** 2 / STUDENT_DOF)
@@ -238,7 +249,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
         C = np.diag(np.repeat(factor**2, counts)) + a * deviation**2 @ a.T
         return found + np.linalg.slogdet(C)[1] / 2 + b @ np.linalg.solve(C, b) / 2
 
-    h = np.log(np.r_[learnt.factor, [learnt.deviation[at[0]] for _, at in groups]])
+    h = np.log(np.r_[learnt.noise_factor, [learnt.deviation[at[0]] for _, at in groups]])
     step = 1e-3
     slope, bend = np.transpose(
         [
@@ -274,7 +285,7 @@ def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng
     series = read_by(state, still(rows, rng, precision=np.linalg.inv(C)))
     noise = (np.linalg.cholesky(C) @ rng.normal(size=(rows, 1, 3, 1)))[..., 0]
     noise = np.sqrt(share) * (noise + s * rng.normal(size=noise.shape))
-    found = scatter(state, [replace(series, position=series.position + noise)], share)
+    found = estimate_model_error(state, [replace(series, position=series.position + noise)], share)
     assert found.position_model_error == pytest.approx(s, rel=0.05)
 
 
@@ -285,16 +296,16 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     L = 1e-7 * (np.tril(rng.normal(size=(6, 6))) + 2 * np.eye(6))  # joints give way together
     root = np.triu(rng.normal(size=(36, 36))) + 4 * np.eye(36)
     noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
-    arm = Posterior.normal(np.zeros(36), deviations_root(1e4 * root, L))
+    arm = Posterior.normal(np.zeros(36), covariance_root(1e4 * root, L))
     model = ArmModel(state, structure, np.arange(36), arm, ModelOrigin("made up"), noise)
     C = np.tile(SIGMA**2 * np.eye(3), (20, 1, 1, 1)) if alike else covariances(rng, 20, 1)
     series = read_by(state, still(20, rng, **({} if alike else {"precision": np.linalg.inv(C)})))
     told, rest = np.arange(9), np.arange(9, 20)
-    placed = locate_series(model, series, told)
+    placed = fit_frame_and_mount(model, series, told)
     # the frame was there before
-    again = with_known_frame(replace(model, state=placed.state), select_rows(series, told))
+    again = register_with_known_frame(replace(model, state=placed.state), select_rows(series, told))
     np.testing.assert_allclose(again.posterior.root, placed.posterior.root, rtol=1e-6, atol=1e-12)
-    left, covariance = predict(model, placed, series)
+    left, covariance = predict_series(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
     A = series_rows(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
@@ -322,8 +333,10 @@ def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(
     """A joint's with that of the link before it about, or along, its axis, which points anywhere."""
     vjm, structure, arm = slides.vjm, all153(slides.arm), slides.arm
     unknowns = Unknowns(vjm, (), {}, JointErrors(), structure)
-    rigid = unknowns.starts["elastic"]
-    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(unknowns.size), n_rigid=rigid, elastic=0)
+    rigid = unknowns.first_columns["elastic"]
+    own = SimpleNamespace(
+        unknowns=unknowns, columns=np.arange(unknowns.size), n_rigid=rigid, compliance_prior=0
+    )
     C = structure.matrix(rng.normal(size=structure.n))
     x, shown = np.r_[np.zeros(rigid), structure.entries(C)], {}
     for group in functionals(own):
@@ -370,7 +383,7 @@ def test_held_out_readings_are_as_probable_as_by_their_dense_covariance(rng):
 
 def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_to_none(rng):
     """Whatever joints without the pattern, low orders and other unknowns are."""
-    pattern = Pattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
+    pattern = ErrorPattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
     first, size = 7, 7 + 4 * ERRORS.size + 5
     B, z = pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
@@ -426,23 +439,26 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
 
     They spend the trace of the hat matrix: free ones a whole equation each.
     """
-    pattern = Pattern((0, 1), (0.0, 1.1), (1, -1))
+    pattern = ErrorPattern((0, 1), (0.0, 1.1), (1, -1))
     errors = JointErrors(tuple(range(1, 5)))
     size = 2 * errors.size
     B, A, y = pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
     deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
-        n_rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
+        n_rigid=size,
+        columns=np.arange(size),
+        compliance_prior=None,
+        unknowns=SimpleNamespace(size=size, equation_basis=B),
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     plain = ReducedReadings((0,), (SeriesBlock(0, (R.T @ R)[None], np.array([40])),), {0: R})
     found = solve_step(own, plain.in_basis(B), ErrorScales(deviation, np.array([factor])))
     back = np.linalg.inv(B.toarray())
     P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
-    np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
+    np.testing.assert_allclose(found.precision_root.T @ found.precision_root, P, atol=1e-9)
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
     assert found.degrees_of_freedom == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
-    assert not np.tril(found.root, -1).any()
+    assert not np.tril(found.precision_root, -1).any()
     [part] = plain.in_basis(B).parts
     np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
 
@@ -457,14 +473,14 @@ def longer(one, times):
 def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series(series):
     [one] = series
     many, huge = longer(one, 40), longer(one, 200)
-    few, short = subsample((many, one))
+    few, short = thin_series((many, one))
     assert short is one
-    assert INTERMEDIATE_ROWS / 2 < few.rows <= INTERMEDIATE_ROWS or few.rows == many.rows
+    assert MAX_INTERMEDIATE_ROWS / 2 < few.rows <= MAX_INTERMEDIATE_ROWS or few.rows == many.rows
     _, count = np.unique(few.pose, return_counts=True)
     assert (count == 2).all()
-    few, short = subsample((huge, many))
+    few, short = thin_series((huge, many))
     assert MIN_SERIES_ROWS <= short.rows < many.rows
-    assert few.rows + short.rows <= 1.05 * INTERMEDIATE_ROWS
+    assert few.rows + short.rows <= 1.05 * MAX_INTERMEDIATE_ROWS
     assert set(np.unique(few.pose)) < set(huge.pose)
 
 

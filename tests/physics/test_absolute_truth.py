@@ -163,10 +163,12 @@ def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_k
     asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))
     series, _ = simulate_series(softer(kr500, links=6), asked, 4)
     prior = cad_prior(kr500.arm)
-    rigid = calibrate(kr500.vjm, series, prior, CalibrationOptions(orders=8, without=frozenset({"links"})))
-    found = calibrate(kr500.vjm, series, prior, CalibrationOptions(orders=8))
-    assert {"joint springs", "joint errors"} <= {step.name for step in rigid.chosen.steps if step.kept}
-    steps = {step.name: step.kept for step in found.chosen.steps}
+    rigid = calibrate(
+        kr500.vjm, series, prior, CalibrationOptions(max_order=8, excluded_errors=frozenset({"links"}))
+    )
+    found = calibrate(kr500.vjm, series, prior, CalibrationOptions(max_order=8))
+    assert {"joint springs", "joint errors"} <= {step.name for step in rigid.selection.steps if step.kept}
+    steps = {step.name: step.kept for step in found.selection.steps}
     assert (steps["joint errors"], steps["links"]) == (False, True)
     assert not found.state.n.any()
 
@@ -186,9 +188,9 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
     near = select_rows(short, np.sort(np.argsort(far)[:12]))
     for some, series in (((long, short), {0, 1}), ((long, near), {1})):
         held.clear()
-        found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), CalibrationOptions(orders=2))
+        found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), CalibrationOptions(max_order=2))
         assert {parts[0].series for parts in held if len(parts) > 1} == series
-        assert max(step.after for step in found.chosen.steps) < 1e-3
+        assert max(step.rms_after for step in found.selection.steps) < 1e-3
 
 
 def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
@@ -197,7 +199,7 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     others[:, 0] *= 1e-4
     T = block.T @ block
     S = T + others.T @ others
-    own = SimpleNamespace(columns=np.arange(2), n_rigid=2, elastic=None)
+    own = SimpleNamespace(columns=np.arange(2), n_rigid=2, compliance_prior=None)
     part = SimpleNamespace(gram=T[None], counts=np.array([30]))
     learnt = ErrorScales(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)

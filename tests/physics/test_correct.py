@@ -283,7 +283,7 @@ def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = Q[None]
     row = rows_between(absolute, LoadedPoses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
-    x, tips = absolute.unknowns.current(absolute.state), []
+    x, tips = absolute.unknowns.values(absolute.state), []
     step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
     for sign in (1, -1):
         moved = x.copy()

@@ -10,7 +10,7 @@ from testbench.data.dataset import Series, select_rows
 from testbench.errors import BenchError
 from testbench.files.read_series import read_series
 from testbench.files.write import write_series
-from testbench.identify.absolute.align import align_all, residuals, scatter
+from testbench.identify.absolute.align import align_all, estimate_model_error, residuals
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.state import (
@@ -109,7 +109,9 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
         )
         return beams(moved, one, series_equilibrium(moved, one))[1]
 
-    for k, size in enumerate(np.where(np.arange(unknowns.size) < unknowns.starts["elastic"], step, 1e-9)):
+    for k, size in enumerate(
+        np.where(np.arange(unknowns.size) < unknowns.first_columns["elastic"], step, 1e-9)
+    ):
         way = size * np.eye(unknowns.size)[k]
         slope = (length(way) - length(-way)) / (2 * size)
         along = np.einsum("sxr,sxr->sr", u, rows[:, :, k])
@@ -142,7 +144,7 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     state = replace(state, frames={"f": frame}, mounts={"t": mount})
     _, length = beams(state, one, series_equilibrium(state, one))
     one = replace(one, distance=length.T + size * rng.standard_normal((rows, 1)))
-    noise = scatter(state, (one,), 1.0)
+    noise = estimate_model_error(state, (one,), 1.0)
     assert noise.position_model_error == pytest.approx(size, rel=0.04)
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
     few = select_rows(one, np.arange(50))
@@ -165,7 +167,9 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
             for one, name in zip(touched, frames, strict=True)
         ]
         unknowns = unknowns_of(stiff.vjm, tuple(series), JointErrors(), joints_only(stiff.arm))
-        rows = [series_rows(unknowns, state, one)[0, :, : unknowns.starts["elastic"]] for one in series]
+        rows = [
+            series_rows(unknowns, state, one)[0, :, : unknowns.first_columns["elastic"]] for one in series
+        ]
         normal = [np.einsum("x,xcr->rc", one.normal, own) for one, own in zip(series, rows, strict=True)]
         size = np.linalg.svd(np.concatenate(normal), compute_uv=False)
         assert (size > 1e-6 * size[0]).sum() == expected
@@ -204,7 +208,7 @@ def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, re
             *tracker,
         ),
     }[what]
-    options = CalibrationOptions(only=frozenset({"joint springs"}))
+    options = CalibrationOptions(used_errors=frozenset({"joint springs"}))
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
     model, other = found.model(), replace(check, frame="new", target="new")
     assert position_errors(model, [other], 30).max_mm < (0.02 if what == "planes" else 1e-3)
@@ -242,13 +246,15 @@ def test_a_block_is_aligned_by_all_of_its_faces(stiff):
 
 def test_a_face_is_no_repetition_of_others_and_is_not_held_out_as_a_whole(stiff, touched, read):
     """Without a face nothing shows motion along its normal: links were dropped for that on soft arms."""
-    options = CalibrationOptions(only=None, without=frozenset({"joint errors", "links", "ratio"}))
+    options = CalibrationOptions(
+        used_errors=None, excluded_errors=frozenset({"joint errors", "links", "ratio"})
+    )
     points, faces = (
-        calibrate(stiff.vjm, every, cad_prior(stiff.arm), options).chosen.steps[0]
+        calibrate(stiff.vjm, every, cad_prior(stiff.arm), options).selection.steps[0]
         for every in (read, touched)
     )
-    assert np.isfinite(points.series_after)
-    assert np.isnan(faces.series_after)
+    assert np.isfinite(points.series_rms_after)
+    assert np.isnan(faces.series_rms_after)
     assert faces.after < faces.before
 
 
@@ -259,7 +265,10 @@ def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, 
         error = 1e-5 * rng.standard_normal(one.distance.shape)
         return replace(one, name=f"file {one.name}", sigma=1e-5, distance=one.distance + error)
 
-    every, options = [*map(noisy, (*touched, *read))], CalibrationOptions(only=frozenset({"joint springs"}))
+    every, options = (
+        [*map(noisy, (*touched, *read))],
+        CalibrationOptions(used_errors=frozenset({"joint springs"})),
+    )
     found = calibrate_with_masses(stiff.vjm, every, options)
     [group] = draw_calibration(stiff, found, remaining_errors(found)).scene.groups
     layers = {layer.name: layer for layer in group.layers}
@@ -326,7 +335,7 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
     rough = replace(again[0], tilt=2 * again[0].tilt)
     for block in ((rough, again[1]), (again[1], rough)):  # the largest of its faces, in any order
         unknowns = unknowns_of(kr500.vjm, block, JointErrors(), joints_only(kr500.arm))
-        assert unknowns.fixed["d block"] == rough.frame_deviation
+        assert unknowns.frame_deviations["d block"] == rough.frame_deviation
     mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
     with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
         calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))

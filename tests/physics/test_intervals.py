@@ -16,7 +16,7 @@ from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
 from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import select_rows
-from testbench.identify.absolute.fit import CalibrationOptions, calibrate, posterior_of
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate, posterior_of_calibration
 from testbench.identify.posterior import Posterior, posterior_of_estimate
 from testbench.identify.prior import (
     Prior,
@@ -56,7 +56,9 @@ def arms(kr500):
     found = []
     for seed in SEEDS:
         series, truth = simulate_series(kr500, ASKED, seed)
-        own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), CalibrationOptions(orders=4, only=ON))
+        own = calibrate(
+            kr500.vjm, series, cad_prior(kr500.arm), CalibrationOptions(max_order=4, used_errors=ON)
+        )
         found.append((seed, series[0], truth, own))
     return found
 
@@ -116,10 +118,10 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
     z, told = [], []
     for _, _, truth, own in arms:
         unknowns, columns = own.active.unknowns, own.active.columns
-        true, found = unknowns.current(true_state(own.state, truth))[columns], posterior_of(own)
+        true, found = unknowns.values(true_state(own.state, truth))[columns], posterior_of_calibration(own)
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
         some = np.isin(columns, rigid) & (true != 0)
-        prior = own.chosen.scales.deviation[columns[some]]
+        prior = own.selection.scales.deviation[columns[some]]
         W, off = found.root[:, some] / prior, (true - found.x)[some] / prior
         left, V = np.linalg.eigh(W.T @ W)
         z.extend(V.T @ off / np.sqrt(left))
@@ -184,8 +186,8 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     by_name = {(one.part, one.name): one for one in calibration_numbers.intervals(own)}
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
-    at = own.active.columns.tolist().index(own.active.unknowns.starts["geometry"] + 13 - 6)
-    assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of(own).root[:, at]))
+    at = own.active.columns.tolist().index(own.active.unknowns.first_columns["geometry"] + 13 - 6)
+    assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of_calibration(own).root[:, at]))
     turned = by_name["joint errors", "joint_3 cos 2"]
     assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.n[2, 5]))
     assert all(one.half > 0 for one in by_name.values())

@@ -11,7 +11,12 @@ from spoil import swap
 
 from testbench import Series, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
-from testbench.identify.absolute.choose import CENTRE_DEVIATION, MASS_DEVIATION, MAX_DEVIATIONS, fit_weights
+from testbench.identify.absolute.choose import (
+    CENTRE_DEVIATION,
+    MASS_DEVIATION,
+    MAX_DEVIATIONS,
+    fit_link_masses,
+)
 from testbench.identify.regression import non_redundant, rank
 from testbench.model import load as loaded
 from testbench.model.load import own_weight, read_weights
@@ -217,7 +222,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
     torque += 20 * sigma * rng.standard_normal(exact.shape[1])
     torque[rng.random(exact.shape) < 0.05] += 50 * sigma
     parts = tuple(with_torques(q[s], wrench[s], point[s], torque[s]) for s in (slice(100), slice(100, 300)))
-    found = fit_weights(cell.vjm, weights, parts)
+    found = fit_link_masses(cell.vjm, weights, parts)
 
     def error(found):
         straight = chain(cell.vjm, q[301::2])
@@ -235,15 +240,15 @@ def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_b
     weights = read_weights(kr500.arm)
     q, (wrench, point) = random_q(kr500, rng, 200), hung(kr500, 200, 0.0)
     exact = true_torques(kr500, kr500.room.model, q, wrench, point)
-    found = fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, exact[:, ::-1]),))
+    found = fit_link_masses(kr500.vjm, weights, (with_torques(q, wrench, point, exact[:, ::-1]),))
     assert found.weights is weights
     assert "order of joints" in of_masses(found)
-    assert fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
+    assert fit_link_masses(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
 
     def fit(unknown):
         wrench, point = hung(kr500, 200, unknown)
         torque = true_torques(kr500, kr500.room.model, q, wrench, point)
-        return fit_weights(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
+        return fit_link_masses(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
 
     found = fit(250.0)
     assert (np.abs(found.weights.mass / weights.mass - 1) < MAX_DEVIATIONS * MASS_DEVIATION + 1e-9).all()

@@ -18,7 +18,7 @@ from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 
-ONLY = CalibrationOptions(only=frozenset({"joint springs"}), orders=5)
+ONLY = CalibrationOptions(used_errors=frozenset({"joint springs"}), max_order=5)
 TURNS = {"hangs": (180, 0, 0), "stands on a wall": (0, 90, 0), "is tilted": (12, 16, 0)}
 """Rotation vectors of the base [deg]."""
 

@@ -29,7 +29,7 @@ from testbench.design.planning import (
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import further_information
-from testbench.identify.absolute.posterior import information as told_by
+from testbench.identify.absolute.posterior import information_of_series as told_by
 from testbench.identify.absolute.state import moved_frame, series_equilibrium
 from testbench.identify.equations import beams
 from testbench.identify.observability import undetermined_quantities
@@ -334,7 +334,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
         return np.concatenate(parts, axis=1)
 
     for k in np.setdiff1d(np.arange(unknowns.size), unknowns.unused_rotations):
-        step = 1e-9 if k >= unknowns.starts["elastic"] else 1e-5
+        step = 1e-9 if k >= unknowns.first_columns["elastic"] else 1e-5
         way = step * np.eye(unknowns.size)[k]
         slope = (read(way) - read(-way)) / (2 * step)
         largest = np.abs(slope).max() + 1.0
@@ -455,14 +455,16 @@ def before(kr500):
     q[:, 0] = np.abs(q[:, 0])
     series, _ = simulate_series(kr500, AbsoluteCampaign(poses=250), 5, q)
     on = frozenset({"joint springs", "joint errors"})
-    return series, calibrate(kr500.vjm, series, cad_prior(kr500.arm), CalibrationOptions(orders=30, only=on))
+    return series, calibrate(
+        kr500.vjm, series, cad_prior(kr500.arm), CalibrationOptions(max_order=30, used_errors=on)
+    )
 
 
 def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     """The error by roots of covariances is that by sums of precisions in SI units."""
     model = before[1].model()
     own, q = replace(union_after(model, ALONE), min_information=0.0), places[:6]
-    first, across = own.unknowns.starts["geometry"], replace(own, L=np.eye(own.unknowns.size))
+    first, across = own.unknowns.first_columns["geometry"], replace(own, L=np.eye(own.unknowns.size))
     on = np.r_[:first, first + model.columns]
     P = np.eye(len(on)) / absolute.FRAME_DEVIATION**2
     P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
@@ -478,7 +480,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
     """Errors of a new frame are in neither error: with them, more poses would seem to make an arm worse."""
     own = union_after(before[1].model(), ALONE)
     rows = absolute.position_rows(own, places[-20:])
-    left, first = absolute.without_frame_and_mount(own, rows), own.unknowns.starts["geometry"]
+    left, first = absolute.without_frame_and_mount(own, rows), own.unknowns.first_columns["geometry"]
     A = rows.reshape(-1, rows.shape[2])
     b = A[:, first:] @ rng.standard_normal(A.shape[1] - first)
     fitted = np.linalg.lstsq(A[:, :first], b, rcond=None)[0]

@@ -46,12 +46,12 @@ def unsure_everywhere(cell):
     root[1:RIGID, : RIGID - 1] += 0.5 * np.diag(sizes[1:])
     root[RIGID:, RIGID:] = known.posterior.root
     columns = np.arange(RIGID + 153)
-    return replace(model, columns=columns, posterior=normal(model.unknowns.current(state)[columns], root))
+    return replace(model, columns=columns, posterior=normal(model.unknowns.values(state)[columns], root))
 
 
 def drawn_state(model, rng):
     """The arm that a model may be, as its doubts have it."""
-    x = model.unknowns.current(model.state)
+    x = model.unknowns.values(model.state)
     x[model.columns] += rng.standard_normal(len(model.posterior.root)) @ model.posterior.root
     return state_of(model, x)
 

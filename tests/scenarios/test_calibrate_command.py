@@ -17,7 +17,7 @@ from strangers import write_stl
 import testbench as tb
 from testbench.arm.folder import load_arm
 from testbench.identify.absolute.align import align_all, residuals
-from testbench.identify.absolute.posterior import RegisteredSeries, predict, without_series
+from testbench.identify.absolute.posterior import RegisteredSeries, predict_series, without_series
 from testbench.identify.absolute.state import nominal_state, unknowns_of
 from testbench.identify.equations import series_rows
 from testbench.identify.posterior import Posterior
@@ -230,13 +230,13 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     root = np.hstack([np.zeros((len(model.columns), 6 + 3 * len(one.markers))), model.posterior.root])
     placed = RegisteredSeries(held, np.zeros(0, int), Posterior.normal(np.zeros(root.shape[1]), root))
     calm = replace(model, noise=replace(model.noise, factor=1e-9 * model.noise.factor))
-    wanted = np.einsum("rmkk->rmk", predict(calm, placed, one)[1])
+    wanted = np.einsum("rmkk->rmk", predict_series(calm, placed, one)[1])
     unknowns = unknowns_of(model.vjm, (one,), held.errors, model.structure)
-    first = unknowns.starts["geometry"]
+    first = unknowns.first_columns["geometry"]
     rows = series_rows(unknowns, held, one)[: len(one.markers), :, first + model.columns]
     found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
     np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
-    assert np.array_equal(model.posterior.x, model.unknowns.current(model.state)[model.columns])
+    assert np.array_equal(model.posterior.x, model.unknowns.values(model.state)[model.columns])
     assert model.absolute
     assert model.scatter > 0
 

@@ -82,7 +82,7 @@ def test_the_level_of_noise_alone_holds_95_percent_of_pairs_of_noisy_readings(id
 def calibration(kr500):
     """Of the arm's own joint errors and compliances, from absolute readings."""
     series, _ = simulate_series(kr500, AbsoluteCampaign(poses=60), 4)
-    asked = CalibrationOptions(orders=2, only=frozenset({"joint springs", "joint errors"}))
+    asked = CalibrationOptions(max_order=2, used_errors=frozenset({"joint springs", "joint errors"}))
     return calibrate(kr500.vjm, series, cad_prior(kr500.arm), asked)
 
 

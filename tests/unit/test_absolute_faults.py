@@ -10,7 +10,7 @@ from serial_arms import write_arm
 
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align, align_all, common_targets, outliers, residuals
+from testbench.identify.absolute.align import align, align_all, find_outliers, residuals, with_common_targets
 from testbench.identify.absolute.fit import (
     CalibrationOptions,
     calibrate,
@@ -28,7 +28,7 @@ from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_ser
 from testbench.workflows.calibration_numbers import numbers, remaining_errors
 from testbench.workflows.cell import build_cell
 
-ONLY = CalibrationOptions(only=frozenset({"joint springs"}), orders=5)
+ONLY = CalibrationOptions(used_errors=frozenset({"joint springs"}), max_order=5)
 ROWS = 40
 
 
@@ -252,7 +252,7 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     (one,) = simulate_series(kr500, AbsoluteCampaign(poses=10, targets=3), 1)[0]
     precision = np.tile(np.eye(3) / one.sigma**2, (10, 3, 1, 1))
     precision[:, 1] = 0
-    (left,), notes = common_targets((replace(one, precision=precision),))
+    (left,), notes = with_common_targets((replace(one, precision=precision),))
     words = [describe(note, kr500.arm).sentence for note in notes]
     assert words == [f"series 1: targets without any reading are left out: {one.markers[1]}"]
     assert left.markers == (one.markers[0], one.markers[2])
@@ -343,10 +343,10 @@ def test_with_orientations_two_axes_that_are_not_parallel_are_enough(seven):
 
 def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):
     """Unknowns may spend all equations of the means; what is left then tells nothing of their scatter."""
-    options = CalibrationOptions(only=frozenset({"joint springs", "joint errors"}))
+    options = CalibrationOptions(used_errors=frozenset({"joint springs", "joint errors"}))
     series = read(ur10, poses=20, orientations=False, masses=(0.0, 5.0))
     found = calibrate(ur10.vjm, series, cad_prior(ur10.arm), options)
-    assert outliers(found.state, found.series, found.influences) is None
+    assert find_outliers(found.state, found.series, found.robust_weights) is None
     assert found.noise.factor[0] > 0.4
 
 
@@ -355,7 +355,7 @@ def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
     asked = AbsoluteCampaign(poses=2 * ROWS, outliers=0.04)
     series, truth = simulate_series(ur10, asked, 1)
     found = select_and_solve(gathered(ur10, *series), ONLY)
-    worst = outliers(found.state, found.series, found.influences)
+    worst = find_outliers(found.state, found.series, found.robust_weights)
     assert not found.issues
     assert worst.count == truth.outliers[0].sum() > 2
     assert truth.outliers[0][worst.row - 1].all()

@@ -27,8 +27,8 @@ from testbench.workflows.calibration_numbers import remaining_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 
-FEW = CalibrationOptions(orders=2, without=frozenset({"links", "ratio", "play", "stiffening"}))
-SPRINGS = CalibrationOptions(only=frozenset({"joint springs"}), orders=2)
+FEW = CalibrationOptions(max_order=2, excluded_errors=frozenset({"links", "ratio", "play", "stiffening"}))
+SPRINGS = CalibrationOptions(used_errors=frozenset({"joint springs"}), max_order=2)
 
 
 def square(rng, rows, size):
@@ -132,7 +132,7 @@ def test_an_arm_far_from_what_it_was_fitted_to_is_rejected(before, after, held_o
 def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, monkeypatch):
     rows = (ROOT / "models" / "ur10" / "readings" / "series_C.csv").read_text().splitlines()[:25]
     (file := tmp_path / "r.csv").write_text("\n".join(rows) + "\n")
-    flags = ("--orders", 2, *(word for name in sorted(FEW.without) for word in ("--without", name)))
+    flags = ("--orders", 2, *(word for name in sorted(FEW.excluded_errors) for word in ("--without", name)))
     asked = ("calibrate", "ur10", file, *flags, "--force", "--out", tmp_path / "out")
     (tmp_path / "out").mkdir()
     earlier = {"manifest.json": '{"command": "testbench calibrate"}', "model.json": "of an earlier run"}

@@ -11,14 +11,14 @@ from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.fit import CalibrationOptions
-from testbench.identify.absolute.state import level_frame, nominal_state, undetermined_frames
+from testbench.identify.absolute.state import fit_upright_frame, nominal_state, undetermined_frames
 from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
 from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 
 HOME = (0.3, -1.4, 1.6, 0.4, 0.5, 0.2)
-SPRINGS = CalibrationOptions(only=frozenset({"joint springs"}), orders=1)
+SPRINGS = CalibrationOptions(used_errors=frozenset({"joint springs"}), max_order=1)
 POSES = 40
 
 
@@ -101,11 +101,11 @@ def test_a_frame_is_upright_where_readings_on_a_line_tell_no_turn(rng):
     """By any heading; with points that span space it is the rotation that they have."""
     line = np.outer(rng.uniform(-1, 1, 20), (1.0, 0.0, 0.0))
     heading = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(level_frame(line, line @ heading.T).rotation, heading, atol=1e-12)
+    np.testing.assert_allclose(fit_upright_frame(line, line @ heading.T).rotation, heading, atol=1e-12)
     tilted = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     tilted *= np.linalg.det(tilted)
     points = rng.standard_normal((20, 3))
-    np.testing.assert_allclose(level_frame(points, points @ tilted.T + 1).rotation, tilted, atol=1e-3)
+    np.testing.assert_allclose(fit_upright_frame(points, points @ tilted.T + 1).rotation, tilted, atol=1e-3)
 
 
 def test_sound_series_leave_nothing_open(kr500, ur10):

@@ -18,10 +18,10 @@ from scipy.linalg import helmert
 from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import (
-    ROWS_AT_ONCE,
+    ROWS_IN_MEMORY,
     ArmState,
     Mount,
-    level_frame,
+    fit_upright_frame,
     moved_frame,
     series_equilibrium,
     undetermined_frames,
@@ -50,10 +50,10 @@ from testbench.model.vjm import Vjm, tool_pose
 
 EQUATION_KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
 """Kinds of equations, each with its own noise factor."""
-POSITIONS = (0, 2)
+POSITION_KINDS = (0, 2)
 """Kinds that are positions."""
 
-LINE_SHARE = 0.9991 / 2.986
+DISTANCE_TO_POSITION_SQUARES = 0.9991 / 2.986
 """Mean of min(|z|, 3.5)^2 of a normal number over that of a normal 3-vector [1]."""
 
 
@@ -77,11 +77,13 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
     return tuple(np.array([order[f : f + k] for f in first[count == k]]) for k in sizes)
 
 
-def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
+def equation_kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
     """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
     turned = any(readings.rotation is not None for readings in series)
     again = any(repeated_rows(readings) for readings in series)
-    return tuple(k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
+    return tuple(
+        k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITION_KINDS) and (again or k < 2)
+    )
 
 
 def combine_rows(groups: Sequence[Ids], rows: Array) -> Array:
@@ -117,7 +119,7 @@ def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
     return count
 
 
-def inverse_noise_roots(
+def whitening_matrices(
     series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()
 ) -> tuple[Array, Ids]:
     """Compute the whitening matrices W = (covariance)^-1/2 of combined rows, and their kinds.
@@ -169,9 +171,9 @@ def robust_whitening(
         loss: The robust loss.
 
     Returns:
-        W as from `inverse_noise_roots`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
+        W as from `whitening_matrices`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
     """
-    W, _ = inverse_noise_roots(series, noise, rotation)
+    W, _ = whitening_matrices(series, noise, rotation)
     return W, loss.influence(np.linalg.norm(np.einsum("srxy,syr->sxr", W, residual), axis=1))
 
 
@@ -185,8 +187,8 @@ def residuals(state: ArmState, series: Series) -> Array:
     Returns:
         (s, 3, rows) [m, rad]; zero where nothing was read.
     """
-    starts = range(0, max(series.rows, 1), ROWS_AT_ONCE)
-    parts = (select_rows(series, np.arange(k, min(k + ROWS_AT_ONCE, series.rows))) for k in starts)
+    starts = range(0, max(series.rows, 1), ROWS_IN_MEMORY)
+    parts = (select_rows(series, np.arange(k, min(k + ROWS_IN_MEMORY, series.rows))) for k in starts)
     return np.concatenate(
         [series_residuals(state, part, series_equilibrium(state, part)) for part in parts], axis=2
     )
@@ -206,13 +208,13 @@ def robust_weights(state: ArmState, series: Series, noise: Noise) -> Array:
     return robust_whitening(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 
 
-def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
+def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: float) -> Noise:
     """Estimate the model error: the deviation that the noise of the readings does not explain.
 
     Args:
         state: The arm.
         series: The readings.
-        share: Degrees of freedom over number of equations [1].
+        dof_ratio: Degrees of freedom over number of equations [1].
 
     Returns:
         The model error of positions and of orientations.
@@ -238,10 +240,10 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
     # A distance is one number: its squares are smaller than those of a position.
     every = sum(int(readings.seen.sum()) for readings in series)
     lines = sum(int(readings.seen.sum()) for readings in series if readings.distance is not None)
-    mean = 1.0 - (1.0 - LINE_SHARE) * lines / max(every, 1)
+    mean = 1.0 - (1.0 - DISTANCE_TO_POSITION_SQUARES) * lines / max(every, 1)
     for kind, size in ((position, mean), (rotation, 1.0)):
         length, variances = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        errors.append(READING_LOSS.scatter(length, variances, share * size))
+        errors.append(READING_LOSS.scatter(length, variances, dof_ratio * size))
     return Noise(errors[0], errors[1])
 
 
@@ -277,7 +279,7 @@ def mean_variances(series: Sequence[Series]) -> tuple[Array, float]:
     return np.array([position, np.mean(turns) if turns else 0.0]), k
 
 
-def whitening_units(expected: tuple[Array, float], noise: Noise) -> Array:
+def equation_deviations(expected: tuple[Array, float], noise: Noise) -> Array:
     """Compute the standard deviations of whitened equations, sqrt(sigma^2 + k s^2) or sigma, of every kind.
 
     Args:
@@ -292,7 +294,7 @@ def whitening_units(expected: tuple[Array, float], noise: Noise) -> Array:
     return np.asarray(np.sqrt(np.r_[variance + k * opened**2, variance]))
 
 
-def distance(before: ArmState, after: ArmState, series: Sequence[Series]) -> float:
+def rms_target_distance(before: ArmState, after: ArmState, series: Sequence[Series]) -> float:
     """Compute how far the targets moved between two states.
 
     Args:
@@ -326,19 +328,19 @@ class Outliers:
     distance: float  #: Distance of the reading from the model [m].
 
 
-def outliers(state: ArmState, series: Sequence[Series], influences: Sequence[Array]) -> Outliers | None:
+def find_outliers(state: ArmState, series: Sequence[Series], weights: Sequence[Array]) -> Outliers | None:
     """Find positions whose robust weight is below one half.
 
     Args:
         state: The calibrated arm.
         series: The readings.
-        influences: Robust weight of each reading, for every series (s, rows) [1].
+        weights: Robust weight of each reading, for every series (s, rows) [1].
 
     Returns:
         Their number and the worst of them; None if there are none.
     """
     farthest, count = [], 0
-    for readings, counts in zip(series, influences, strict=True):
+    for readings, counts in zip(series, weights, strict=True):
         m = len(readings.markers)
         wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.seen
         far = np.where(wild, np.linalg.norm(residuals(state, readings)[:m], axis=1).T, 0.0).max(axis=1)
@@ -352,16 +354,16 @@ def outliers(state: ArmState, series: Sequence[Series], influences: Sequence[Arr
 
 # --- Initial frame and mount of a series from the nominal arm and the series' positions and orientations ----
 
-MAX_ROWS = 300
+MAX_ALIGNED_ROWS = 300
 """Rows that an alignment uses, evenly spaced."""
 MIN_HALF_ROWS = 12
 """Fewest rows of half a series for a meaningful fit."""
-MIN_TURNING_JOINTS, MIN_TURNING_ORIENTED = 3, 2
+MIN_MOVING_JOINTS, MIN_MOVING_JOINTS_ORIENTED = 3, 2
 """Fewest joints that turn in a series, without and with orientations, so that their axes are not parallel."""
 MAX_FRAME_DEVIATION = np.radians(0.2)
 """Largest standard deviation of a frame's rotation from few poses and a known mount [rad]; beyond it the
 frame counts as undetermined."""
-SOUND_SHARE, FITTED_DISTANCE = 0.9, 5e-3
+FITTED_SHARE, MAX_FITTED_DISTANCE = 0.9, 5e-3
 """Share of the readings that must fit, and their largest distance from a fitted arm relative to its reach
 [1]. Heavy arms with gear errors and soft links, not yet fitted, are at a thousandth."""
 UNNAMED_DEVIATION = 1.0
@@ -370,7 +372,7 @@ MAX_POINT_DEVIATIONS = 5.0
 """Distance of a fixed point from its stated place beyond which that is wrong, over its deviation [1]."""
 MAX_EVALUATIONS = 100
 """Most evaluations of the search for a fixed point."""
-MAX_TURNED = 0.1
+MAX_ORIENTATION_ERROR = 0.1
 """Median angle between orientations and the arm beyond which their notation is wrong [rad]."""
 
 
@@ -404,10 +406,10 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         known = mounts.get(readings.target)
         if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
             continue
-        block = [one for one in series if one.normal is not None and one.frame == readings.frame]
+        block_faces = [one for one in series if one.normal is not None and one.frame == readings.frame]
         try:
             frame, mount = align(
-                replace(state, frames=frames, mounts=mounts), without_unread_targets(readings), block
+                replace(state, frames=frames, mounts=mounts), without_unread_targets(readings), block_faces
             )
         except BenchError:
             shared = any(
@@ -432,7 +434,7 @@ def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
     return bool(underdetermined_reason(vjm, series)) or bool(undetermined_frames(vjm, (series,)))
 
 
-def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tuple[Frame, Mount]:
+def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -> tuple[Frame, Mount]:
     """Find the frame and the mount of one series by the arm's nominal geometry.
 
     If something moved far in mid-series, they are those of its first half. What its poses leave undetermined
@@ -442,7 +444,7 @@ def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tupl
     Args:
         state: The arm's state.
         series: The readings.
-        block: Heights over all faces of its block, this one among them; they share its frame.
+        block_faces: Heights over all faces of its block, this one among them; they share its frame.
 
     Raises:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
@@ -451,7 +453,7 @@ def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tupl
     if lost := [name for name in series.markers if name not in _read_targets(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
     if series.distance is not None:
-        same = [one for one in block if (one.target, one.markers) == (series.target, series.markers)]
+        same = [one for one in block_faces if (one.target, one.markers) == (series.target, series.markers)]
         return _by_distances(state, series, same or [series])
     # By the series alone; else with the frame or mount that the state has.
     few = underdetermined_reason(state.vjm, series)
@@ -461,10 +463,10 @@ def align(state: ArmState, series: Series, block: Sequence[Series] = ()) -> tupl
         aligned_series = shared if shared is not None and shared.fits else aligned_series
     # Else with the targets of the arm's folder, if enough joints turn.
     turns = len(moving_joints(state.vjm, (series,)))
-    if aligned_series is None and not few and turns >= MIN_TURNING_JOINTS:
+    if aligned_series is None and not few and turns >= MIN_MOVING_JOINTS:
         drawn = _register_subset(state, series, as_drawn=True)
         aligned_series = drawn if drawn is not None and drawn.fits else _register_subset(state, series)
-    if aligned_series is None and (few or turns < MIN_TURNING_JOINTS):
+    if aligned_series is None and (few or turns < MIN_MOVING_JOINTS):
         open_ = "its poses do not determine frame and target; turn joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
     if aligned_series is None or not aligned_series.fits:
@@ -576,7 +578,7 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
             f"{series.name}: the distances do not fit this arm and {what} {place} m: {far:.3g} m "
             f"off (median){times}; is it another unit, {other} or marker?"
         )
-    off, turn, found = placed_off(series, frame)
+    off, turn, found = deviation_from_stated(series, frame)
     if max(off / series.fixed_sigma, turn / series.tilt if plane else 0.0) > MAX_POINT_DEVIATIONS:
         what, other = ("plane", "normal") if plane else ("fixed point", "point")
         turned = f" and {np.degrees(turn):.3g} deg" if plane else ""
@@ -587,7 +589,7 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
         )
 
 
-def placed_off(series: Series, frame: Frame) -> tuple[float, float, Array]:
+def deviation_from_stated(series: Series, frame: Frame) -> tuple[float, float, Array]:
     """Compute how far a fixed point or a plane is from where it is stated.
 
     Args:
@@ -622,19 +624,19 @@ class _AlignedSeries:
     @property
     def fits(self) -> bool:
         """Tell whether positions and orientations fit, with targets on the tool."""
-        return self.near and self.turn < MAX_TURNED
+        return self.near and self.turn < MAX_ORIENTATION_ERROR
 
 
 def _register_subset(
     state: ArmState, series: Series, *, shared: bool = False, as_drawn: bool = False
 ) -> _AlignedSeries | None:
-    """Register a series by MAX_ROWS of its rows.
+    """Register a series by MAX_ALIGNED_ROWS of its rows.
 
     A shared frame or mount is that of the state; with `as_drawn` the targets are nominal. None if
     undetermined.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS)])
+    sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ALIGNED_ROWS)])
     layout = _level_layout(state, sample) if as_drawn else _registered(state, sample, shared=shared)
     if layout is None:
         return None
@@ -678,7 +680,7 @@ def _level_layout(state: ArmState, series: Series) -> FrameLayout:
     targets = _nominal_targets(state, series)
     position, rotation = tool_pose(state.vjm, series.q)
     points = position[:, None] + targets @ rotation.swapaxes(1, 2)
-    frame = level_frame(points[series.seen], series.position[series.seen])
+    frame = fit_upright_frame(points[series.seen], series.position[series.seen])
     return FrameLayout(frame.rotation[None], frame.translation[None], targets)
 
 
@@ -709,7 +711,7 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
         The reason; "" if the series may suffice.
     """
     poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), moving_joints(vjm, (series,))
-    turn = MIN_TURNING_ORIENTED if series.oriented.any() else MIN_TURNING_JOINTS
+    turn = MIN_MOVING_JOINTS_ORIENTED if series.oriented.any() else MIN_MOVING_JOINTS
     count = 6 + 3 * len(series.markers) + 3 * bool(series.oriented.any())
     numbers = f"the {count} numbers of its frame and mount"
     if poses < MIN_POSES:
@@ -752,7 +754,7 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
         others = [other for other in series if other is not readings]
         what = [f"frame {readings.frame!r}"] * any(other.frame == readings.frame for other in others)
         what += [f"mount {readings.target!r}"] * any(other.target == readings.target for other in others)
-        off = typical_distance(state, readings) if what else 0.0
+        off = misplacement(state, readings) if what else 0.0
         if off:
             raise BenchError(
                 f"{readings.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from the "
@@ -760,7 +762,7 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
             )
 
 
-def check_fits(state: ArmState, series: Sequence[Series]) -> None:
+def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
     """Refuse a series that geometry and springs do not bring near the arm.
 
     No sound arm is that far from its readings: neither more poses nor a tracker that moved explains it.
@@ -774,15 +776,15 @@ def check_fits(state: ArmState, series: Sequence[Series]) -> None:
     """
     for readings in series:
         left = np.linalg.norm(residuals(state, readings)[: len(readings.markers)], axis=1).T[readings.seen]
-        far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(SOUND_SHARE * len(left)))] ** 2)))
-        if far > FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
+        far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(FITTED_SHARE * len(left)))] ** 2)))
+        if far > MAX_FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
             words = (
                 f"{readings.name}: the readings do not fit this arm: {1e3 * far:.3g} mm (RMS of the nearest "
             )
             raise Misfit(f"{words}nine tenths) after its geometry and springs are fitted", readings)
 
 
-def typical_distance(state: ArmState, series: Series) -> float:
+def misplacement(state: ArmState, series: Series) -> float:
     """Compute how far at least three quarters of a series are from its frame and mount.
 
     The distance is the 25th percentile: if something moved in mid-series, a quarter may still fit.
@@ -806,7 +808,7 @@ def _merge_mounts(mount: Mount, other: Mount) -> Mount:
     return replace(mount, points=np.concatenate([mount.points, other.points[new]]), markers=markers)
 
 
-def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
+def with_common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
     """Give all series of a mount the same targets in the same order, without those that were never read.
 
     Returns:

@@ -3,7 +3,7 @@
 `select_errors` tries kinds of errors one after the other. A kind is kept if it improves the prediction of
 held-out blocks of joint space, or of whole series, by more than its unknowns cost, and makes neither worse.
 
-`fit_weights` fits masses to measured joint torques,
+`fit_link_masses` fits masses to measured joint torques,
 
     sign torque_j = sum over bodies of (load of joint j per unit of p) p + load of the wrench + offset_j
 
@@ -70,12 +70,12 @@ class SelectionStep:
 
     name: str  #: Kind of error that was added to all those kept before.
     kept: bool  #: Whether the part is kept.
-    before: float  #: RMS error of held-out positions along an axis without it [m].
-    after: float  #: The RMS error with it [m].
-    deviation: float  #: Standard error of the difference of the two mean squares, over the first [1].
+    rms_before: float  #: RMS error of held-out positions along an axis without it [m].
+    rms_after: float  #: The RMS error with it [m].
+    standard_error: float  #: Standard error of the difference of the two mean squares, over the first [1].
     #: RMS error of held-out series after realignment, without it [m]; NaN for a single series.
-    series_before: float
-    series_after: float  #: The RMS error of held-out series with it [m].
+    series_rms_before: float
+    series_rms_after: float  #: The RMS error of held-out series with it [m].
 
 
 @dataclass(frozen=True)
@@ -85,12 +85,12 @@ class SelectedModel:
     active: ActiveUnknowns  #: The selected unknowns.
     scales: ErrorScales  #: Sizes of their errors, and noise factors.
     reduced: ReducedReadings  #: The reduced equations, in the basis of its unknowns.
-    kinds: frozenset[str]  #: Kinds of errors that are selected.
+    error_kinds: frozenset[str]  #: Kinds of errors that are selected.
     steps: tuple[SelectionStep, ...]  #: Trials, in order.
     simpler_model: str = ""  #: Simpler model for comparison: geometry, with joint springs if more was kept.
     #: RMS error of held-out positions along an axis, for every block, by the simpler and by the selected
     #: model [m].
-    held_out: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+    held_out_rms: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,14 @@ class ErrorCandidate:
 
     name: str  #: Name in reports, and in `CalibrationOptions.without`.
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it adds.
-    elastic: PriorScaling | None = None  #: Compliances that it selects, in place of the earlier ones.
+    #: Compliances that it selects, in place of the earlier ones.
+    compliance_prior: PriorScaling | None = None
     always_kept: bool = False  #: Whether the part is kept without a trial, because every arm has it.
     #: Whether it searches for a shared `pattern` in the kept errors; it is kept unless it harms.
-    pattern: bool = False
+    searches_pattern: bool = False
 
 
-def blocks_of(series: Sequence[Series]) -> list[Ids]:
+def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
     """Divide rows into blocks of joint space by k-means on sine and cosine; rows of a pose share a block.
 
     If a block leaves fewer than `MIN_BLOCK_POSES` poses outside it, the series is divided into two halves.
@@ -141,9 +142,9 @@ def blocks_of(series: Sequence[Series]) -> list[Ids]:
 class SelectionRules:
     """Hold the criteria of the selection."""
 
-    unit: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
+    equation_deviation: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
     constraint: Constraint = "psd"  #: Constraint of the final arm.
-    uncertainty: PriorUncertainty = WIDE_PRIOR  #: Relative uncertainty of the expected compliances.
+    prior_uncertainty: PriorUncertainty = WIDE_PRIOR  #: Relative uncertainty of the expected compliances.
 
 
 def select_errors(
@@ -162,25 +163,30 @@ def select_errors(
     Returns:
         The selected unknowns, the sizes of their errors, and the steps of the selection.
     """
-    kinds, elastic = GEOMETRY, None
+    kinds, compliance_prior = GEOMETRY, None
     tried = _evaluate(
-        activate(unknowns, kinds, elastic), reduced, default_scales(unknowns, len(reduced.kinds)), rules
+        activate(unknowns, kinds, compliance_prior),
+        reduced,
+        default_scales(unknowns, len(reduced.kinds)),
+        rules,
     )
     # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
     steps: dict[str, SelectionStep] = {}
     simpler_trials = {"geometry": tried}
     for candidate in stepwise(candidates, "trying errors"):
-        more = kinds | candidate.kinds, candidate.elastic or elastic
+        more = kinds | candidate.kinds, candidate.compliance_prior or compliance_prior
         shared = (
-            with_shared_pattern(tried.active, kinds, tried.scales, reduced) if candidate.pattern else None
+            with_shared_pattern(tried.active, kinds, tried.scales, reduced)
+            if candidate.searches_pattern
+            else None
         )
-        if candidate.pattern and shared is None:
+        if candidate.searches_pattern and shared is None:
             continue
         active, equations = shared or (activate(unknowns, *more), reduced)
         other = _evaluate(active, equations, tried.scales, rules)
         steps[candidate.name] = _selection_step(candidate, tried, other)
         if steps[candidate.name].kept:
-            tried, (kinds, elastic), unknowns, reduced = other, more, active.unknowns, equations
+            tried, (kinds, compliance_prior), unknowns, reduced = other, more, active.unknowns, equations
         if candidate.always_kept:
             simpler_trials[f"geometry and {candidate.name}"] = tried
     # Backward pass: drop a kind that a later one has made unnecessary.
@@ -191,7 +197,7 @@ def select_errors(
             and not candidate.always_kept
             and not ("pattern" in kinds and candidate.kinds & {"harmonics", "pattern"})
         ):
-            fewer = activate(unknowns, kinds - candidate.kinds, elastic)
+            fewer = activate(unknowns, kinds - candidate.kinds, compliance_prior)
             other = _evaluate(fewer, reduced, tried.scales, rules)
             again = _selection_step(candidate, other, tried)
             if not again.kept:
@@ -225,7 +231,7 @@ def with_shared_pattern(
     waves = wave_columns(errors)
     if "harmonics" not in kinds or not len(waves):
         return None
-    at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + waves
+    at = unknowns.first_columns["errors"] + errors.size * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
@@ -245,9 +251,11 @@ def with_shared_pattern(
             joint_information, INDIVIDUAL_WAVE_SHARE * whole, (1 - INDIVIDUAL_WAVE_SHARE) * whole, orders
         ),
     )
-    if unknowns.basis is None:
+    if unknowns.equation_basis is None:
         return None
-    return activate(unknowns, kinds | {"pattern"}, active.elastic), reduced.in_basis(unknowns.basis)
+    return activate(unknowns, kinds | {"pattern"}, active.compliance_prior), reduced.in_basis(
+        unknowns.equation_basis
+    )
 
 
 @dataclass(frozen=True)
@@ -300,17 +308,17 @@ def _held_out_sums(
     """Hold out parts of the readings in turn: the numbers of `_Trial.blocks`, (held, 4)."""
     S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
     faces = any(part.face for part in reduced.parts)
-    first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
-    whole = solve_active(active, S, scales, rules.uncertainty).variances(np.arange(first))
+    first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
+    whole = solve_active(active, S, scales, rules.prior_uncertainty).variances(np.arange(first))
     for parts in held:
         n = sum(part.counts[positions].sum() for part in parts)
         every, deviance = _held_out(active, S, parts, (scales, rules), whole, faces=faces)
         sums = every[positions]
-        totals.append((n, sums.sum(), rules.unit[positions] ** 2 @ sums, deviance))
+        totals.append((n, sums.sum(), rules.equation_deviation[positions] ** 2 @ sums, deviance))
     return np.array(totals).reshape(-1, 4)
 
 
-def with_weighted_prior(
+def with_final_prior(
     chosen: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
 ) -> SelectedModel:
     """Repeat the hold-out test with the prior of the final arm, if blocks can be held out.
@@ -323,15 +331,15 @@ def with_weighted_prior(
     Returns:
         The selection, with its held-out errors updated.
     """
-    plain, every = chosen.held_out
+    plain, every = chosen.held_out_rms
     if weighted_prior is None or not len(every):
         return chosen
     active, rules = (
-        replace(chosen.active, elastic=weighted_prior.scaling),
-        replace(rules, uncertainty=weighted_prior.uncertainty),
+        replace(chosen.active, compliance_prior=weighted_prior.scaling),
+        replace(rules, prior_uncertainty=weighted_prior.uncertainty),
     )
     blocks = _held_out_sums(active, chosen.reduced, chosen.scales, rules, _blocks_to_hold_out(chosen.reduced))
-    return replace(chosen, held_out=(plain, _by_block(blocks)))
+    return replace(chosen, held_out_rms=(plain, _by_block(blocks)))
 
 
 def _held_out(
@@ -358,10 +366,10 @@ def _held_out(
     if len(alone):
         others = others[:, at][:, :, at]
     normal = solve_active(
-        ActiveUnknowns(active.unknowns, active.columns[rest], active.elastic),
+        ActiveUnknowns(active.unknowns, active.columns[rest], active.compliance_prior),
         others,
         scales,
-        rules.uncertainty,
+        rules.prior_uncertainty,
         rules.constraint,
     )
     # Fit these, and those with a much larger variance, to the held-out parts, all else fixed.
@@ -375,10 +383,10 @@ def _held_out(
     if faces:
         counts = np.sum([part.counts for part in parts], axis=0)
         deviance = predictive_deviance(
-            np.tensordot(scales.factor**-2.0, T, 1)[np.ix_(at, at)], v[at], normal
-        ) + float(2 * counts @ np.log(scales.factor))
+            np.tensordot(scales.noise_factor**-2.0, T, 1)[np.ix_(at, at)], v[at], normal
+        ) + float(2 * counts @ np.log(scales.noise_factor))
     if len(open_):
-        H = np.tensordot(scales.factor**-2.0, T, 1)
+        H = np.tensordot(scales.noise_factor**-2.0, T, 1)
         v[open_] -= np.linalg.lstsq(H[np.ix_(open_, open_)], H[open_] @ v, rcond=None)[0]
     return np.asarray(T @ v @ v), deviance
 
@@ -413,7 +421,7 @@ def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> Sel
     if after.faces:  # one block may be all that shows a direction: its prediction is then uncertain
         saved = (before.blocks[:, 3] - after.blocks[:, 3]) / count
         blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * mean_and_standard_error(saved)[1]
-    pays = blocks > max(MIN_GAIN, deviation) or gain > MIN_GAIN or tried.pattern
+    pays = blocks > max(MIN_GAIN, deviation) or gain > MIN_GAIN or tried.searches_pattern
     pays = pays and min(blocks, gain) > -MAX_LOSS
     every = (before.blocks, after.blocks, before.series, after.series)
     rms = [float(_by_block(sums.sum(axis=0)[None])[0]) if len(sums) else math.nan for sums in every]
@@ -452,7 +460,7 @@ class MassFit:
     nominal_residual: float  #: RMS residual of the given masses over all joints [N m, N].
     residual: float  #: RMS residual of the fitted masses [N m, N].
     torque_deviation: float  #: RMS deviation of the torques without those of the wrenches [N m, N].
-    at_bound: tuple[str, ...]  #: Links and tool with a parameter at its bound.
+    bodies_at_bound: tuple[str, ...]  #: Links and tool with a parameter at its bound.
     #: Whether torques are the motors' against the weight, or the weight's on the joints.
     motor_torques: bool = False
 
@@ -462,7 +470,7 @@ class MassFit:
         return self.residual <= MAX_UNEXPLAINED * self.torque_deviation
 
 
-def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
+def fit_link_masses(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
     """Fit the masses of the links to the joint torques of all series that have some.
 
     Mathematics: `abs-12`.
@@ -482,7 +490,7 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassF
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
     carries, carried = (_fit(weights, names, A, sign * torque - known) for sign in (1, -1))
     best = min(carries, replace(carried, motor_torques=True), key=lambda fit: fit.residual)
-    return best if best.explained else replace(best, weights=weights, at_bound=())
+    return best if best.explained else replace(best, weights=weights, bodies_at_bound=())
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
@@ -526,7 +534,7 @@ def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
         nominal_residual=_rms(before),
         residual=_rms(_scatter(left)),
         torque_deviation=_rms(spread),
-        at_bound=tuple(name for name, on in zip(names, at_bound, strict=True) if on),
+        bodies_at_bound=tuple(name for name, on in zip(names, at_bound, strict=True) if on),
     )
 
 

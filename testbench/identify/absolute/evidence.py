@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import hierarchy
-from testbench.identify.absolute.align import Noise, scatter
+from testbench.identify.absolute.align import Noise, estimate_model_error
 from testbench.identify.absolute.state import (
     LEVEL_DEVIATION,
     ArmState,
@@ -70,20 +70,20 @@ DEFAULT_SCALES: Mapping[str, float] = {
     "stiffening": 3e-5,
 }
 """Usual standard deviations of the errors [m, rad; rad per rad for the ratio]."""
-WAVES = ("harmonics", "pattern")
+WAVE_KINDS = ("harmonics", "pattern")
 """Kinds with bands of orders: individual waves of each joint, and those of a shared pattern."""
 MAX_SCALE_FACTOR = 10.0
 """Largest size over the usual one [1]: a larger one would represent an error that the model lacks."""
-MAX_FACTOR_UNDETERMINED = 2.0
+MAX_SCALE_FACTOR_UNDETERMINED = 2.0
 """Largest size over the usual one if readings leave a frame or mount undetermined [1]: larger errors of
 geometry would leave the linear range."""
-PSEUDO_UNKNOWNS = 2.0
+PSEUDO_OBSERVATIONS = 2.0
 """Pseudo-observations of usual size in every small group."""
-LARGE_GROUP, LARGE_GROUP_SHARE = 40, 1 / 6
+MAX_SMALL_GROUP, LARGE_GROUP_SIZE_RATIO = 40, 1 / 6
 """Number of unknowns above which a group is large, and the size of its one pseudo-observation over the usual
 size [1]. A large group determines its size well, and orders that the joints lack go to zero however many are
 tried."""
-SPARE_EQUATIONS = 2.0
+PSEUDO_EQUATIONS = 2.0
 """Pseudo-equations of every kind with noise as stated: unknowns may use up all real ones."""
 WIDE_PRIOR = PriorUncertainty(3.0)
 """Uncertainty of the expected compliances while the sizes of all other errors are learnt."""
@@ -100,34 +100,40 @@ class ActiveUnknowns:
 
     unknowns: Unknowns  #: All unknowns that may be used.
     columns: Ids  #: Selected columns, compliances last, (c,).
-    elastic: PriorScaling | None  #: Prior of the selected compliances; None for a rigid arm.
+    compliance_prior: PriorScaling | None  #: Prior of the selected compliances; None for a rigid arm.
 
     @property
     def n_rigid(self) -> int:
         """Count the selected columns that are not compliances."""
-        return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected_x))
+        return len(self.columns) - (
+            0 if self.compliance_prior is None else len(self.compliance_prior.expected_x)
+        )
 
 
-def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | None) -> ActiveUnknowns:
+def activate(
+    unknowns: Unknowns, kinds: frozenset[str], compliance_prior: PriorScaling | None
+) -> ActiveUnknowns:
     """Select the columns of some kinds of errors and of compliances.
 
     Args:
         unknowns: All unknowns.
         kinds: Names of the errors.
-        elastic: Units of the compliances' prior; None for no compliances.
+        compliance_prior: Units of the compliances' prior; None for no compliances.
 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
     """
-    placed = np.setdiff1d(np.arange(unknowns.starts["geometry"]), unknowns.unused_rotations)
-    on = [placed, *(c for kind, c in unknowns.groups if kind in kinds)]
+    placed = np.setdiff1d(np.arange(unknowns.first_columns["geometry"]), unknowns.unused_rotations)
+    on = [placed, *(c for kind, c in unknowns.prior_groups if kind in kinds)]
     rigid = np.sort(np.concatenate(on))
-    if elastic is None:
+    if compliance_prior is None:
         return ActiveUnknowns(unknowns, rigid, None)
-    places = elastic.structure.indices_in(unknowns.structure)
+    places = compliance_prior.structure.indices_in(unknowns.structure)
     if (places < 0).any():
-        raise BenchError(f"{elastic.structure.name}: expected a part of {unknowns.structure.name}")
-    return ActiveUnknowns(unknowns, np.concatenate([rigid, unknowns.starts["elastic"] + places]), elastic)
+        raise BenchError(f"{compliance_prior.structure.name}: expected a part of {unknowns.structure.name}")
+    return ActiveUnknowns(
+        unknowns, np.concatenate([rigid, unknowns.first_columns["elastic"] + places]), compliance_prior
+    )
 
 
 @dataclass(frozen=True)
@@ -136,15 +142,15 @@ class ErrorScales:
 
     #: Prior standard deviation of every unknown, (size,); infinite for unknowns without a prior.
     deviation: Array
-    factor: Array  #: Noise over stated noise of every kind of equations, (kinds,) [1].
+    noise_factor: Array  #: Noise over stated noise of every kind of equations, (kinds,) [1].
 
 
-def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
+def default_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
     """Make the usual sizes of all errors, with noise as stated for the readings.
 
     Args:
         unknowns: All unknowns.
-        kinds: Number of kinds of equations.
+        n_kinds: Number of kinds of equations.
 
     Returns:
         Prior deviations from `DEFAULT_SCALES`, and noise factors of 1.
@@ -152,16 +158,16 @@ def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
     deviation = np.full(unknowns.size, np.inf)
     for name in unknowns.undetermined:
         kind, _, of = name.partition(" ")
-        first = unknowns.starts[name]
+        first = unknowns.first_columns[name]
         if kind == "frame":
             deviation[first + 3 : first + 6] = LEVEL_DEVIATION
         else:
             deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_DEVIATION
-    for name, sizes in unknowns.fixed.items():
+    for name, sizes in unknowns.frame_deviations.items():
         deviation[unknowns.columns(f"frame {name}")] = [size or LEVEL_DEVIATION for size in sizes]
-    for kind, columns in unknowns.groups:
+    for kind, columns in unknowns.prior_groups:
         deviation[columns] = DEFAULT_SCALES[kind]
-    return ErrorScales(deviation, np.ones(kinds))
+    return ErrorScales(deviation, np.ones(n_kinds))
 
 
 def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
@@ -176,8 +182,8 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
     """
     columns = np.r_[active.columns, gram.shape[1] - 1]
     selected = gram[np.ix_(range(len(gram)), columns, columns)]
-    if active.elastic is not None:
-        e, L = slice(active.n_rigid, -1), active.elastic.L
+    if active.compliance_prior is not None:
+        e, L = slice(active.n_rigid, -1), active.compliance_prior.L
         selected[:, :, e] = selected[:, :, e] @ L
         selected[:, e, :] = L.T @ selected[:, e, :]
     return np.asarray(selected)
@@ -200,15 +206,15 @@ def active_prior(
     P, b = np.zeros((c, c)), np.zeros(c)
     held = np.arange(active.n_rigid)
     P[held, held] = scales.deviation[active.columns[: active.n_rigid]] ** -2.0
-    if active.elastic is not None:
-        B, towards = prior_rows(active.elastic, uncertainty)
+    if active.compliance_prior is not None:
+        B, towards = prior_rows(active.compliance_prior, uncertainty)
         P[active.n_rigid :, active.n_rigid :], b[active.n_rigid :] = B.T @ B, B.T @ towards
     return P, b
 
 
 def solve_active(
     active: ActiveUnknowns,
-    S: Array,
+    gram: Array,
     scales: ErrorScales,
     uncertainty: PriorUncertainty,
     constraint: Constraint = "none",
@@ -217,7 +223,7 @@ def solve_active(
 
     Args:
         active: The unknowns, c of them.
-        S: Gram matrices of [A | y] for every kind of equations, from `gram_of_active`, (kinds, c + 1, c + 1).
+        gram: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1): `gram_of_active`.
         scales: Sizes of errors, and noise factors.
         uncertainty: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
@@ -228,31 +234,33 @@ def solve_active(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    H, (P, b) = np.tensordot(scales.factor**-2.0, S, 1), active_prior(active, scales, uncertainty)
+    H, (P, b) = np.tensordot(scales.noise_factor**-2.0, gram, 1), active_prior(active, scales, uncertainty)
     H[:-1, :-1] += P
     H[:-1, -1] += b
     optimum = solve_normal_equations(H)
-    if active.elastic is None or constraint == "none":
+    if active.compliance_prior is None or constraint == "none":
         return optimum
-    return replace(optimum, x=_in_cone(optimum, active.n_rigid, active.elastic))
+    return replace(optimum, x=_in_cone(optimum, active.n_rigid, active.compliance_prior))
 
 
-def _in_cone(optimum: NormalEquationsSolution, rigid: int, elastic: PriorScaling) -> Array:
+def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: PriorScaling) -> Array:
     """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
     With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
     unknowns follow the compliances e: their rows vanish, and |U_e (e - e_0)|^2 remains. Returns x_0 itself if
     it is in the cone.
     """
-    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.block_matrices(optimum.x[rigid:])):
+    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in compliance_prior.block_matrices(optimum.x[rigid:])):
         return optimum.x
     # Cost of the compliances alone.
     U = np.triu(optimum.precision_root[0]) * optimum.precision_scale
     M = U[rigid:, rigid:]
     r = M @ optimum.x[rigid:]
-    e = certified_solution(M, r, elastic.block_orders)
+    e = certified_solution(M, r, compliance_prior.block_orders)
     if e is None:
-        e = elastic.clip_negative_eigenvalues(solve_by_clarabel(M, r, elastic.block_orders).x[1:])
+        e = compliance_prior.clip_negative_eigenvalues(
+            solve_by_clarabel(M, r, compliance_prior.block_orders).x[1:]
+        )
     # The other unknowns follow.
     step = U[:rigid, rigid:] @ (e - optimum.x[rigid:])
     others: Array = optimum.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
@@ -260,7 +268,11 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, elastic: PriorScaling
 
 
 def learn_scales(
-    active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScales, constraint: Constraint = "none"
+    active: ActiveUnknowns,
+    gram: Array,
+    equation_counts: Array,
+    start: ErrorScales,
+    constraint: Constraint = "none",
 ) -> ErrorScales:
     """Find the sizes of errors and the noise factors of greatest evidence.
 
@@ -271,57 +283,60 @@ def learn_scales(
 
     Args:
         active: The unknowns, c of them.
-        S: Gram matrices of [A | y] for every kind of equations, from `gram_of_active`, (kinds, c + 1, c + 1).
-        counts: Number of equations of every kind, (kinds,).
+        gram: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1): `gram_of_active`.
+        equation_counts: Number of equations of every kind, (kinds,).
         start: Start of the search.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    scales = _maximise_scales(active, S, counts, start)
-    if active.elastic is None or constraint == "none":
+    scales = _maximise_scales(active, gram, equation_counts, start)
+    if active.compliance_prior is None or constraint == "none":
         return scales
     for _ in range(MAX_ROUNDS):
-        free = solve_active(active, S, scales, WIDE_PRIOR)
-        x = _in_cone(free, active.n_rigid, active.elastic)
+        free = solve_active(active, gram, scales, WIDE_PRIOR)
+        x = _in_cone(free, active.n_rigid, active.compliance_prior)
         if x is free.x:
             return scales
-        # where the evidence has no slope, with SPARE_EQUATIONS pseudo-observations
-        left, v = S @ np.r_[x, -1.0], np.r_[x, -1.0]
-        spent = np.einsum("kij,ij->k", S[:, :-1, :-1], free.covariance) / scales.factor**2
+        # where the evidence has no slope, with PSEUDO_EQUATIONS pseudo-observations
+        left, v = gram @ np.r_[x, -1.0], np.r_[x, -1.0]
+        spent = np.einsum("kij,ij->k", gram[:, :-1, :-1], free.covariance) / scales.noise_factor**2
         factor = np.sqrt(
-            (left @ v + SPARE_EQUATIONS) / np.maximum(counts - spent + SPARE_EQUATIONS, SPARE_EQUATIONS)
+            (left @ v + PSEUDO_EQUATIONS)
+            / np.maximum(equation_counts - spent + PSEUDO_EQUATIONS, PSEUDO_EQUATIONS)
         )
-        settled = np.abs(np.log(factor / scales.factor)).max() < SETTLED_CHANGE
-        scales = replace(scales, factor=factor)
+        settled = np.abs(np.log(factor / scales.noise_factor)).max() < SETTLED_CHANGE
+        scales = replace(scales, noise_factor=factor)
         if settled:
             break
     return scales
 
 
-def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScales) -> ErrorScales:
+def _maximise_scales(
+    active: ActiveUnknowns, gram: Array, equation_counts: Array, start: ErrorScales
+) -> ErrorScales:
     """Find the sizes and noise factors of greatest evidence without the cone."""
     place = np.full(active.unknowns.size, -1)
     place[active.columns] = np.arange(len(active.columns))
     # Hyperparameters: log deviation of every selected group, then log noise factor of every kind.
-    groups = [(kind, of) for kind, of in active.unknowns.groups if (place[of] >= 0).all()]
-    m, c = len(groups) + len(counts), len(active.columns)
+    groups = [(kind, of) for kind, of in active.unknowns.prior_groups if (place[of] >= 0).all()]
+    m, c = len(groups) + len(equation_counts), len(active.columns)
     drawn, known = np.zeros((c, m)), np.zeros((c + 1, c + 1))
     for k, (_, of) in enumerate(groups):
         drawn[place[of], k] = 1
     # Fixed priors: those of the compliances, of frames and of mounts.
-    if active.elastic is not None:
-        B = np.column_stack(prior_rows(active.elastic, WIDE_PRIOR))
+    if active.compliance_prior is not None:
+        B = np.column_stack(prior_rows(active.compliance_prior, WIDE_PRIOR))
         known[active.n_rigid :, active.n_rigid :] = B.T @ B
-    first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
+    first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
     placed = active.columns[:first]  # frames and mounts
     known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
-    times = MAX_FACTOR_UNDETERMINED if active.unknowns.undetermined else MAX_SCALE_FACTOR
-    most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(counts)
+    times = MAX_SCALE_FACTOR_UNDETERMINED if active.unknowns.undetermined else MAX_SCALE_FACTOR
+    most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(equation_counts)
     problem = EvidenceModel(
-        gram=S,
-        equation_counts=counts,
+        gram=gram,
+        equation_counts=equation_counts,
         exact_gram=known,
         log_deviation_rows=drawn,
         expected_over_scale=np.zeros(c),
@@ -330,7 +345,7 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
         bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
     )
     deviation = start.deviation.copy()
-    h = maximise_evidence(problem, np.log(np.r_[[deviation[of[0]] for _, of in groups], start.factor]))
+    h = maximise_evidence(problem, np.log(np.r_[[deviation[of[0]] for _, of in groups], start.noise_factor]))
     for (_, of), size in zip(groups, np.exp(h), strict=False):
         deviation[of] = size
     return ErrorScales(deviation, np.exp(h[len(groups) :]))
@@ -338,10 +353,10 @@ def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: Err
 
 def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]:
     """Make the hyperpriors of group sizes and of noise factors."""
-    large = np.array([len(of) > LARGE_GROUP for _, of in groups], dtype=bool)
-    count, usual_ = np.full(m, SPARE_EQUATIONS), np.ones(m)
-    count[: len(groups)] = np.where(large, 1.0, PSEUDO_UNKNOWNS)
-    usual_[: len(groups)] = np.where(large, LARGE_GROUP_SHARE, 1.0) * [
+    large = np.array([len(of) > MAX_SMALL_GROUP for _, of in groups], dtype=bool)
+    count, usual_ = np.full(m, PSEUDO_EQUATIONS), np.ones(m)
+    count[: len(groups)] = np.where(large, 1.0, PSEUDO_OBSERVATIONS)
+    usual_[: len(groups)] = np.where(large, LARGE_GROUP_SIZE_RATIO, 1.0) * [
         DEFAULT_SCALES[kind] for kind, _ in groups
     ]
 
@@ -350,7 +365,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 
-    bands = [np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in WAVES]
+    bands = [np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in WAVE_KINDS]
     neighbours = np.concatenate([band[1:] - band[:-1] for band in bands]) / STUDENT_SCALE
     return (
         Hyperprior(np.eye(m), np.log(usual_), pseudo_observations),
@@ -361,7 +376,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
 # --- Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated ---------------
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})  #: Kinds of unknowns of the geometry.
-INDEPENDENT_SHARE = 1e-10
+MIN_INDEPENDENT_SHARE = 1e-10
 """Share of a column that is independent of all others below which it counts as undetermined [1]."""
 
 
@@ -370,10 +385,10 @@ class StepSolution:
     """Hold the most probable unknowns."""
 
     x: Array  #: Values of the selected unknowns in SI units, (c,).
-    root: Array  #: Root of the posterior's precision, compliances in units of the prior, (c, c).
+    precision_root: Array  #: Root of the posterior's precision, compliances in units of the prior, (c, c).
     estimate: Estimate | None  #: Compliances; None for a rigid arm.
     degrees_of_freedom: float  #: Degrees of freedom that the unknowns use.
-    cone_pressure: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
+    constraint_chi2: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
     weighted_prior: WeightedPrior | None  #: Prior of the compliances; None for a rigid arm.
 
 
@@ -405,45 +420,49 @@ def solve_step(
         BenchError: If the readings leave a frame or a target undetermined.
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
-    T = factor_of(active, reduced, scales)
+    T = triangular_factor(active, reduced, scales)
     r, c = active.n_rigid, len(active.columns)
-    if active.elastic is None:
+    if active.compliance_prior is None:
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
-        step = _solve_compliances(T, active.elastic, int(reduced.counts.sum()), constraint, uncertainty)
+        step = _solve_compliances(
+            T, active.compliance_prior, int(reduced.counts.sum()), constraint, uncertainty
+        )
     # Degrees of freedom: the share of each prior variance that the readings remove.
-    inverse = solve_triangular(step.root[:r, :r], np.eye(r))
+    inverse = solve_triangular(step.precision_root[:r, :r], np.eye(r))
     deviation = scales.deviation[active.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     step = replace(step, degrees_of_freedom=float(np.maximum(known, 0).sum() + (~held).sum() + c - r))
-    if (basis := active.unknowns.basis) is not None:
+    if (basis := active.unknowns.equation_basis) is not None:
         # From the basis of a shared pattern back to the joints.
         B = basis[active.columns][:, active.columns].toarray()  # its columns are orthogonal
-        root = np.asarray(np.linalg.qr(step.root / (B**2).sum(axis=0) @ B.T, mode="r"))
-        step = replace(step, x=B @ step.x, root=root)
+        root = np.asarray(np.linalg.qr(step.precision_root / (B**2).sum(axis=0) @ B.T, mode="r"))
+        step = replace(step, x=B @ step.x, precision_root=root)
     return step
 
 
 def _solve_compliances(
     T: Array,
-    elastic: PriorScaling,
+    compliance_prior: PriorScaling,
     equations: int,
     constraint: Constraint,
     uncertainty: PriorUncertainty | None,
 ) -> StepSolution:
     """Solve for compliances by the last rows of T, (c + 1, c + 1), then for all other unknowns."""
     c = len(T) - 1
-    r = c - len(elastic.expected_x)
+    r = c - len(compliance_prior.expected_x)
     # The lower rows of T are the equations of the compliances alone.
-    regression = compliance_rows(T, elastic, equations)
+    regression = compliance_equations(T, compliance_prior, equations)
     weighted_prior = (
-        WeightedPrior(elastic, uncertainty) if uncertainty else _scaled_prior(regression, elastic)
+        WeightedPrior(compliance_prior, uncertainty)
+        if uncertainty
+        else _scaled_prior(regression, compliance_prior)
     )
     estimate = solve(regression, constraint, weighted_prior)
     pressure = _cone_pressure(regression, weighted_prior, estimate)
     # Posterior precision: likelihood and prior of the compliances, in units of the prior.
-    L, B = elastic.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
+    L, B = compliance_prior.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     B = B @ np.linalg.solve(weighted_prior.scaling.L, L)
     below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
     if weighted_prior.hyperparameter_effect is not None:
@@ -464,17 +483,17 @@ def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estima
     return mine - free
 
 
-def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regression:
+def compliance_equations(T: Array, compliance_prior: PriorScaling, equations: int) -> Regression:
     """Eliminate all other unknowns, and return the equations of the compliances.
 
     Args:
         T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
-        elastic: Units of the compliances' prior.
+        compliance_prior: Units of the compliances' prior.
         equations: Number of equations.
     """
-    r = len(T) - 1 - len(elastic.expected_x)
+    r = len(T) - 1 - len(compliance_prior.expected_x)
     term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
-    return regression_of(elastic.structure, (term,))
+    return regression_of(compliance_prior.structure, (term,))
 
 
 def back_substitute(T: Array, pi: Array) -> Array:
@@ -499,7 +518,7 @@ def _add_covariance(root: Array, moves: Array) -> Array:
     return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
 
 
-def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales) -> Array:
+def triangular_factor(active: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales) -> Array:
     """Compute the triangular factor of all equations and of all priors but the compliances'.
 
     Args:
@@ -520,22 +539,22 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorSca
     rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
     # Rows of the readings, by their noise.
-    factors = zip(reduced.factors.values(), scales.factor, strict=True)
+    factors = zip(reduced.factors.values(), scales.noise_factor, strict=True)
     lines = [R[:, columns] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
     free = np.abs(np.diag(T))[: active.n_rigid]
-    if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.n_rigid], axis=0)).all():
+    if not (free > MIN_INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.n_rigid], axis=0)).all():
         raise BenchError("calibration: the readings do not determine a frame or target; expected more poses")
     return T
 
 
-def _scaled_prior(regression: Regression, elastic: PriorScaling) -> WeightedPrior:
+def _scaled_prior(regression: Regression, compliance_prior: PriorScaling) -> WeightedPrior:
     """Learn the prior from the readings; if these require a negative scale, use the prior as it is."""
     try:
-        rescale_to_data(elastic, regression)
+        rescale_to_data(compliance_prior, regression)
     except BenchError:
-        return WeightedPrior(elastic, WIDE_PRIOR)
-    return hierarchy.learn_prior(regression, elastic)
+        return WeightedPrior(compliance_prior, WIDE_PRIOR)
+    return hierarchy.learn_prior(regression, compliance_prior)
 
 
 def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
@@ -585,7 +604,7 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
 def gauss_newton_step(
     active: ActiveUnknowns,
     series: tuple[Series, ...],
-    state_and_noise: tuple[ArmState, Noise],
+    linearisation_point: tuple[ArmState, Noise],
     constraint: Constraint,
 ) -> tuple[ArmState, float]:
     """Take one Gauss-Newton step on the unknowns of a choice.
@@ -593,13 +612,13 @@ def gauss_newton_step(
     Args:
         active: The choice.
         series: The readings.
-        state_and_noise: State before the step, and noise of the readings about it.
+        linearisation_point: State before the step, and noise of the readings about it.
         constraint: "psd" for GCO, "none" for least squares.
 
     Returns:
         The state after the step, and degrees of freedom over number of equations [1].
     """
-    state, noise = state_and_noise
+    state, noise = linearisation_point
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
     S, counts = gram_of_active(active, reduced.gram), reduced.counts
     scales = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
@@ -607,23 +626,23 @@ def gauss_newton_step(
     return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())
 
 
-def first_fit(
-    state: ArmState, series: tuple[Series, ...], joints: PriorScaling, constraint: Constraint = "psd"
+def fit_geometry_and_springs(
+    state: ArmState, series: tuple[Series, ...], joint_prior: PriorScaling, constraint: Constraint = "psd"
 ) -> tuple[ArmState, Noise]:
     """Fit geometry and joint springs, from a state that has frames and mounts.
 
     Args:
         state: The start.
         series: The readings.
-        joints: Units of the joint compliances' prior.
+        joint_prior: Units of the joint compliances' prior.
         constraint: "psd" for GCO, "none" for least squares.
 
     Returns:
         The fitted state, and the noise of the readings about it.
     """
-    first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
-    active, noise = activate(first, GEOMETRY, joints), scatter(state, series, 1.0)
+    first = unknowns_of(state.vjm, series, JointErrors(), joint_prior.structure)
+    active, noise = activate(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)
     for _ in range(2):
         state, share = gauss_newton_step(active, series, (state, noise), constraint)
-        noise = scatter(state, series, share)
+        noise = estimate_model_error(state, series, share)
     return state, noise

@@ -18,23 +18,23 @@ from testbench.identify.absolute.align import (
     Misfit,
     Noise,
     align_all,
-    check_fits,
-    common_targets,
-    distance,
+    check_fitted_distances,
+    equation_deviations,
+    estimate_model_error,
     mean_variances,
+    rms_target_distance,
     robust_weights,
-    scatter,
     single_reading_noise,
-    whitening_units,
+    with_common_targets,
 )
 from testbench.identify.absolute.choose import (
     ErrorCandidate,
     SelectedModel,
     SelectionRules,
-    blocks_of,
+    joint_space_blocks,
     select_errors,
+    with_final_prior,
     with_shared_pattern,
-    with_weighted_prior,
 )
 from testbench.identify.absolute.evidence import (
     GEOMETRY,
@@ -43,13 +43,13 @@ from testbench.identify.absolute.evidence import (
     activate,
     apply_step,
     default_scales,
-    first_fit,
+    fit_geometry_and_springs,
     gauss_newton_step,
     gram_of_active,
     learn_scales,
     solve_step,
 )
-from testbench.identify.absolute.posterior import deviations_root
+from testbench.identify.absolute.posterior import covariance_root
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
 from testbench.identify.diagnosis.kinematics import (
     MAX_COMPARED_ROWS,
@@ -69,15 +69,15 @@ from testbench.model.vjm import Vjm
 
 MAX_ORDER = 80
 """Highest order of periodic joint errors that is tried, per turn."""
-INTERMEDIATE_ROWS, MIN_SERIES_ROWS = 4000, 100
+MAX_INTERMEDIATE_ROWS, MIN_SERIES_ROWS = 4000, 100
 """Rows over all series, and fewest rows of each series, for an intermediate step."""
 UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 
 MAX_SCATTER_RATIO = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
-PATTERN = "common pattern"
-SELECTABLE_ERRORS = ("joint springs", "joint errors", PATTERN, "links", *ERROR_KINDS[1:])
+COMMON_PATTERN = "common pattern"
+SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *ERROR_KINDS[1:])
 """Errors other than geometry, in the order in which they are tried."""
 
 
@@ -86,16 +86,16 @@ class CalibrationOptions:
     """Select the errors that a calibration tries, and its method."""
 
     constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
-    orders: int = MAX_ORDER  #: Highest order of periodic errors.
-    without: frozenset[str] = frozenset()  #: Names of errors that are not tried.
+    max_order: int = MAX_ORDER  #: Highest order of periodic errors.
+    excluded_errors: frozenset[str] = frozenset()  #: Names of errors that are not tried.
     #: Names of errors that are used without a trial; None to select them by trial.
-    only: frozenset[str] | None = None
+    used_errors: frozenset[str] | None = None
     #: Relative uncertainty of the expected compliances; None to learn it from the readings.
-    uncertainty: PriorUncertainty | None = None
+    prior_uncertainty: PriorUncertainty | None = None
 
     def __post_init__(self) -> None:
         """Refuse unknown names of errors, by BenchError."""
-        unknown = (self.without | (self.only or frozenset())) - set(SELECTABLE_ERRORS)
+        unknown = (self.excluded_errors | (self.used_errors or frozenset())) - set(SELECTABLE_ERRORS)
         if unknown:
             raise BenchError(
                 f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(SELECTABLE_ERRORS)}"
@@ -104,7 +104,10 @@ class CalibrationOptions:
     @property
     def selectable(self) -> frozenset[str]:
         """Return the names of errors that may be used."""
-        return frozenset(SELECTABLE_ERRORS if self.only is None else self.only) - self.without
+        return (
+            frozenset(SELECTABLE_ERRORS if self.used_errors is None else self.used_errors)
+            - self.excluded_errors
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,13 +119,13 @@ class Calibration(Displayed):
     #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
     information: Array
     #: Upper triangular root of the posterior's precision, R^T R, compliances in units of the prior, (c, c).
-    root: Array
+    precision_root: Array
     noise: Noise  #: Noise of readings about the model.
-    chosen: SelectedModel  #: Selection of the errors.
+    selection: SelectedModel  #: Selection of the errors.
     estimate: Estimate | None  #: Compliances with their certificate; None for a rigid arm.
     #: Increase of chi squared by the constraint to positive semi-definite compliances [1].
-    cone_pressure: float
-    influences: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
+    constraint_chi2: float
+    robust_weights: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
     step: float  #: RMS move of the targets in the last linearisation [m].
     series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
     issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
@@ -133,33 +136,41 @@ class Calibration(Displayed):
             "arm": self.state.vjm.arm.name,
             "rows": sum(series.rows for series in self.series),
             "unknowns": len(self.active.columns),
-            "kept": " ".join(step.name.replace(" ", "_") for step in self.chosen.steps if step.kept),
+            "kept": " ".join(step.name.replace(" ", "_") for step in self.selection.steps if step.kept),
             "model_error_um": f"{1e6 * self.noise.position_model_error:.3g}",
         }
 
     def model(self) -> ArmModel:
         """Make the model of the arm, which does not depend on its frames and mounts."""
-        active, state, known = self.active, self.state, posterior_of(self)
-        first = active.unknowns.starts["geometry"]
+        active, state, known = self.active, self.state, posterior_of_calibration(self)
+        first = active.unknowns.first_columns["geometry"]
         f = int((active.columns < first).sum())
-        structure = joints_only(state.vjm.arm) if active.elastic is None else active.elastic.structure
+        structure = (
+            joints_only(state.vjm.arm)
+            if active.compliance_prior is None
+            else active.compliance_prior.structure
+        )
         arm = Posterior.normal(known.x[f:], known.root[f:, f:])
         model = ArmModel(
             state, structure, active.columns, arm, ModelOrigin("absolute calibration"), self.noise
         )
-        elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.n_rigid)
-        return replace(model, columns=np.concatenate([active.columns[f : active.n_rigid] - first, elastic]))
+        compliance_prior = model.unknowns.first_columns["elastic"] + np.arange(
+            len(active.columns) - active.n_rigid
+        )
+        return replace(
+            model, columns=np.concatenate([active.columns[f : active.n_rigid] - first, compliance_prior])
+        )
 
 
-def posterior_of(calibration: "Calibration") -> Posterior:
+def posterior_of_calibration(calibration: "Calibration") -> Posterior:
     """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
 
     Mathematics: `abs-13`.
     """
     active = calibration.active
-    L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
-    x = active.unknowns.current(calibration.state)[active.columns]
-    return Posterior.normal(x, deviations_root(calibration.root, L))
+    L = np.zeros((0, 0)) if active.compliance_prior is None else active.compliance_prior.L
+    x = active.unknowns.values(calibration.state)[active.columns]
+    return Posterior.normal(x, covariance_root(calibration.precision_root, L))
 
 
 @dataclass(frozen=True)
@@ -255,42 +266,44 @@ def linearise_readings(
         The reduced equations, with frames, mounts and noise.
     """
     # Check the readings, and start from the rigid nominal arm.
-    series, lost = common_targets(series)
+    series, lost = with_common_targets(series)
     check_row_order(vjm, series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal_state(vjm, weights, torque_scale(vjm, weights, series))
     joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
 
-    def fitted(parts: tuple[Series, ...]) -> tuple[ArmState, Noise]:
-        few = subsample(parts)
-        return first_fit(align_all(bare, few), few, joints, options.constraint)
+    def fit_series(parts: tuple[Series, ...]) -> tuple[ArmState, Noise]:
+        few = thin_series(parts)
+        return fit_geometry_and_springs(align_all(bare, few), few, joints, options.constraint)
 
     # Find moves in mid-series, and fit geometry and joint springs to each part.
-    check_last_joint_sign(vjm, series, fitted)
+    check_last_joint_sign(vjm, series, fit_series)
     moves, series, (first, noise) = divide_at_moves(
-        series, fitted, scale_by_prior(prior, vjm, all153(vjm.arm))
+        series, fit_series, scale_by_prior(prior, vjm, all153(vjm.arm))
     )
-    check_fits(first, series)
+    check_fitted_distances(first, series)
     # All errors that the readings can support, as unknowns.
     readings = sum(part.equations for part in series)
-    highest_order = max(1, min(options.orders, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints))))
+    highest_order = max(
+        1, min(options.max_order, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
+    )
     orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable else ()
     errors = JointErrors(orders, **{name: name in options.selectable for name in ERROR_KINDS[1:]})
     most = all153 if "links" in options.selectable else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     # One step with periodic errors, for the noise and the point of linearisation.
-    active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), subsample(series)
+    active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), thin_series(series)
     state, share = gauss_newton_step(active, few, (state, noise), options.constraint)
-    noise = scatter(state, series, share)
+    noise = estimate_model_error(state, series, share)
     # Reduce all equations once, by blocks of joint space if errors are selected.
-    blocks = blocks_of(series) if options.only is None else None
+    blocks = joint_space_blocks(series) if options.used_errors is None else None
     reduced = reduce_series(Linearisation(unknowns, state, noise), series, blocks)
     return LinearisedReadings(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
 
 
 def check_last_joint_sign(
-    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
+    vjm: Vjm, series: Sequence[Series], fit_series: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
 ) -> None:
     """Refuse readings that fit much better with the last joint's sign reversed.
 
@@ -300,7 +313,7 @@ def check_last_joint_sign(
     Args:
         vjm: The arm's virtual joint model.
         series: The readings.
-        fitted: Function that fits geometry and springs to series, and returns state and noise.
+        fit_series: Function that fits geometry and springs to series, and returns state and noise.
 
     Raises:
         BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
@@ -311,12 +324,12 @@ def check_last_joint_sign(
     thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_COMPARED_ROWS)) for readings in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
-        mirrored = fitted(tuple(replace(readings, q=sign * readings.q) for readings in thin))[
+        mirrored = fit_series(tuple(replace(readings, q=sign * readings.q) for readings in thin))[
             1
         ].position_model_error
     except BenchError:
         return
-    as_read = fitted(tuple(thin))[1].position_model_error
+    as_read = fit_series(tuple(thin))[1].position_model_error
     if mirrored < MAX_SCATTER_RATIO * as_read:
         raise BenchError(
             f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
@@ -354,29 +367,31 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     series, reduced = linearised_readings.series, linearised_readings.reduced
     expected = mean_variances(series)
     rules = SelectionRules(
-        whitening_units(expected, linearised_readings.noise)[list(reduced.kinds)], options.constraint
+        equation_deviations(expected, linearised_readings.noise)[list(reduced.kinds)], options.constraint
     )
     # Select the errors, then solve for the selected unknowns.
     chosen = _select_errors(linearised_readings, options, rules)
-    solved = solve_step(chosen.active, chosen.reduced, chosen.scales, options.constraint, options.uncertainty)
-    chosen = with_weighted_prior(chosen, rules, solved.weighted_prior)
+    solved = solve_step(
+        chosen.active, chosen.reduced, chosen.scales, options.constraint, options.prior_uncertainty
+    )
+    chosen = with_final_prior(chosen, rules, solved.weighted_prior)
     after = apply_step(linearised_readings.state, chosen.active, solved.x)
     # Noise of single readings about the result.
     factor = linearised_readings.noise.factor.copy()
-    factor[list(reduced.kinds)] = chosen.scales.factor
+    factor[list(reduced.kinds)] = chosen.scales.noise_factor
     noise = single_reading_noise(replace(linearised_readings.noise, factor=factor), expected)
-    step = distance(linearised_readings.state, after, series)
+    step = rms_target_distance(linearised_readings.state, after, series)
     pulls = tuple(robust_weights(after, readings, noise) for readings in series)
     return Calibration(
         state=after,
         active=chosen.active,
-        information=np.tensordot(chosen.scales.factor**-2.0, reduced.gram, 1)[:-1, :-1],
-        root=solved.root,
+        information=np.tensordot(chosen.scales.noise_factor**-2.0, reduced.gram, 1)[:-1, :-1],
+        precision_root=solved.precision_root,
         noise=noise,
-        chosen=chosen,
+        selection=chosen,
         estimate=solved.estimate,
-        cone_pressure=solved.cone_pressure,
-        influences=pulls,
+        constraint_chi2=solved.constraint_chi2,
+        robust_weights=pulls,
         step=step,
         series=series,
         issues=linearised_readings.issues,
@@ -397,18 +412,20 @@ def _select_errors(
         scale_by_prior(linearised_readings.prior, vjm, most(vjm.arm)) for most in (joints_only, all153)
     )
     every = {
-        "joint springs": ErrorCandidate("joint springs", elastic=joints, always_kept=True),
+        "joint springs": ErrorCandidate("joint springs", compliance_prior=joints, always_kept=True),
         "joint errors": ErrorCandidate("joint errors", frozenset({"harmonics"})),
-        PATTERN: ErrorCandidate(PATTERN, frozenset({"pattern"}), pattern=True),
-        "links": ErrorCandidate("links", elastic=links),
+        COMMON_PATTERN: ErrorCandidate(COMMON_PATTERN, frozenset({"pattern"}), searches_pattern=True),
+        "links": ErrorCandidate("links", compliance_prior=links),
     } | {name: ErrorCandidate(name, frozenset({name})) for name in ERROR_KINDS[1:]}
     on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable]
-    if options.only is None:
+    if options.used_errors is None:
         return select_errors(unknowns, reduced, on, rules)
     # Chosen by hand: all of them at once, and then the pattern if joints share one.
     kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
-    elastic = [candidate.elastic for candidate in on if candidate.elastic is not None]
-    active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
+    compliance_prior = [
+        candidate.compliance_prior for candidate in on if candidate.compliance_prior is not None
+    ]
+    active = activate(unknowns, kinds - {"pattern"}, compliance_prior[-1] if compliance_prior else None)
 
     def scales(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
         """Learn the sizes of errors and noise from the reduced equations.
@@ -423,17 +440,19 @@ def _select_errors(
         )
 
     sizes = scales(active, reduced, default_scales(unknowns, len(reduced.kinds)))
-    if PATTERN in options.selectable and (shared := with_shared_pattern(active, kinds, sizes, reduced)):
+    if COMMON_PATTERN in options.selectable and (
+        shared := with_shared_pattern(active, kinds, sizes, reduced)
+    ):
         active, reduced = shared
         sizes = scales(active, reduced, sizes)
     return SelectedModel(active, sizes, reduced, kinds, ())
 
 
-def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Thin series to about `INTERMEDIATE_ROWS` rows in all; a pose keeps all of its rows or none."""
+def thin_series(series: Sequence[Series]) -> tuple[Series, ...]:
+    """Thin series to about `MAX_INTERMEDIATE_ROWS` rows in all; a pose keeps all of its rows or none."""
     every, thinned = sum(readings.rows for readings in series), []
     for readings in series:
-        stride = min(-(-every // INTERMEDIATE_ROWS), max(1, readings.rows // MIN_SERIES_ROWS))
+        stride = min(-(-every // MAX_INTERMEDIATE_ROWS), max(1, readings.rows // MIN_SERIES_ROWS))
         _, pose = np.unique(readings.pose, return_inverse=True)
         thinned.append(select_rows(readings, pose % stride == 0) if stride > 1 else readings)
     return tuple(thinned)

@@ -20,18 +20,18 @@ from testbench.identify.absolute.align import (
     EQUATION_KINDS,
     Noise,
     align_all,
-    inverse_noise_roots,
     residuals,
     robust_whitening,
     underdetermined_reason,
+    whitening_matrices,
 )
 from testbench.identify.absolute.evidence import default_scales, moved_mount
-from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, moved_frame, unknowns_of
+from testbench.identify.absolute.state import ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame, unknowns_of
 from testbench.identify.equations import series_rows
 from testbench.identify.posterior import ArmModel, Posterior
 
 CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
-FRAME_STEP, MAX_STEPS = 1e-9, 20
+FRAME_TOLERANCE, MAX_STEPS = 1e-9, 20
 """Step of a frame below which the fit has converged [m, rad], and most steps."""
 
 
@@ -40,27 +40,27 @@ class RegisteredSeries:
     """Hold a series whose frame and mount are known."""
 
     state: ArmState  #: The arm with the frame and the mount.
-    rows: Ids  #: Rows that determined frame and mount; empty if the calibration did.
+    frame_rows: Ids  #: Rows that determined frame and mount; empty if the calibration did.
     #: Posterior of frame and mount, which are steps, and of the arm's unknowns, in this order, (f + a,).
     posterior: Posterior
 
 
-def deviations_root(precision: Array, L: Array) -> Array:
+def covariance_root(precision_root: Array, L: Array) -> Array:
     """Compute a root W of the covariance W^T W of the unknowns in SI units.
 
     Args:
-        precision: Upper triangular root of the posterior's precision, compliances in units of the prior,
+        precision_root: Upper triangular root of the posterior's precision, compliances in units of the prior,
             (c, c).
         L: SI units of the compliances, the last unknowns, per unit of the prior, (e, e).
 
     Returns:
         W, (c, c).
     """
-    back = block_diag(np.eye(len(precision) - len(L)), L)
-    return np.asarray(solve_triangular(precision, back.T, trans="T"))
+    back = block_diag(np.eye(len(precision_root) - len(L)), L)
+    return np.asarray(solve_triangular(precision_root, back.T, trans="T"))
 
 
-def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
+def fit_frame_and_mount(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     """Fit frame and mount of a series to some of its rows by Gauss-Newton; the arm is held fixed.
 
     Mathematics: `abs-13`.
@@ -89,23 +89,23 @@ def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSerie
             frames={**state.frames, sample.frame: moved_frame(state.frame(sample), step[:f])},
             mounts={**state.mounts, sample.target: moved_mount(state.mount(sample), step[f:])},
         )
-        if np.abs(step).max() < FRAME_STEP:
+        if np.abs(step).max() < FRAME_TOLERANCE:
             break
     return RegisteredSeries(state, rows, _joint(model, root, F.T @ M))
 
 
-def with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
+def register_with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
     """Register a series whose frame and mount the calibration has determined.
 
     Args:
         model: The calibrated arm.
-        series: The series; up to `ROWS_AT_ONCE` of its rows determine frame and mount together with the arm.
+        series: The series; up to `ROWS_IN_MEMORY` of its rows determine frame and mount, with the arm.
 
     Returns:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    sample = select_rows(series, seen[evenly_spaced(len(seen), ROWS_AT_ONCE)])
+    sample = select_rows(series, seen[evenly_spaced(len(seen), ROWS_IN_MEMORY)])
     F, M, _ = _whitened(model, model.state, sample)
     return RegisteredSeries(
         model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, sample), F.T @ M)
@@ -124,7 +124,7 @@ def without_series(state: ArmState, series: Series) -> ArmState:
     return replace(state, frames=frames, mounts=mounts)
 
 
-def predict(model: ArmModel, registered: RegisteredSeries, series: Series) -> tuple[Array, Array]:
+def predict_series(model: ArmModel, registered: RegisteredSeries, series: Series) -> tuple[Array, Array]:
     """Predict positions of all rows of a series, with the uncertainty of the residual.
 
     Args:
@@ -141,11 +141,11 @@ def predict(model: ArmModel, registered: RegisteredSeries, series: Series) -> tu
     columns = np.r_[:f, -a:0]  # positions do not depend on the turn of a target
     posterior = Posterior.normal(registered.posterior.x[columns], registered.posterior.root[:, columns])
     root = np.linalg.inv(
-        inverse_noise_roots(series, _noise(model), registered.state.frame(series).rotation)[0][:m]
+        whitening_matrices(series, _noise(model), registered.state.frame(series).rotation)[0][:m]
     )
     covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
-    for first in range(0, series.rows, ROWS_AT_ONCE):
-        rows = np.arange(first, min(first + ROWS_AT_ONCE, series.rows))
+    for first in range(0, series.rows, ROWS_IN_MEMORY):
+        rows = np.arange(first, min(first + ROWS_IN_MEMORY, series.rows))
         A = _columns(model, registered.state, select_rows(series, rows))[0][:m]
         A = np.delete(A, np.s_[f : A.shape[2] - a], axis=2)
         covariance[rows] += posterior.covariance(A.transpose(3, 0, 1, 2))
@@ -187,7 +187,7 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
 def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array]:
     """Compute columns of frame, mount and arm, (s, 3, f + a, rows), and residuals, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
-    rows, f = series_rows(unknowns, state, series), unknowns.starts["geometry"]
+    rows, f = series_rows(unknowns, state, series), unknowns.first_columns["geometry"]
     return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
 
@@ -205,7 +205,9 @@ def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, 
 def _root(model: ArmModel, F: Array, series: Series) -> Array:
     """Factorise the columns of frame and mount, with their prior where these rows leave them undetermined."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
-    B = np.diag(1 / default_scales(unknowns, len(EQUATION_KINDS)).deviation[: unknowns.starts["geometry"]])
+    B = np.diag(
+        1 / default_scales(unknowns, len(EQUATION_KINDS)).deviation[: unknowns.first_columns["geometry"]]
+    )
     B = B[B.any(axis=1) & (not underdetermined_reason(model.vjm, series))]
     R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()
@@ -232,7 +234,7 @@ ZERO_INFORMATION = 1e-10
 """Eigenvalue of information with unit diagonal below which it counts as zero [1]."""
 UNUSED_INFORMATION = 1.0
 """Information of unknowns that are fixed at zero: they are not structural."""
-COMMON_DIRECTION = 0.1
+MIN_SINGULAR_VALUE = 0.1
 """Singular value below which two sets of directions share one [1]."""
 
 
@@ -269,7 +271,7 @@ def further_information(
     arm = unknowns.vjm.arm
     lower, upper = arm.limits
     rng = np.random.Generator(np.random.Philox(0))
-    information_for = information_of or (lambda readings: information(unknowns, state, readings))
+    information_for = information_of or (lambda readings: information_of_series(unknowns, state, readings))
 
     def turned(j: int) -> Array:
         total = np.zeros((unknowns.size,) * 2)
@@ -290,14 +292,14 @@ def further_information(
         q = arm.draw_poses(rng, count)
         everywhere.append(_series_in_poses(readings, np.arange(count) % readings.rows, q))
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
-    rigid = [information(unknowns, replace(state, **none), readings) for readings in everywhere]
+    rigid = [information_of_series(unknowns, replace(state, **none), readings) for readings in everywhere]
     every = np.stack([turned(j) for j in range(len(lower))])
     return AddedInformation(
         every, np.sum([information_for(readings) for readings in everywhere], axis=0), np.sum(rigid, axis=0)
     )
 
 
-def information(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
+def information_of_series(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     """Compute the information of a series about the unknowns, A^T W A, without a prior.
 
     Args:
@@ -350,19 +352,19 @@ def structural_directions(unknowns: Unknowns, L: Array, further: AddedInformatio
     M, drawn = L.T @ further.whole_space @ L, L.T @ further.whole_space_rigid @ L
     M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, UNUSED_INFORMATION)) for part in (M, drawn))
     values, V = np.linalg.eigh(M)
-    geometry = np.arange(unknowns.starts["errors"])
+    geometry = np.arange(unknowns.first_columns["errors"])
     # StructuralDirections directions of geometry, exactly, by the rigid nominal arm.
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
     U, s, _ = np.linalg.svd(np.hstack([V[:, values < STRUCTURAL_INFORMATION], never]), full_matrices=False)
     # How these directions divide over joints.
-    joints, first = range(unknowns.vjm.arm.n_joints), unknowns.starts["elastic"]
+    joints, first = range(unknowns.vjm.arm.n_joints), unknowns.first_columns["elastic"]
     around = [_link_columns(unknowns, k) for k in range(len(joints) + 1)]
     unseen_of_link = [_dimension(drawn, columns) for columns in around]
     size = unknowns.errors.size
-    of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
+    of_joint = [unknowns.first_columns["errors"] + j * size + np.arange(size) for j in joints]
     return StructuralDirections(
-        directions=U[:, s > COMMON_DIRECTION],
+        directions=U[:, s > MIN_SINGULAR_VALUE],
         n_geometry=never.shape[1],
         between_links=tuple(
             _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(unseen_of_link[j : j + 2])
@@ -385,7 +387,7 @@ def _dimension(M: Array, columns: Ids) -> int:
 def _link_columns(unknowns: Unknowns, k: int) -> Ids:
     """List the columns of a link; the first link includes the frames, the last the mounts."""
     mounts = unknowns.columns(f"frame {unknowns.frames[-1]}").stop
-    first = unknowns.starts["geometry"]
+    first = unknowns.first_columns["geometry"]
     if k == 0:
         return np.arange(mounts)
     if k == unknowns.vjm.arm.n_joints:

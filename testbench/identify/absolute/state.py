@@ -46,11 +46,11 @@ from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, tool_pose
 
 # --- State of a calibrated arm, and its static equilibrium --------------------------------------------------
 
-ROWS_AT_ONCE = 500
+ROWS_IN_MEMORY = 500
 """Rows whose Jacobian is in memory at a time."""
-TOLERANCE = 1e-11
+EQUILIBRIUM_TOLERANCE = 1e-11
 """Step at which the equilibrium has converged [m, rad]."""
-MAX_STEPS = 100
+MAX_EQUILIBRIUM_STEPS = 100
 """Most steps to the equilibrium."""
 LOAD_STEPS = 2
 """Updates of the loads for the deflected arm; each reduces the error by a factor of a hundred or more."""
@@ -175,16 +175,16 @@ def joint_equilibrium(
     start, u, phi = _unsprung(state, q, loads)
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
     # theta <- theta_0 + Phi(q) n + C_theta u(q, theta), until the step is at rounding.
-    for _ in range(MAX_STEPS if steps is None else steps):
+    for _ in range(MAX_EQUILIBRIUM_STEPS if steps is None else steps):
         where = chain(state.vjm, q, theta)
-        u = loads_at(state, where, loads)
+        u = generalised_loads_at(state, where, loads)
         bent = start + (state.C_theta @ u).T
         step = np.abs(bent - theta).max(axis=1, initial=0)
         theta = bent
-        if (step <= TOLERANCE).all():  # not of NaN
+        if (step <= EQUILIBRIUM_TOLERANCE).all():  # not of NaN
             return JointEquilibrium(theta, where, u, phi)
     if steps is None:
-        words = state.vjm.arm.pose_text(q[np.argmin(step <= TOLERANCE)])
+        words = state.vjm.arm.pose_text(q[np.argmin(step <= EQUILIBRIUM_TOLERANCE)])
         raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
     return JointEquilibrium(theta, chain(state.vjm, q, theta), u, phi)
 
@@ -192,13 +192,16 @@ def joint_equilibrium(
 def _unsprung(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
     """Compute virtual joints without springs, (runs, n_theta), the load of the undeflected arm, and phi."""
     arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
-    u, joints = loads_at(state, chain(state.vjm, q, theta), loads), slice(6 * len(arm.links), arm.n_theta)
+    u, joints = (
+        generalised_loads_at(state, chain(state.vjm, q, theta), loads),
+        slice(6 * len(arm.links), arm.n_theta),
+    )
     phi = joint_error_basis(state.errors, arm, q, u[joints], state.torque_scale)
     theta[:, joints] += np.einsum("jkr,jk->rj", phi, state.n)
     return theta, u, phi
 
 
-def loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -> Array:
+def generalised_loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -> Array:
     """Compute the generalised load u of every virtual joint, from own weight and all loads.
 
     Args:
@@ -212,7 +215,7 @@ def loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -> Array:
     return own_weight(chain, state.weights) + on_joints(chain, loads)
 
 
-def unsprung_theta(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
+def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
     """Compute the virtual joints without their springs: theta_0 + Phi(q) n.
 
     Args:
@@ -257,8 +260,8 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
     """
     total = np.zeros(vjm.arm.n_joints)
     for readings in series:
-        for first in range(0, readings.rows, ROWS_AT_ONCE):
-            part = slice(first, first + ROWS_AT_ONCE)
+        for first in range(0, readings.rows, ROWS_IN_MEMORY):
+            part = slice(first, first + ROWS_IN_MEMORY)
             where = chain(vjm, readings.q[part])
             u = own_weight(where, weights) + on_joints(
                 where, [Load(readings.wrench[part], readings.point[part])]
@@ -270,7 +273,7 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
 
 # --- Frames and mounts that readings cannot separate, and the prior that then determines them ---------------
 
-MAX_ROWS = 300
+MAX_EVALUATED_ROWS = 300
 """Rows of a series that are evaluated, evenly spaced."""
 PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
 """Prior standard deviations of a target, of rotations, and of a frame's origin [m, rad, m]."""
@@ -339,7 +342,7 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
 def _rows(vjm: Vjm, series: Series) -> Array:
     """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    rows = seen[evenly_spaced(len(seen), MAX_ROWS)]
+    rows = seen[evenly_spaced(len(seen), MAX_EVALUATED_ROWS)]
     position, rotation = tool_pose(vjm, series.q[rows])
     m, n = len(series.markers), len(rows)
     J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
@@ -361,7 +364,7 @@ def _rows(vjm: Vjm, series: Series) -> Array:
     return np.asarray(J[there].reshape(-1, J.shape[3]))
 
 
-def level_frame(points: Array, read: Array) -> Frame:
+def fit_upright_frame(points: Array, measured: Array) -> Frame:
     """Fit the frame that takes points to readings; the frame is upright as far as the points leave that open.
 
     Least squares (Kabsch) with two further points along the vertical: they count as much as a direction known
@@ -369,14 +372,16 @@ def level_frame(points: Array, read: Array) -> Frame:
 
     Args:
         points: Points in base axes, (n, 3) [m].
-        read: Their readings in tracker axes, (n, 3) [m].
+        measured: Their readings in tracker axes, (n, 3) [m].
 
     Returns:
         The frame: tracker from base.
     """
     up = (ASSUMED_NOISE / LEVEL_DEVIATION) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
-    R, _ = kabsch(np.vstack([points - points.mean(axis=0), up]), np.vstack([read - read.mean(axis=0), up]))
-    return Frame(R, read.mean(axis=0) - R @ points.mean(axis=0))
+    R, _ = kabsch(
+        np.vstack([points - points.mean(axis=0), up]), np.vstack([measured - measured.mean(axis=0), up])
+    )
+    return Frame(R, measured.mean(axis=0) - R @ points.mean(axis=0))
 
 
 # --- Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored -----
@@ -385,9 +390,9 @@ MIN_PATTERN_ORDER = 3
 """Lowest order of a pattern: errors of an axis' position look like orders 1 and 2."""
 MIN_LOG_ODDS = 10.0
 """Least log odds of a joint's shift against any other shift, and against no pattern."""
-MAX_SHIFTS = 8
+MAX_COMPARED_SHIFTS = 8
 """Shifts that are compared, each a local maximum."""
-SIGNS = (1, -1)
+PATTERN_SIGNS = (1, -1)
 TRIED_SHIFTS: Array = np.radians(np.arange(0, 360, 1.0))
 """Shifts that are tried [rad]."""
 FINE_SHIFTS: Array = np.radians(np.linspace(-1, 1, 41))
@@ -395,7 +400,7 @@ FINE_SHIFTS: Array = np.radians(np.linspace(-1, 1, 41))
 
 
 @dataclass(frozen=True)
-class Pattern:
+class ErrorPattern:
     """Describe joints that share a pattern."""
 
     #: Indices of the joints, two or more; the pattern is a function of the first joint's angle.
@@ -409,34 +414,36 @@ def wave_columns(errors: JointErrors) -> Ids:
     return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
 
 
-def shift_waves(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
+def shift_waves(coefficients: Array, shift: Array | float, sign: int, orders: Ids) -> Array:
     """Compute the Fourier coefficients of s f(s q + phi) from those of f.
 
     Mathematics: `abs-11`.
 
     Args:
-        f: Coefficients of f, sines first, (..., 2 k).
-        turn: phi [rad], one number or (...).
-        sense: s, 1 or -1.
+        coefficients: Coefficients of f, sines first, (..., 2 k).
+        shift: phi [rad], one number or (...).
+        sign: s, 1 or -1.
         orders: Orders of the waves, (k,).
 
     Returns:
         The coefficients, (..., 2 k).
     """
-    (a, b), angle = np.split(f, 2, axis=-1), np.asarray(turn, dtype=float)[..., None] * orders
+    (a, b), angle = np.split(coefficients, 2, axis=-1), np.asarray(shift, dtype=float)[..., None] * orders
     c, s = np.cos(angle), np.sin(angle)
-    return np.concatenate([a * c - b * s, sense * (a * s + b * c)], axis=-1)
+    return np.concatenate([a * c - b * s, sign * (a * s + b * c)], axis=-1)
 
 
-def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_array:
+def pattern_basis(
+    pattern: ErrorPattern, errors: JointErrors, first_column: int, n_unknowns: int
+) -> csr_array:
     """Make the basis in which joints have a shared pattern, and differences from it.
 
     Args:
         pattern: The pattern. It replaces the waves of its first joint; differences replace those of the
             others.
         errors: Errors of the joints.
-        first: First column of the joint errors among all unknowns.
-        size: Number of unknowns.
+        first_column: First column of the joint errors among all unknowns.
+        n_unknowns: Number of unknowns.
 
     Returns:
         Unknowns in SI units by those in the basis, (size, size).
@@ -445,8 +452,8 @@ def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) 
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
-    at = first + errors.size * np.array(pattern.joints)[:, None] + waves
-    where = np.concatenate([np.setdiff1d(np.arange(size), at)] * 2).reshape(2, -1)
+    at = first_column + errors.size * np.array(pattern.joints)[:, None] + waves
+    where = np.concatenate([np.setdiff1d(np.arange(n_unknowns), at)] * 2).reshape(2, -1)
     entries, places = [np.ones(where.shape[1])], [where]
     orders = np.array(errors.orders)[waves[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
@@ -456,7 +463,7 @@ def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) 
         for j in np.flatnonzero(mix[i]):
             entries.append(mix[i, j] * R[row, column])
             places.append(np.stack([at[i, row], at[j, column]]))
-    return csr_array(coo_array((np.concatenate(entries), tuple(np.hstack(places))), (size, size)))
+    return csr_array(coo_array((np.concatenate(entries), tuple(np.hstack(places))), (n_unknowns, n_unknowns)))
 
 
 @dataclass(frozen=True)
@@ -469,8 +476,11 @@ class _PatternInformation:
 
 
 def find_pattern(
-    wave_information: Sequence[tuple[Array, Array]], individual: Array, shared: Array, orders: Ids
-) -> Pattern | None:
+    wave_information: Sequence[tuple[Array, Array]],
+    individual_variance: Array,
+    shared_variance: Array,
+    orders: Ids,
+) -> ErrorPattern | None:
     """Find the pattern that some joints share.
 
     The two joints with the best agreement start; others are added in the order of their odds. In the end the
@@ -481,15 +491,16 @@ def find_pattern(
     Args:
         wave_information: For every joint the precision of its waves from the readings, (2 k, 2 k), and its
             product with the most probable waves, (2 k,); zero for a joint without readings.
-        individual: Variance of waves that are individual to a joint, (2 k,).
-        shared: Variance of the waves of the pattern, (2 k,).
+        individual_variance: Variance of waves that are individual to a joint, (2 k,).
+        shared_variance: Variance of the waves of the pattern, (2 k,).
         orders: Orders of the waves, (k,).
 
     Returns:
         The pattern; None if no two joints share one.
     """
     every = [
-        _pattern_information(*candidate, individual, individual + shared) for candidate in wave_information
+        _pattern_information(*candidate, individual_variance, individual_variance + shared_variance)
+        for candidate in wave_information
     ]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
@@ -502,7 +513,7 @@ def find_pattern(
         Returns:
             Shift [rad], sign, log odds [nats] and the joint's index.
         """
-        P, b = np.diag(1 / shared), np.zeros(len(shared))
+        P, b = np.diag(1 / shared_variance), np.zeros(len(shared_variance))
         for i, (turn, sense) in others.items():
             R = shift_waves(np.eye(len(b)), turn, sense, orders)
             P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
@@ -574,16 +585,16 @@ def _best_shift(
         x = shift_waves(f, turns, sense, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
-    every = np.stack([likely(TRIED_SHIFTS, sense) for sense in SIGNS])
+    every = np.stack([likely(TRIED_SHIFTS, sense) for sense in PATTERN_SIGNS])
     # Local maxima of the likelihood over the shift.
     peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
     rivals, odds = (
-        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:MAX_SHIFTS]],
+        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:MAX_COMPARED_SHIFTS]],
         [pattern_information.individual_log_odds],
     )
     # Evidence of each, the pattern integrated out.
     for way, k in rivals:
-        R = shift_waves(np.eye(len(f)), TRIED_SHIFTS[k], SIGNS[way], orders)
+        R = shift_waves(np.eye(len(f)), TRIED_SHIFTS[k], PATTERN_SIGNS[way], orders)
         odds.append(
             _log_integral(P + R @ pattern_information.W @ R.T, b + R @ pattern_information.g) - before
         )
@@ -592,7 +603,11 @@ def _best_shift(
         return 0.0, 1, odds[others[0]] - pattern_information.individual_log_odds if others else 0.0
     way, k = rivals[first - 1]
     finer = TRIED_SHIFTS[k] + FINE_SHIFTS
-    return float(finer[likely(finer, SIGNS[way]).argmax()]), SIGNS[way], odds[first] - odds[others[0]]
+    return (
+        float(finer[likely(finer, PATTERN_SIGNS[way]).argmax()]),
+        PATTERN_SIGNS[way],
+        odds[first] - odds[others[0]],
+    )
 
 
 def _log_integral(P: Array, b: Array) -> float:
@@ -600,12 +615,12 @@ def _log_integral(P: Array, b: Array) -> float:
     return float(b @ np.linalg.solve(P, b) - np.linalg.slogdet(P)[1]) / 2
 
 
-def _relative_to_first(members: dict[int, tuple[float, int]]) -> Pattern:
+def _relative_to_first(members: dict[int, tuple[float, int]]) -> ErrorPattern:
     """Express the pattern in the angle of the first joint that has it."""
     joints = tuple(sorted(members))
     start, way = members[joints[0]]
     turns = tuple(float((way * (members[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)
-    return Pattern(joints, turns, tuple(way * members[j][1] for j in joints))
+    return ErrorPattern(joints, turns, tuple(way * members[j][1] for j in joints))
 
 
 # --- Unknowns of a calibration, and their columns in the linear equations -----------------------------------
@@ -621,25 +636,25 @@ class Unknowns:
     mounts: Mapping[str, tuple[int, bool]]
     errors: JointErrors  #: Kinds of joint errors.
     structure: Structure  #: Structure of the compliances.
-    geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
+    has_geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined: they have a prior.
     undetermined: frozenset[str] = frozenset()
     #: Frames of distances, which have a prior: `Series.frame_deviation`.
-    fixed: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    frame_deviations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     #: Normals of the planes of a frame of planes.
-    normals: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
+    plane_normals: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
     #: Error pattern that joints share; their waves are then expressed in its `joint_error_basis`.
-    pattern: Pattern | None = None
+    pattern: ErrorPattern | None = None
 
     @cached_property
     def geometry_slice(self) -> slice:
         """Return the virtual joints whose constants are errors of geometry: all links but first and last."""
-        return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.geometry else 6)
+        return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.has_geometry else 6)
 
     @cached_property
-    def starts(self) -> dict[str, int]:
+    def first_columns(self) -> dict[str, int]:
         """Return the first column of every frame, every mount, geometry, errors, compliances, and the end."""
-        sizes = {f"frame {name}": len(self.fixed.get(name, range(6))) for name in self.frames}
+        sizes = {f"frame {name}": len(self.frame_deviations.get(name, range(6))) for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
         sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
@@ -649,13 +664,17 @@ class Unknowns:
     @property
     def unused_rotations(self) -> Ids:
         """Return the columns that no reading depends on: turns of the frames of fixed points."""
-        points = [self.starts[f"frame {name}"] for name, sizes in self.fixed.items() if not sizes[3]]
+        points = [
+            self.first_columns[f"frame {name}"]
+            for name, sizes in self.frame_deviations.items()
+            if not sizes[3]
+        ]
         return np.concatenate([np.zeros(0, dtype=int), *(start + np.arange(3, 6) for start in points)])
 
     @property
     def size(self) -> int:
         """Count the unknowns."""
-        return self.starts["end"]
+        return self.first_columns["end"]
 
     def columns(self, name: str) -> slice:
         """Return the columns of one kind of unknowns.
@@ -663,11 +682,11 @@ class Unknowns:
         Args:
             name: "frame NAME", "mount NAME", "geometry", "errors" or "elastic".
         """
-        keys = list(self.starts)
-        return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
+        keys = list(self.first_columns)
+        return slice(self.first_columns[name], self.first_columns[keys[keys.index(name) + 1]])
 
     @cached_property
-    def groups(self) -> tuple[tuple[str, Ids], ...]:
+    def prior_groups(self) -> tuple[tuple[str, Ids], ...]:
         """Return the columns that share a prior, with their kind.
 
         A band of orders is shared by all joints: if one joint has turned through a part of its range only,
@@ -678,7 +697,7 @@ class Unknowns:
             ("geometry shift", geometry[:, :3].ravel()),
             ("geometry turn", geometry[:, 3:].ravel()),
         ]
-        first = self.starts["errors"]
+        first = self.first_columns["errors"]
         of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(
             self.vjm.arm.n_joints, self.errors.size
         )
@@ -694,13 +713,13 @@ class Unknowns:
         return tuple(columns_by_kind)
 
     @cached_property
-    def basis(self) -> csr_array | None:
+    def equation_basis(self) -> csr_array | None:
         """Return unknowns in SI units by those of the equations, (size, size); None without a pattern."""
         if self.pattern is None:
             return None
-        return pattern_basis(self.pattern, self.errors, self.starts["errors"], self.size)
+        return pattern_basis(self.pattern, self.errors, self.first_columns["errors"], self.size)
 
-    def current(self, state: ArmState) -> Array:
+    def values(self, state: ArmState) -> Array:
         """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.
 
         Args:
@@ -738,7 +757,16 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
             fixed[readings.frame] = tuple(map(max, sizes, fixed.get(readings.frame, sizes)))
         if readings.normal is not None:
             normals[readings.frame] = (*normals.get(readings.frame, ()), readings.normal)
-    return Unknowns(vjm, frames, mounts, errors, structure, undetermined=held, fixed=fixed, normals=normals)
+    return Unknowns(
+        vjm,
+        frames,
+        mounts,
+        errors,
+        structure,
+        undetermined=held,
+        frame_deviations=fixed,
+        plane_normals=normals,
+    )
 
 
 def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
@@ -748,4 +776,4 @@ def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
         vjm: The arm's virtual joint model.
         structure: The compliances.
     """
-    return Unknowns(vjm, (), {}, JointErrors(), structure, geometry=False)
+    return Unknowns(vjm, (), {}, JointErrors(), structure, has_geometry=False)

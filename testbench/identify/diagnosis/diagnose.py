@@ -13,7 +13,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, Series, select, select_evenly, select_rows, series_of
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import with_targets
-from testbench.identify.absolute.evidence import first_fit
+from testbench.identify.absolute.evidence import fit_geometry_and_springs
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.base_frame import RegisteredDataset
 from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, load_issues
@@ -289,7 +289,7 @@ def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
     if not vjm.arm.joints or not any(map(len, steps)):
         return []
     try:
-        state, noise = first_fit(
+        state, noise = fit_geometry_and_springs(
             _nominal_base_state(vjm, series), series, scale_by_prior(prior, vjm, joints_only(vjm.arm))
         )
     except BenchError:  # too few readings to determine arm and targets: no step can be found

@@ -26,7 +26,7 @@ from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
 from testbench.data.dataset import Dataset, Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
-from testbench.identify.absolute.evidence import first_fit
+from testbench.identify.absolute.evidence import fit_geometry_and_springs
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.base_frame import RegisteredDataset
 from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit_kinematics
@@ -318,7 +318,9 @@ def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) 
     vjm, every = with_base_rotated(state.vjm, g), tuple(series)
     bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:
-        noise = first_fit(align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm)))[1]
+        noise = fit_geometry_and_springs(
+            align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm))
+        )[1]
     except BenchError:
         return float("inf")
     return float(

@@ -84,7 +84,9 @@ def nuisance_model(
         activate(unknowns, GEOMETRY | {"harmonics"}, compliance_prior),
         default_scales(unknowns, len(noise.factor)),
     )
-    P, _ = active_prior(active, ErrorScales(NUISANCE_SCALE_FACTOR * size.deviation, size.factor), WIDE_PRIOR)
+    P, _ = active_prior(
+        active, ErrorScales(NUISANCE_SCALE_FACTOR * size.deviation, size.noise_factor), WIDE_PRIOR
+    )
     return NuisanceModel(active, P, state, noise)
 
 
@@ -261,9 +263,9 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     A = rows[:, :, np.r_[active.columns, -1]]
     Z = np.concatenate([move_columns(linear, series, rows, moved) for moved in ("target", "tracker")], axis=2)
     whitened = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
-    if active.elastic is not None:
+    if active.compliance_prior is not None:
         e = slice(active.n_rigid, len(active.columns))
-        whitened[e] = np.tensordot(active.elastic.L.T, whitened[e], 1)
+        whitened[e] = np.tensordot(active.compliance_prior.L.T, whitened[e], 1)
     lines = whitened.reshape(len(whitened), -1)
     return lines[: A.shape[2]], lines[A.shape[2] :]
 

@@ -15,10 +15,10 @@ from testbench.data.dataset import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import residuals
-from testbench.identify.absolute.choose import blocks_of
+from testbench.identify.absolute.choose import joint_space_blocks
 from testbench.identify.absolute.fit import (
+    COMMON_PATTERN,
     MAX_ORDER,
-    PATTERN,
     Calibration,
     CalibrationOptions,
     linearise_readings,
@@ -185,17 +185,17 @@ ALL, SHARED = "+ joint errors + links", "+ common pattern"
 
 
 def _with(*names: str) -> CalibrationOptions:
-    return CalibrationOptions(only=frozenset(names))
+    return CalibrationOptions(used_errors=frozenset(names))
 
 
 LADDER: Mapping[str, CalibrationOptions] = {
     GEOMETRY: _with(),
     JOINTS: _with(SPRINGS),
-    LINKS_LS: replace(_with(SPRINGS, LINKS), constraint="none", uncertainty=WEAK),
-    LINKS_GCO: replace(_with(SPRINGS, LINKS), uncertainty=WEAK),
+    LINKS_LS: replace(_with(SPRINGS, LINKS), constraint="none", prior_uncertainty=WEAK),
+    LINKS_GCO: replace(_with(SPRINGS, LINKS), prior_uncertainty=WEAK),
     LINKS_PRIOR: _with(SPRINGS, LINKS),
     WAVES: _with(SPRINGS, ERRORS),
-    SHARED: _with(SPRINGS, ERRORS, PATTERN),
+    SHARED: _with(SPRINGS, ERRORS, COMMON_PATTERN),
     ALL: _with(SPRINGS, ERRORS, LINKS),
     CHOSEN: CalibrationOptions(),
 }
@@ -303,7 +303,7 @@ def split(
         return (c,), ((TO_A, a, FRAME_POSES),)
     if name == BOTH:
         return (a, c), ()
-    pairs = list(zip(series, blocks_of(series), strict=True))
+    pairs = list(zip(series, joint_space_blocks(series), strict=True))
     even, odd = (tuple(select_rows(one, own % 2 == k) for one, own in pairs) for k in (0, 1))
     return even, (*((BLOCKS, one, None) for one in odd), *((AGAIN, one, FRAME_POSES) for one in odd))
 
@@ -368,7 +368,7 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
             if CHOSEN in tried
             else frozenset({SPRINGS}).union(*(LADDER[one].selectable for one in tried))
         )
-        options = CalibrationOptions(only=only, orders=asked.orders)
+        options = CalibrationOptions(used_errors=only, max_order=asked.orders)
         linearised_readings = linearise_readings(cell.vjm, train, cad_prior(cell.arm), options)
         poses = sum(one.rows for one in train)
         for model in tried:
@@ -397,7 +397,9 @@ def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int)
     order = trial_rng(seed).permutation(c.rows)
     rest = select_rows(c, order[max(asked.draws) :][:JUDGING])
     few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + FRAME_POSES).astype(int)))
-    tried = CalibrationOptions(orders=min(asked.orders, MAX_COUNTED_ORDER), only=LADDER[SHARED].only)
+    tried = CalibrationOptions(
+        max_order=min(asked.orders, MAX_COUNTED_ORDER), used_errors=LADDER[SHARED].used_errors
+    )
     for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
         linearised_readings = linearise_readings(
             cell.vjm, (select_rows(c, order[:poses]),), cad_prior(cell.arm), tried
@@ -410,7 +412,7 @@ def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int)
 
 def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFitRow:
     """What a model is, beside readings that judge it, but those that told frame and target."""
-    estimate, active, steps = found.estimate, found.active, found.chosen.steps
+    estimate, active, steps = found.estimate, found.active, found.selection.steps
     K, n = 2 * len(found.state.errors.orders), found.state.vjm.arm.n_joints
     certificate, left = None if estimate is None else estimate.certificate, np.zeros(0)
     about |= Row(judged="", error=None)
@@ -419,7 +421,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
         about |= Row(judged=series.name, error=position_errors(found.model(), [series], frame_poses))
         if about.split == BLOCKS:
             left = np.round(UM * residuals(found.state, series)[0].T, 2)
-    waves, effects = "harmonics" in found.chosen.kinds and about.split != DRAW, np.zeros(0)
+    waves, effects = "harmonics" in found.selection.error_kinds and about.split != DRAW, np.zeros(0)
     if (about.split, about.name) == (BOTH, SHARED):
         slow = [drift(found.state, one) for one in found.series]
         effects = np.vstack([approach(found.state, found.series[1]), *slow])
@@ -427,7 +429,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
         **about,
         left_um=tuple(left.ravel().tolist()),
         method=None if estimate is None else estimate.method,
-        parameters=int((active.columns >= active.unknowns.starts["geometry"]).sum()),
+        parameters=int((active.columns >= active.unknowns.first_columns["geometry"]).sum()),
         conservative=estimate is None or bool(estimate.conservative),
         min_eigenvalue=0.0 if estimate is None else float(estimate.min_eigenvalue),
         duality_gap=None if certificate is None else float(certificate.duality_gap),

@@ -21,11 +21,11 @@ from testbench.identify.absolute.fit import (
     Calibration,
     LinearisedReadings,
     linearise_readings,
-    posterior_of,
+    posterior_of_calibration,
     select_and_solve,
 )
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
-from testbench.identify.absolute.posterior import inside_ellipsoid, predict, with_known_frame
+from testbench.identify.absolute.posterior import inside_ellipsoid, predict_series, register_with_known_frame
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.equations import series_rows
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
@@ -142,8 +142,13 @@ def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part,
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
         the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    active, known, parts, relative = calibration.active, posterior_of(calibration), {}, np.zeros(0)
-    true = active.unknowns.current(true_state(calibration.state, truth))
+    active, known, parts, relative = (
+        calibration.active,
+        posterior_of_calibration(calibration),
+        {},
+        np.zeros(0),
+    )
+    true = active.unknowns.values(true_state(calibration.state, truth))
     for group in functionals(active):
         a, sought = group.of[:, active.columns], group.of @ true
         if group.part == "joint compliances":
@@ -186,14 +191,14 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
         "harmonics": disturbances.gear.sigma if disturbances.gear else 0.0,
     }
     deviation = np.full(unknowns.size, np.inf)
-    for kind, own in unknowns.groups:
+    for kind, own in unknowns.prior_groups:
         deviation[own] = sizes[kind]
     known = ErrorScales(deviation, np.ones(len(reduced.kinds)))
     V = solve_active(active, gram_of_active(active, reduced.gram), known, PriorUncertainty(SHAPE)).covariance
-    assert active.elastic is not None
+    assert active.compliance_prior is not None
     lines = series_rows(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(active.columns))
-    A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.elastic.L])
+    A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.compliance_prior.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
 
 
@@ -223,7 +228,7 @@ ORDERS = 40  #: Periodic errors that are tried: the joints have 30, as a rule.
 
 
 def _fit(*names: str) -> Fit:
-    return Fit(orders=ORDERS, only=frozenset(names))
+    return Fit(max_order=ORDERS, used_errors=frozenset(names))
 
 
 SPRINGS, GEARS, LINKS = "joint springs", "joint errors", "links"
@@ -239,7 +244,7 @@ MODELS: Mapping[str, Fit] = {
     WITH_LINKS: _fit(SPRINGS, LINKS),
     ALL_LS: replace(_fit(SPRINGS, GEARS, LINKS), constraint="none"),
     ALL: _fit(SPRINGS, GEARS, LINKS),
-    CHOSEN: Fit(orders=ORDERS),
+    CHOSEN: Fit(max_order=ORDERS),
 }
 """Models by name; geometry, frames and mounts are on in all."""
 LOOKS = {
@@ -467,7 +472,7 @@ def _row(
     held, joints = _score_intervals(fit, truth)
     return AbsoluteFitRow(
         **about,
-        kept=tuple(step.name for step in fit.chosen.steps if step.kept),
+        kept=tuple(step.name for step in fit.selection.steps if step.kept),
         error_mm=MM * rms(off),
         loaded_mm=MM * rms(check(fit, checks[1], rng)[0]),
         positions=Held(within.size, int(within.sum())),
@@ -495,7 +500,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
     model, place = calibration.model(), (true.frame, true.target)
     fitted = next(series for series in calibration.series if (series.frame, series.target) == place)
-    left, covariance = predict(model, with_known_frame(model, fitted), read)
+    left, covariance = predict_series(model, register_with_known_frame(model, fitted), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
 
@@ -503,7 +508,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
 def _known(fit: Calibration) -> Array:
     """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
     geometry = fit.active.unknowns.columns("geometry")
-    root = posterior_of(fit).root[:, np.flatnonzero(np.isin(fit.active.columns, np.r_[geometry]))]
+    root = posterior_of_calibration(fit).root[:, np.flatnonzero(np.isin(fit.active.columns, np.r_[geometry]))]
     values, vectors = np.linalg.eigh(root.T @ root)
     return np.asarray(vectors[:, values < KNOWN**2].T)
 
