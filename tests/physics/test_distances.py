@@ -255,7 +255,7 @@ def test_a_face_is_no_repetition_of_others_and_is_not_held_out_as_a_whole(stiff,
     )
     assert np.isfinite(points.series_rms_after)
     assert np.isnan(faces.series_rms_after)
-    assert faces.after < faces.before
+    assert faces.rms_after < faces.rms_before
 
 
 def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, read, rng):
