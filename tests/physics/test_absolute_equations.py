@@ -136,7 +136,8 @@ def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_t
         prior_uncertainty=PriorUncertainty(3.0),
     )
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
-    assert np.abs(found.selection.scales.noise_factor - 1).max() > 0.02  # or nothing would tell it from its square
+    # Or nothing would tell it from its square.
+    assert np.abs(found.selection.scales.noise_factor - 1).max() > 0.02
     own, root = found.active, posterior_of_calibration(found).root
     precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
