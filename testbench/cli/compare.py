@@ -84,13 +84,18 @@ def command(asked: CompareOptions) -> None:
 
 def _figures(said: Report, seen: PageContent) -> "Mapping[str, Figure]":
     """Draw the picture of a run, which says below what A and B are."""
-    from testbench.report.figure import add_words  # here: matplotlib takes long
+    from testbench.report.figure import RATIO, add_words, short  # here: matplotlib takes long
     from testbench.report.run_figure import overview
 
-    sides = "; ".join(
-        f"{side}: {Path(run).name}" for side, run in zip("AB", said.numbers["runs"], strict=True)
-    )
-    return {PICTURE: add_words(overview(said, seen), f"{sides}.")}
+    a, b = (Path(run).name for run in said.numbers["runs"])
+    words = f"error of {short(b)} (B) divided by the error of {short(a)} (A)"
+    tables = [
+        replace(
+            table, columns=tuple(replace(c, heading=words) if c.key == RATIO else c for c in table.columns)
+        )
+        for table in seen.tables
+    ]
+    return {PICTURE: add_words(overview(said, replace(seen, tables=tables)), f"A: {a}; B: {b}.")}
 
 
 def _printed(table: Table) -> Table:

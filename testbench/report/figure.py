@@ -65,6 +65,8 @@ BREAKS, LATE_BREAKS = (". ", " ("), ("; ", ": ", ", ")
 """Where a title that is too long ends, the best first; and where one ends that has no room in all lines."""
 
 
+MICRO = re.compile(r"\bu(?=(?:m|rad)\b)")  #: The u of um and urad.
+TIMES_TEN = re.compile(r" x 10\^(-?\d+)")  #: Ends a number that has too many zeros.
 RATIO = "ratio"  #: Key of a column of errors over one model's, with 95 % intervals.
 ASIDE, GOLDEN = 0.5, 0.618
 """How far dots of a row are apart, over its height, and the step from one to the next [1]."""
@@ -219,6 +221,7 @@ def say(figure: Figure, answer: str, reading: str) -> None:
         answer: Its title: what is too long for its lines begins the words below.
         reading: The words below.
     """
+    answer, reading = map(printed, (answer.rstrip("."), reading))
     wide = figure.get_figwidth() / WIDTH
     letters, lines = int(TITLE * wide), TITLE_LINES if wide == 1 else NARROW_TITLE_LINES
     title, rest = split_title(" ".join(answer.split()), letters * lines // 2, letters * lines)
@@ -228,6 +231,11 @@ def say(figure: Figure, answer: str, reading: str) -> None:
     figure.supxlabel(words, x=0.01, ha="left", fontsize=MIN_LETTER_SIZE, color="0.3")
     for text in itertools.chain.from_iterable(axes.texts for axes in figure.axes):
         text.set_in_layout(False)
+
+
+def printed(text: str) -> str:
+    """Write micrometres and plus or minus as figures do."""
+    return MICRO.sub("µ", text).replace("+-", "±")
 
 
 def words_height(figure: Figure) -> float:
@@ -333,8 +341,17 @@ def tick_words(number: float) -> str:
     mantissa, _, power = f"{number:.5g}".partition("e")
     if not power:
         return mantissa
-    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
+    return f"{'' if mantissa == '1' else f'{mantissa}·'}10{_power(power)}"
+
+
+def _power(digits: str) -> str:
+    """A power as it stands behind a ten."""
+    return str(int(digits)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _raised(text: str) -> str:
+    """Write 2·10⁻⁹ for 2 x 10^-9."""
+    return TIMES_TEN.sub(lambda found: f"·10{_power(found[1])}", text)
 
 
 def quiet(axes: Axes) -> None:
@@ -359,9 +376,10 @@ def forest(
     figure = page(1.3 + forest_height(table))
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
     sides = figure.subplots(1, len(panes), squeeze=False)[0]
-    for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
+    for k, (axes, key) in enumerate(zip(sides, panes, strict=True)):
         forest_pane(axes, replace(table, looks=known), columns[key], named=not k)
-        log_ticks(axes, "x", *axes.dataLim.intervalx)
+    _share_scales(sides)
+    for axes, (key, title) in zip(sides, panes.items(), strict=True):
         beaten = [row for row in table.rows if name.cell(row) == mark]
         for row in beaten:
             at, shade = middle(columns[key].value(row)), known[name.cell(row)].hex
@@ -374,6 +392,14 @@ def forest(
     bands = "Band: the best, and all that tie with it." if banded else ""
     say(figure, answer, " ".join(filter(None, [reading, dots and f"{capital(dots)}.", bands])))
     return figure
+
+
+def _share_scales(panes: Sequence[Axes]) -> None:
+    """Give panes logarithmic axes to the right; those of one quantity have the same."""
+    drawn = {axes: axes.dataLim.intervalx.copy() for axes in panes}
+    for axes in panes:
+        ends = np.array([own for other, own in drawn.items() if other.get_xlabel() == axes.get_xlabel()])
+        log_ticks(axes, "x", float(ends.min()), float(ends.max()))
 
 
 def ranked(table: Table, key: str, over: Sequence[Row]) -> Table:
@@ -419,7 +445,7 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
         if y in best:
             axes.axhspan(y - 0.5, y + 0.5, color=SOFT, alpha=0.16, linewidth=0, zorder=0)
     heads = [f"{row_head(name.cell(row))}  " if named else "" for row in table.rows]
-    numbers = [value.text(middle(value.value(row))) for row in table.rows]
+    numbers = [_raised(value.text(middle(value.value(row)))) for row in table.rows]
     axes.set_yticks(range(len(heads)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(heads) - 0.5, -0.5)
     axes.set_xlabel(labelled(value))
@@ -428,7 +454,7 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
 
 def row_head(name: str) -> str:
     """Write the name of a row beside its axis, in words, in lines that leave room for what is drawn."""
-    return _balanced(row_words(name), HEAD_LETTERS)
+    return _balanced(printed(row_words(name)), HEAD_LETTERS)
 
 
 def forest_height(table: Table) -> float:
@@ -538,12 +564,9 @@ def _guide(axes: Axes, words: str) -> None:
     axes.set(xlim=ends[0], ylim=ends[1])
 
 
-MICRO = re.compile(r"\bu(?=(?:m|rad)\b)")  #: The u of um and urad.
-
-
 def labelled(column: TableColumn) -> str:
     """A quantity with its unit beside an axis."""
-    return f"{column.heading} [{MICRO.sub('µ', column.unit)}]" if column.unit else column.heading
+    return f"{column.heading} [{printed(column.unit)}]" if column.unit else column.heading
 
 
 def ranges(
@@ -571,13 +594,15 @@ def ranges(
                 axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
             middles = [middle(value.value(row)) for row in shown]
             axes.plot(middles, y, linestyle="", label=row_words(model), **look.dots(3.6))
-        log_ticks(axes, "x", *axes.dataLim.intervalx)
-        if mark is not None:
-            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set(xlabel=labelled(value))
         axes.set_title(title)
         axes.grid(axis="y", alpha=0.2)
         quiet(axes)
+    _share_scales(sides)
+    for axes in sides:
+        if mark is not None:
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
+    sides[0].set_ylabel(down.heading)
     sides[0].set_yticks(range(len(places)), places)
     sides[0].set_ylim(len(places) - 0.5, -0.5)
     _key(part, columns=5)

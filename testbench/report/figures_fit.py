@@ -86,13 +86,19 @@ def residual_panes(panes: Sequence[Axes], rows: Sequence[Row], looks: Mapping[st
         looks: How models are drawn, by name.
     """
     reach = max((row.edges_um[-1] for row in rows), default=1.0)
-    for axes, row in zip(panes, rows, strict=True):
-        _residual_pane(axes, row, looks[row.name])
-        axes.set_xlim(-REACH * reach, REACH * reach)
+    most = max(
+        [1.0, *(_residual_pane(axes, row, looks[row.name]) for axes, row in zip(panes, rows, strict=True))]
+    )
+    for axes in panes:
+        axes.set(xlim=(-REACH * reach, REACH * reach), ylim=(0, 1.75 * most))
 
 
-def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
-    """Draw components of residuals as bars with the normal curve of their mean and deviation, as Fig. 5."""
+def _residual_pane(axes: Axes, row: Row, look: Look) -> float:
+    """Draw components of residuals as bars with the normal curve of their mean and deviation, as Fig. 5.
+
+    Returns:
+        The height of the highest.
+    """
     edges, counts = np.array(row.edges_um), np.array(row.counts)
     most = float(max(1, counts.max()))
     axes.stairs(counts, edges, fill=True, color=look.hex, alpha=0.35)
@@ -110,9 +116,10 @@ def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
     axes.text(
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
-    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.6 * most))
+    axes.set(xlabel="residual [µm]", ylabel="number of components")
     axes.set_title(row_head(row.name))
     quiet(axes)
+    return most
 
 
 def _share(p: float) -> str:
@@ -149,38 +156,46 @@ def predicted_pane(axes: Axes, row: Row, looks: Mapping[str, Look], measured: st
     quiet(axes)
 
 
-def eigenvalue_pane(axes: Axes, rows: Sequence[Row], name: str, look: Look, *, named: bool = True) -> None:
-    """Draw the eigenvalues of every part's compliance; negative ones are red crosses on a red ground.
+def eigenvalue_panes(
+    panes: Sequence[Axes], by_name: Mapping[str, Sequence[Row]], looks: Mapping[str, Look]
+) -> None:
+    """Draw the eigenvalues of every part's compliance, a pane for each model, all in one scale.
 
-    A part of a conservative model has none below zero (Eqs. 8-9).
+    Negative ones are red crosses on a red ground. A part of a conservative model has none (Eqs. 8-9).
 
     Args:
-        axes: Where to.
-        rows: See `fit_details.eigenvalues`.
-        name: Of the model.
-        look: How it is drawn.
-        named: Whether the parts are named beside it.
+        panes: Where to, a pane for each model.
+        by_name: See `fit_details.eigenvalues`, by model.
+        looks: How models are drawn, by name.
     """
-    values = [np.array(row.urad_per_Nm) for row in rows]
-    every = np.concatenate(values)
+    every = np.concatenate([row.urad_per_Nm for rows in by_name.values() for row in rows])
     most = float(np.abs(every).max()) or 1.0
     least = 10 ** (math.floor(math.log10(most)) - SPAN + 1)
-    axes.set_xscale("symlog", linthresh=least, linscale=0.6)
+    lowest = min(-least, 3 * float(every.min()))
+    for k, (axes, (name, rows)) in enumerate(zip(panes, by_name.items(), strict=True)):
+        axes.set_xscale("symlog", linthresh=least, linscale=0.6)
+        _eigenvalue_pane(axes, rows, name, looks[name])
+        axes.axvspan(lowest, 0, color=hexadecimal(NEGATIVE), alpha=0.08, linewidth=0, zorder=0)
+        axes.hlines(range(len(rows)), lowest, 3 * most, color="0.93", linewidth=0.5, zorder=0)
+        axes.set(xlim=(lowest, 3 * most), ylim=(len(rows) - 0.5, -0.5))
+        ends = (least * 10, most) if lowest == -least else (least * 10, most, lowest)
+        axes.set_xticks(*_symlog_ticks(ends))
+        axes.set_xticks([], minor=True)
+        axes.set_yticks(*([[]] if k else [range(len(rows)), [row.part for row in rows]]))
+
+
+def _eigenvalue_pane(axes: Axes, rows: Sequence[Row], name: str, look: Look) -> None:
+    """Draw the eigenvalues of one model."""
+    values = [np.array(row.urad_per_Nm) for row in rows]
+    every = np.concatenate(values)
     part, bad = np.repeat(np.arange(len(rows)), [len(own) for own in values]), every < 0
     axes.plot(every[~bad], part[~bad], linestyle="", **look.dots(3.4))
     axes.plot(every[bad], part[bad], "X", color=hexadecimal(NEGATIVE), markersize=5, zorder=4)
-    lowest = min(-least, 3 * float(every.min()))
-    axes.axvspan(lowest, 0, color=hexadecimal(NEGATIVE), alpha=0.08, linewidth=0, zorder=0)
     axes.axvline(0, color="0.3", linewidth=0.8)
-    axes.set(xlim=(lowest, 3 * most), ylim=(len(rows) - 0.5, -0.5), xlabel=EIGENVALUE)
+    axes.set_xlabel(EIGENVALUE)
     count = int(bad.sum())
     negative = f"{count} of {len(every)} negative" if count else "none negative"
     axes.set_title(f"{row_head(name)}:\n{negative}")
-    ends = (least * 10, most) if lowest == -least else (least * 10, most, lowest)
-    axes.set_xticks(*_symlog_ticks(ends))
-    axes.set_xticks([], minor=True)
-    axes.set_yticks(*([range(len(rows)), [row.part for row in rows]] if named else [[]]))
-    axes.hlines(range(len(rows)), lowest, 3 * most, color="0.93", linewidth=0.5, zorder=0)
     quiet(axes)
 
 
@@ -317,8 +332,7 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
     parts = max(len(rows) for rows in shown.values())
     figure = page(1.3 + 0.15 * parts)
     panes = figure.subplots(1, len(shown), squeeze=False)[0]
-    for k, (axes, (name, rows)) in enumerate(zip(panes, shown.items(), strict=True)):
-        eigenvalue_pane(axes, rows, name, looks[name], named=not k)
+    eigenvalue_panes(panes, shown, looks)
     for_column(panes[0], panes[-1])
     bad = {name: sum(x < 0 for row in rows for x in row.urad_per_Nm) for name, rows in shown.items()}
     told = [f"{in_words(name)} ({counted(n, 'negative eigenvalue')})" for name, n in bad.items() if n]
@@ -655,8 +669,7 @@ def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:
     figure = page(HEAD + sum(heights))
     first, second, *more = bands(figure, heights)
     panes = first.subplots(1, 1 + len(names))
-    for k, (axes, name) in enumerate(zip(panes, names, strict=False)):
-        eigenvalue_pane(axes, d.eigenvalues[name], name, known[name], named=not k)
+    eigenvalue_panes(panes[:-1], {name: d.eigenvalues[name] for name in names}, known)
     sag_pane(panes[-1], d.sag)
     for_column(*panes[-2:])
     panes = second.subplots(1, 3 if d.joints else 2)
@@ -671,7 +684,8 @@ def model_figure(f: Row, known: Mapping[str, Look]) -> Figure:
     conservative = f"not conservative{negatives}" if negative else "conservative"
     answer = f"{capital(in_words(f.recommended))} is {conservative}"
     bends = f"; {d.sag[0].part} causes {d.sag[0].share_percent:.0f} % of the deflection" if d.sag else ""
-    say(figure, answer + bends, OF_EIGENVALUES)
+    colours = " Which part bends: joints are blue, links grey." if d.sag else ""
+    say(figure, answer + bends, OF_EIGENVALUES + colours)
     return figure
 
 

@@ -148,7 +148,7 @@ class World:
         layers = [
             Layer("feasible poses", GREY, "specks", self.candidates[None, some], shown=False),
             Layer("way", NOMINAL, "lines", self.plan[None, :-1], self.plan[None, 1:], shown=False),
-            Layer("planned, in order", NOMINAL, "dots", self.plan[None], labels=numbers),
+            Layer("planned poses", NOMINAL, "dots", self.plan[None], labels=numbers),
         ]
         if len(self.tasks):
             layers.append(Layer("tasks", TASK, "dots", self.tasks[None]))

@@ -763,6 +763,7 @@ def forward_pose(bodies: Array) -> int:
 
 # --- Figures of programs: the stiffness of the tool along the path ------------------------------------------
 
+NARROW_ACROSS = 25  #: Letters of level names below a third of a figure.
 SEMI_AXES = ("softest direction", "between", "stiffest direction")
 MARKS = "ovs"
 
@@ -789,7 +790,7 @@ def stiffness_figure(rows: Sequence[Row], force: float) -> Figure:
         draw_ellipsoids(axes, at, layer.semi_axes, plane, hexadecimal(layer.colour))
         right = at[soft, plane[0]] <= np.median(at[:, plane[0]])  # inwards
         axes.annotate(
-            short(rows[soft].label, 12),
+            _pose_name(rows[soft], 12),
             at[soft, plane],
             xytext=(7 if right else -7, 7),
             textcoords="offset points",
@@ -803,7 +804,7 @@ def stiffness_figure(rows: Sequence[Row], force: float) -> Figure:
             axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         quiet(axes)
     size_pane(panes[2], rows, force)
-    named = [f"“{short(rows[k].label)}”" for k in (soft, stiff)]
+    named = [_pose_name(rows[k]) for k in (soft, stiff)]
     answer = f"Softest at {named[0]}: {force:,.0f} N move the tool by up to {sizes[soft, 0]:.3f} mm"
     if sizes[soft, 0] > sizes[stiff, 0]:
         answer += f"; stiffest at {named[1]}: {sizes[stiff, 0]:.3f} mm"
@@ -813,6 +814,11 @@ def stiffness_figure(rows: Sequence[Row], force: float) -> Figure:
     )
     say(figure, answer, reading)
     return figure
+
+
+def _pose_name(row: Row, letters: int = 20) -> str:
+    """Return the name of a pose; a number alone is called a pose."""
+    return f"pose {row.label}" if row.label.isdigit() else short(row.label, letters)
 
 
 def size_pane(axes: Axes, rows: Sequence[Row], force: float) -> None:
@@ -826,7 +832,8 @@ def size_pane(axes: Axes, rows: Sequence[Row], force: float) -> None:
     k, sizes = np.arange(len(rows)), np.array([row.semi_axes_mm for row in rows])
     for own, name, mark in zip(sizes.T, SEMI_AXES, MARKS, strict=True):
         axes.plot(k, own, f"{mark}-", color=hexadecimal(STIFFNESS), markersize=3.4, label=name)
-    axes.set_xticks(k, [short(row.label, 8) for row in rows], rotation=45)
+    names = [short(row.label, 8) for row in rows]
+    axes.set_xticks(k, names, rotation=0 if sum(map(len, names)) < NARROW_ACROSS else 45)
     axes.set(xlabel="pose", ylabel=f"moved by {force:,.0f} N [mm]", ylim=(0, 1.6 * sizes.max() or 1.0))
     axes.set_title("Semi-axes")
     axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", ncols=1)

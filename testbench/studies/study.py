@@ -336,7 +336,8 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
         )
     )
     title = (
-        f"Deflections x {size:g}; arrows: errors at the marker where the last model errs most, x {scale:g}."
+        f"Deflections x {size:g}; arrows: errors at the marker where {in_words(shown[-1])} errs most, "
+        f"x {scale:g}."
     )
     return PageContent(
         scene=Scene(cell, title, [poses, runs]),

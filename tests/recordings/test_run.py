@@ -16,7 +16,16 @@ from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page import seen_plain
-from testbench.report.recording.run import LINE, _beyond, _from_zero, _legend_room, _seen, write_run
+from testbench.report.recording.run import (
+    LEAST_CHART,
+    LINE,
+    _beyond,
+    _from_zero,
+    _heights,
+    _legend_room,
+    _seen,
+    write_run,
+)
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
 from testbench.report.scene import (
@@ -172,7 +181,7 @@ def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
     data = columns(chunks, "/here/runs")
     texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
     assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}.** {k} mm off" for k in SHOWN]
-    assert all(f"{x}: " in texts[0] for x in ("rust dots", "green arrows", "green lines"))
+    assert all(f"{x}: " in texts[0].lower() for x in ("rust dots", "green arrows", "green lines"))
     assert "hidden" not in texts[0]
     text = document(chunks, "/summary")
     assert (
@@ -362,6 +371,27 @@ def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_o
     assert np.diff(np.sort(heights)).min() >= LINE  # a label is one line high
 
 
+def test_a_summary_has_room_for_its_words_and_charts_for_their_lines():
+    short, long = "## **Holds**", "\n\n".join(["## **Holds**", *["- " + "word " * 40] * 8])
+    for charts in (1, 2):
+        (usual, chart), (told, left) = (_heights(words, 600.0, charts) for words in (short, long))
+        assert usual + charts * chart == pytest.approx(600) == told + charts * left
+        assert chart > usual  # few words leave most to the charts
+        assert told > usual
+        assert left >= LEAST_CHART
+    assert _heights(long, 600.0, 1)[0] > 8 * 2 * 16  # eight notes of two or three lines each
+    assert _heights(short, 600.0, 0) == (600.0, 0.0)
+
+
+def test_layers_that_look_alike_share_their_colour_in_words(seen, tmp_path):
+    first = seen.scene.groups[0]
+    tube = replace(first.layers[2], kind="tubes", labels=(), values=np.ones(first.layers[2].at.shape[1]))
+    layers = [replace(tube, name="before"), first.layers[0], replace(tube, name="after")]
+    page = replace(seen, scene=replace(seen.scene, groups=[replace(first, layers=layers)]), map=None)
+    chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
+    assert "Tubes: before, after; rust dots: target as read." in document(chunks, "/here/runs")
+
+
 def test_tables_of_a_recording_say_first_what_the_names_of_models_mean(seen, tmp_path):
     rows = [
         Row(name=name, structure=name, constraint="psd", prior=False, error=x)
@@ -401,8 +431,8 @@ def test_places_of_a_map_have_words_without_the_colours_of_what_is_not_drawn_the
     with_colours, alone = (
         columns(chunks, f"/{name}/places")["TextDocument:text"] for name in ("here", "place")
     )
-    assert all("rust dots: " in text for [text] in with_colours)
-    assert not any("dots: " in text for [text] in alone)
+    assert all("rust dots: " in text.lower() for [text] in with_colours)
+    assert not any("dots: " in text.lower() for [text] in alone)
 
 
 BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])
@@ -565,7 +595,10 @@ def test_ellipsoids_stand_still_with_the_sizes_and_directions_of_report_json(see
         assert along == pytest.approx(1)
         semi = times / 1e3 * np.array(row.semi_axes_mm)[:, None] * np.array(row.directions)
         assert plain["semi_axes"][k] == pytest.approx(1e4 * semi.ravel(), abs=0.5)
-    assert "teal ellipsoids: where 900 N in any direction move the tool" in document(chunks, "/here/runs")
+    assert (
+        "teal ellipsoids: where 900 n in any direction move the tool"
+        in document(chunks, "/here/runs").lower()
+    )
 
 
 def test_masses_and_forces_that_differ_are_told_apart():

@@ -176,7 +176,7 @@ def test_noise_costs_what_it_adds_in_quadrature_and_the_figure_shows_both_arms()
     assert list(x) == [25.0, 50.0, 200.0]
     assert list(y) == [np.median(own.where(sigma_um=sigma)["rms_um"]) for sigma in x]
     for axes in drawn.axes:
-        [guide] = [line for line in axes.get_lines() if line.get_label() == "as the noise"]
+        [guide] = [line for line in axes.get_lines() if line.get_label() == "proportional to the noise"]
         assert np.ptp(guide.get_ydata() / guide.get_xdata()) == pytest.approx(0)
 
 

@@ -315,6 +315,7 @@ def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_r
         bad = sum(x < 0 for _, x in given)
         told = f"{bad} of {len(given)} negative" if bad else "none negative"
         assert axes.get_title() == f"{row_head(name)}:\n{told}"
+    assert len({axes.get_xlim() for axes in figure.axes}) == 1  # models compare on one scale
     assert figure.get_suptitle().startswith("Not conservative: least squares of beam links (")
     assert [text.get_text() for text in figure.axes[0].get_yticklabels()][:2] == ["link_0", "link_1"]
 
@@ -328,6 +329,7 @@ def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_p
     figure.draw_without_rendering()
     check_legible(figure)
     by_name = {row.name: row for row in details.residuals}
+    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes[:2]}) == 1
     for axes, name in zip(figure.axes, ("MGCO56", "MLS56"), strict=False):
         check_residuals(axes, by_name[name], LOOKS[name])
         low, high = axes.get_xlim()
@@ -350,7 +352,7 @@ def check_residuals(axes, row, look):
     x, y = curve.get_data()
     area = row.n * (row.edges_um[1] - row.edges_um[0])
     np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("residual [µm]", "components")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("residual [µm]", "number of components")
     assert axes.get_ylim()[1] > max(*row.counts, *y)
     [text] = axes.texts
     said = text.get_text()

@@ -78,5 +78,5 @@ def test_the_figure_draws_the_shadow_of_every_ellipsoid_and_its_semi_axes(found)
         np.testing.assert_array_equal(drawn[name], [row.semi_axes_mm[k] for row in found])
     assert [text.get_text() for text in sizes.get_xticklabels()] == [row.label for row in found]
     assert sizes.get_ylabel() == "moved by 1,500 N [mm]"
-    title = f"Softest at “{soft.label}”: 1,500 N move the tool by up to {soft.semi_axes_mm[0]:.3f} mm"
+    title = f"Softest at {soft.label}: 1,500 N move the tool by up to {soft.semi_axes_mm[0]:.3f} mm"
     assert " ".join(figure.get_suptitle().split()).startswith(title)

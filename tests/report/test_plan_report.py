@@ -215,7 +215,7 @@ def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):
     drawn = seen(made, f)
     order, work, places = drawn.scene.groups
     layers, q = {layer.name: layer for layer in order.layers}, made.plan.q
-    np.testing.assert_allclose(layers["planned, in order"].at[0], [row.tool_m for row in f.plan])
+    np.testing.assert_allclose(layers["planned poses"].at[0], [row.tool_m for row in f.plan])
     np.testing.assert_allclose(layers["tasks"].at[0], [row.tool_m for row in f.tasks])
     np.testing.assert_allclose(layers["tracker"].at[0, 0], f.tracker_m)
     sights = layers["lines of sight"]

@@ -126,6 +126,26 @@ def test_names_of_runs_are_level_where_they_have_room(seen, names, level):
     assert {text.get_rotation() for text in figure.axes[0].get_xticklabels()} == {0.0 if level else 45.0}
 
 
+def test_panes_of_one_quantity_have_one_scale_and_others_their_own():
+    rows = [Row(row, other=row.error, far=100.0 * (row.n + 1)) for row in MODELS[1:3]]
+    again = TableColumn("other", "error", "mm"), TableColumn("far", "time", "s")
+    table = Table((*COLUMNS[:2], *again), [Row(row, other=50.0) for row in rows])
+    first, second, third = forest(table, {"error": "a", "other": "b", "far": "c"}, "Who wins", "").axes
+    assert first.get_xlim() == second.get_xlim() != third.get_xlim()
+    assert all(axes.get_xlim()[0] <= x <= axes.get_xlim()[1] for axes in (first, second) for x in (0.3, 50.0))
+
+
+def test_figures_write_micrometres_powers_and_both_signs_and_titles_end_without_a_stop():
+    figure = page(2.0)
+    say(figure, "The gauge of 5 um errs by +- 3 urad.", "Bands: +- 2 um.")
+    assert figure.get_suptitle() == "The gauge of 5 µm errs by ± 3 µrad"
+    assert figure.get_supxlabel() == "Bands: ± 2 µm."
+    column = TableColumn("error", "gap", form=".1e")
+    table = Table((COLUMNS[0], column), [model("gauge, 5 um", "MGCO56", "psd", 3e-4)])
+    [axes] = forest(table, {"error": "a"}, "Who wins", "").axes
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["gauge, 5 µm  3.0·10⁻⁴"]
+
+
 def test_the_best_models_and_those_that_tie_with_them_have_bands_and_the_caption_says_so():
     trials = np.linspace(0.9, 1.1, 12)
     several = [trials, np.roll(trials, 5), 3 * trials]  # the second is better in about half of the trials
@@ -310,7 +330,7 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
         ours, joints, other = (getattr(line, f"get_{key}")() for line in lines.values())
         assert ours > joints >= other
     assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
-    assert figure.get_suptitle().startswith("Holds: so it is.")
+    assert figure.get_suptitle().startswith("Holds: so it is")
     tick = axes.xaxis.get_major_ticks()[0].tick1line  # bears no name, and so is no winner of a tie
     before = tick.get_markersize()
     headed(figure, "")

@@ -37,7 +37,7 @@ from testbench.report.colours import (
     Colour,
 )
 from testbench.report.figure import Figure, forest_pane, log_ticks, row_head
-from testbench.report.markdown import Markdown, ReportWords, as_markdown, grid
+from testbench.report.markdown import Markdown, ReportWords, as_markdown, capital, grid
 from testbench.report.recording.stream import Pen, RecordingHeader, recording, snake, text_view
 from testbench.report.recording.world import (
     ASPECT,
@@ -338,7 +338,13 @@ ANSWER_WIDE, TAB_HIGH, TITLE_HIGH = 1120.0, 890.0, 28.0
 MOST_PANES = 6  #: Panes of figures at most.
 LEGEND_EDGE, LEGEND_LINE, CHART_EDGE = 40.0, 23.5, 25.0
 """Sizes of a legend besides its letters and of a line of it; height of the numbers below a chart [pixel]."""
-SUMMARY, CHART = 5.0, 7.0  #: Heights of the summary and of a chart, as shares of what the models leave.
+SUMMARY, CHART = 5.0, 7.0  #: Usual heights of the summary and of a chart, as shares of what models leave.
+SUMMARY_EDGE, LEAST_CHART = (
+    70.0,
+    170.0,
+)  #: Height of a summary without words, and of a chart at least [pixel].
+SUMMARY_LINES = (("## ", 56, 27.0), ("#### ", 62, 23.0), ("", 95, 16.0))
+"""Letters of a line of a summary and its height [pixel], by how its Markdown begins."""
 FAR, BAR = 30.0, 0.45
 """Times the least number from which models are dots on a logarithmic axis; height of bars [1]."""
 
@@ -396,7 +402,7 @@ def write_run(
         panes = _panes(pen, figures, alone=page.scene is None)
         tabs: list[rrb.Container | rrb.View] = []
         tabs += (
-            _scene_tabs(page, groups, models)
+            _scene_tabs(page, groups, models, documents["summary"])
             if page.scene
             else [_answer(panes or [view for view, _ in models])]
         )
@@ -409,7 +415,7 @@ def write_run(
 
 
 def _scene_tabs(
-    page: PageContent, groups: Sequence[_Group], models: Sequence[tuple[rrb.View, float]]
+    page: PageContent, groups: Sequence[_Group], models: Sequence[tuple[rrb.View, float]], said: str
 ) -> list[rrb.Container]:
     """A tab a group, the answer beside the first one; insets are in that, the map's group is in its tab."""
     assert page.scene
@@ -417,10 +423,9 @@ def _scene_tabs(
     insets = [group for group in groups if group.poses.name in near]
     first, *others = (group for group in groups if group not in insets)
     on_map = groups[page.map.group] if page.map else None
-    high = sum(own for _, own in models)
-    rest = (TAB_HIGH - high) / (SUMMARY + CHART * len(first.charts))
-    shares = [SUMMARY * rest, *[own for _, own in models], *[CHART * rest] * len(first.charts)]
-    views = [text_view("summary", "Summary"), *[view for view, _ in models], *_charts(first, CHART * rest)]
+    told, chart = _heights(said, TAB_HIGH - sum(own for _, own in models), len(first.charts))
+    shares = [told, *[own for _, own in models], *[chart] * len(first.charts)]
+    views = [text_view("summary", "Summary"), *[view for view, _ in models], *_charts(first, chart)]
     answer = rrb.Vertical(*views, row_shares=shares)
     front = _columns(
         [
@@ -443,6 +448,26 @@ def _scene_tabs(
         if group is not on_map
     ]
     return [front, *more]
+
+
+def _heights(said: str, high: float, charts: int) -> tuple[float, float]:
+    """Share a height between the summary and so many charts: it has room for its words, they for their lines.
+
+    Args:
+        said: The summary, as Markdown.
+        high: The height [pixel].
+        charts: How many.
+
+    Returns:
+        Heights of the summary and of each chart [pixel].
+    """
+    needed = SUMMARY_EDGE
+    for line in said.split("\n"):
+        letters, pitch = next(own for mark, *own in SUMMARY_LINES if line.startswith(mark))
+        needed += pitch * math.ceil(len(line) / letters)
+    usual = SUMMARY * high / (SUMMARY + CHART * charts)
+    told = min(max(usual, needed), high - LEAST_CHART * charts) if charts else high
+    return told, (high - told) / max(1, charts)
 
 
 def _answer(panes: list[rrb.View]) -> rrb.Container:
@@ -653,9 +678,12 @@ def _poses_words(poses: PoseGroup) -> list[str]:
 
 def _colours(layers: Sequence[Layer]) -> str:
     """What each colour is, in words; tubes have those of their errors."""
-    named = [("" if own.kind == "tubes" else _hue(own.colour), own) for own in layers if own.shown]
-    said = "; ".join(f"{hue} {own.kind}: {as_markdown(own.name)}".strip() for hue, own in named)
-    return said and f"{said}."
+    named: dict[str, list[str]] = {}
+    for own in (layer for layer in layers if layer.shown):
+        look = f"{'' if own.kind == 'tubes' else _hue(own.colour)} {own.kind}".strip()
+        named.setdefault(look, []).append(as_markdown(own.name))
+    said = "; ".join(f"{look}: {', '.join(names)}" for look, names in named.items())
+    return said and f"{capital(said)}."
 
 
 def _hue(colour: Colour) -> str:

@@ -360,7 +360,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     reading = "Marks: medians; bands: their spread. Filled and dashed: with a prior."
     return {
         "noise_sensitivity.png": sweeps(
-            panes, found.question, reading, (JOINTS, DEFAULT), proportional="as the noise"
+            panes, found.question, reading, (JOINTS, DEFAULT), proportional="proportional to the noise"
         )
     }
 
