@@ -1,12 +1,13 @@
-"""Residuals of absolute readings, their noise about a state, and the initial frame and mount of each series.
+"""Residuals of absolute readings, their noise, and the initial frame and mount of each series.
 
-The noise about a model is that of the instrument plus the model error, which all readings of one pose share.
-k readings of one pose are replaced by their mean, of variance sigma^2 + k s^2, and by k - 1 differences, of
-variance sigma^2 (Helmert's transformation).
+The frame of a series is the pose of the arm's base in the frame of the readings; its mount holds the targets
+on the tool. The noise of a reading is that of the instrument, sigma, plus the model error s, which all
+readings of one pose share. k readings of one pose are replaced by their mean, times sqrt(k), with variance
+sigma^2 + k s^2, and by k - 1 differences with variance sigma^2 (Helmert's transformation).
 
 `align_all` finds frames and mounts by the nominal arm. `identify.registration` needs no nominal targets, so a
 mount may be rotated by any angle. Frames and mounts that several series share are determined once. Targets
-are matched by name; a series without one of them counts it as lost.
+are matched by name; a target that a series lacks counts as not read there.
 """
 
 from collections.abc import Sequence
@@ -49,26 +50,30 @@ from testbench.model.vjm import Vjm, tool_pose
 # --- Residuals of readings, their noise about a state, and outliers -----------------------------------------
 
 EQUATION_KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
-"""Kinds of equations, each with its own noise factor."""
+"""Kinds of equations, each with its own noise factor; those "within a pose" are differences of readings."""
 POSITION_KINDS = (0, 2)
-"""Kinds that are positions."""
+"""Indices of the kinds of equations that are positions."""
 
 DISTANCE_TO_POSITION_SQUARES = 0.9991 / 2.986
-"""Mean of min(|z|, 3.5)^2 of a normal number over that of a normal 3-vector [1]."""
+"""Mean of min(|z|, 3.5)^2 for a standard normal number z, over that for a standard normal 3-vector [1]."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Hold standard deviations along an axis, and noise factors."""
+    """Hold the noise of absolute readings about a model of the arm, as standard deviations along an axis."""
 
     position_model_error: float = 0.0  #: Model error s of positions [m].
     rotation_model_error: float = 0.0  #: Model error s of orientations [rad].
-    #: Noise over expected noise, of every kind of equations, (kinds,) [1].
+    #: Estimated over expected noise, for each of EQUATION_KINDS, (kinds,) [1].
     factor: Array = field(default_factory=lambda: np.ones(len(EQUATION_KINDS)))
 
 
 def repeated_rows(series: Series) -> tuple[Ids, ...]:
-    """Group the rows of a pose that read the same targets: (groups, k) for every number k > 1 of rows."""
+    """Group the rows of a series that read the same targets in the same pose.
+
+    Returns:
+        Indices of the rows, one array (groups, k) for every number k > 1 of repetitions.
+    """
     read = np.column_stack([series.pose, series.seen, series.oriented])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
@@ -78,7 +83,7 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
 
 
 def equation_kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
-    """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
+    """List the kinds of equations that occur in some series, as indices into `EQUATION_KINDS`."""
     turned = any(readings.rotation is not None for readings in series)
     again = any(repeated_rows(readings) for readings in series)
     return tuple(
@@ -87,14 +92,15 @@ def equation_kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
 
 
 def combine_rows(groups: Sequence[Ids], rows: Array) -> Array:
-    """Replace the readings of every group by their mean and differences (Helmert's transformation).
+    """Replace repeated readings by their mean and differences (Helmert's transformation).
 
     Args:
-        groups: Rows that are combined, (groups, k) for every number k of rows.
-        rows: Values of all rows, (..., runs).
+        groups: Indices of repeated rows, from `repeated_rows`.
+        rows: Values of all rows, (..., rows).
 
     Returns:
-        The combined values, (..., runs); the first row of a group holds sqrt(k) times their mean.
+        The combined values, (..., rows). The first row of a group of k rows holds sqrt(k) times their mean,
+        the others hold k - 1 differences.
     """
     if groups:
         rows = rows.copy()
@@ -103,17 +109,17 @@ def combine_rows(groups: Sequence[Ids], rows: Array) -> Array:
     return rows
 
 
-def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
-    """Count the readings behind each combined row.
+def multiplicity(groups: Sequence[Ids], rows: int) -> Ids:
+    """Count the readings of which each combined row is the mean.
 
     Args:
-        groups: Rows that are combined, (groups, k) for every number k of rows.
-        runs: Number of rows.
+        groups: Indices of repeated rows, from `repeated_rows`.
+        rows: Number of rows.
 
     Returns:
-        k for a mean of k readings, 1 for a single reading, 0 for a difference, (runs,).
+        k for a mean of k readings, 1 for a single reading, 0 for a difference, (rows,).
     """
-    count = np.ones(runs, dtype=int)
+    count = np.ones(rows, dtype=int)
     for group in groups:
         count[group[:, 0]], count[group[:, 1:]] = group.shape[1], 0
     return count
@@ -122,35 +128,34 @@ def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
 def whitening_matrices(
     series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()
 ) -> tuple[Array, Ids]:
-    """Compute the whitening matrices W = (covariance)^-1/2 of combined rows, and their kinds.
+    """Compute matrices W = (covariance)^-1/2 that scale residuals to unit variance, and kinds of equations.
 
     Mathematics: `abs-4`.
 
     Args:
         series: The readings, s per row.
-        noise: Their noise.
+        noise: Noise of the readings.
         rotation: Tracker from base, (3, 3).
-        groups: Rows that are combined; none if no rows are combined.
+        groups: Indices of repeated rows that are combined; empty for single readings.
 
     Returns:
-        W, in base axes, with W times the residual of variance 1, (s, runs, 3, 3) [1/m, 1/rad]; kinds, (s,
-        runs).
+        W in base axes, (s, rows, 3, 3) [1/m, 1/rad], and indices into `EQUATION_KINDS`, (s, rows).
     """
     m, times = len(series.markers), multiplicity(groups, series.rows)
     s = m + (series.rotation is not None)
     W = np.zeros((s, series.rows, 3, 3))
     kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
     kinds[m:] += 1
-    # Covariance of positions: the instrument's, averaged over a group, plus the model error.
-    opened = times * noise.position_model_error**2
+    # Covariance of positions: that of the instrument, averaged over a group, plus the model error k s^2.
+    model_variance = times * noise.position_model_error**2
     if series.precision is None:
-        W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + opened)[:, None, None]
+        W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + model_variance)[:, None, None]
     else:
         covariance = np.linalg.inv(np.where(series.seen[..., None, None], series.precision, np.eye(3)))
         covariance = rotation.T @ covariance @ rotation
         for group in groups:
             covariance[group] = covariance[group].mean(axis=1, keepdims=True)
-        covariance = covariance + opened[:, None, None, None] * np.eye(3)
+        covariance = covariance + model_variance[:, None, None, None] * np.eye(3)
         W[:m] = np.linalg.inv(np.linalg.cholesky(covariance)).swapaxes(0, 1)
     if series.sigma_rotation is not None:
         deviation = np.sqrt(series.sigma_rotation**2 + times * noise.rotation_model_error**2)
@@ -161,31 +166,32 @@ def whitening_matrices(
 def robust_whitening(
     series: Series, noise: Noise, rotation: Array, residual: Array, loss: Loss = READING_LOSS
 ) -> tuple[Array, Array]:
-    """Compute whitening matrices of single readings, and the robust weight of each from its own residual.
+    """Compute whitening matrices of single readings, and the robust weight of each from its residual.
 
     Args:
         series: The readings, s per row.
-        noise: Their noise.
+        noise: Noise of the readings.
         rotation: Tracker from base, (3, 3).
-        residual: Residuals in base axes, (s, 3, runs) [m, rad].
+        residual: Residuals in base axes, (s, 3, rows) [m, rad].
         loss: The robust loss.
 
     Returns:
-        W as from `whitening_matrices`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
+        Matrices W that scale residuals to unit variance, (s, rows, 3, 3) [1/m, 1/rad], and the weights,
+        (s, rows) [1].
     """
     W, _ = whitening_matrices(series, noise, rotation)
     return W, loss.influence(np.linalg.norm(np.einsum("srxy,syr->sxr", W, residual), axis=1))
 
 
 def residuals(state: ArmState, series: Series) -> Array:
-    """Compute residuals, readings minus model, in base axes.
+    """Compute the residuals of a series: readings minus predictions of the model.
 
     Args:
-        state: The model.
-        series: The readings.
+        state: The arm with the frame and the mount of the series.
+        series: The readings, s per row: positions, then orientations.
 
     Returns:
-        (s, 3, rows) [m, rad]; zero where nothing was read.
+        Residuals in base axes, (s, 3, rows) [m, rad]; zero where nothing was read.
     """
     starts = range(0, max(series.rows, 1), ROWS_IN_MEMORY)
     parts = (select_rows(series, np.arange(k, min(k + ROWS_IN_MEMORY, series.rows))) for k in starts)
@@ -195,38 +201,35 @@ def residuals(state: ArmState, series: Series) -> Array:
 
 
 def robust_weights(state: ArmState, series: Series, noise: Noise) -> Array:
-    """Compute the robust weight of every reading from its own whitened residual.
+    """Compute the robust weight of every reading of a series from its residual.
 
     Args:
-        state: State of the arm, which predicts the readings.
-        series: The readings.
-        noise: Their noise.
+        state: The arm with the frame and the mount of the series.
+        series: The readings, s per row.
+        noise: Noise of the readings.
 
     Returns:
-        Weights from 0 to 1 of s readings per row, (s, rows) [1].
+        Weights from 0 to 1, (s, rows) [1].
     """
     return robust_whitening(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 
 
 def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: float) -> Noise:
-    """Estimate the model error: the deviation that the noise of the readings does not explain.
+    """Estimate the error of the model from the residuals that the instrument's noise does not explain.
 
     Args:
-        state: The arm.
+        state: The arm with frames and mounts.
         series: The readings.
-        dof_ratio: Degrees of freedom over number of equations [1].
+        dof_ratio: Degrees of freedom of the residuals over the number of equations [1].
 
     Returns:
-        The model error of positions and of orientations.
+        Noise with the model errors of positions and of orientations; its factors are 1.
     """
     none = np.zeros(0)
-    position, rotation = [(none, none)], [(none, none)]  # lengths of what is left, variances of readings
+    position, rotation = [(none, none)], [(none, none)]  # lengths of residuals, variances of readings
     for readings in series:
-        left, m, seen = (
-            np.linalg.norm(residuals(state, readings), axis=1).T,
-            len(readings.markers),
-            readings.seen,
-        )
+        m, seen = len(readings.markers), readings.seen
+        left = np.linalg.norm(residuals(state, readings), axis=1).T
         variance = np.full((readings.rows, m), readings.sigma**2)
         if readings.precision is not None:
             precision = np.where(seen[..., None, None], readings.precision, np.eye(3))
@@ -247,7 +250,7 @@ def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: f
     return Noise(errors[0], errors[1])
 
 
-def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
+def single_reading_noise(noise: Noise, variance: Array, repetitions: float) -> Noise:
     """Convert the noise of combined readings to that of a single reading in its pose.
 
     A factor below 1 was estimated from means of k readings, whose variance is factor^2 (sigma^2 + k s^2). It
@@ -255,62 +258,44 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
 
     Args:
         noise: Noise of the combined readings.
-        expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
+        variance: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
+        repetitions: Mean number k of readings that are combined [1].
     """
-    variance, k = expected
-    factor, opened = noise.factor.copy(), [noise.position_model_error, noise.rotation_model_error]
+    factor, model_error = noise.factor.copy(), [noise.position_model_error, noise.rotation_model_error]
     for kind in np.flatnonzero((factor[:2] < 1) & (variance > 0)):
-        whole = factor[kind] ** 2 * (variance[kind] + k * opened[kind] ** 2)
-        opened[kind] = float(np.sqrt(max(0.0, whole - variance[kind]) / k))
-        factor[kind] = np.sqrt(whole / (variance[kind] + k * opened[kind] ** 2))
-    return Noise(opened[0], opened[1], factor)
+        whole = factor[kind] ** 2 * (variance[kind] + repetitions * model_error[kind] ** 2)
+        model_error[kind] = float(np.sqrt(max(0.0, whole - variance[kind]) / repetitions))
+        factor[kind] = np.sqrt(whole / (variance[kind] + repetitions * model_error[kind] ** 2))
+    return Noise(model_error[0], model_error[1], factor)
 
 
 def mean_variances(series: Sequence[Series]) -> tuple[Array, float]:
-    """Average the stated variances of positions and orientations, and the number of combined readings.
+    """Average the stated variances of the readings, and the number of repeated readings that are combined.
 
     Returns:
-        Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].
+        Variances of positions and orientations, (2,) [m^2, rad^2], and the mean number of readings in a
+        combined row [1].
     """
-    behind = [multiplicity(repeated_rows(readings), readings.rows) for readings in series]
+    count = [multiplicity(repeated_rows(readings), readings.rows) for readings in series]
     position = np.mean([readings.sigma**2 for readings in series])
     turns = [readings.sigma_rotation**2 for readings in series if readings.sigma_rotation is not None]
-    k = float(np.concatenate([x[x > 0] for x in behind]).mean())
+    k = float(np.concatenate([x[x > 0] for x in count]).mean())
     return np.array([position, np.mean(turns) if turns else 0.0]), k
 
 
-def equation_deviations(expected: tuple[Array, float], noise: Noise) -> Array:
-    """Compute the standard deviations of whitened equations, sqrt(sigma^2 + k s^2) or sigma, of every kind.
+def equation_deviations(noise: Noise, variance: Array, repetitions: float) -> Array:
+    """Compute the expected standard deviation of each kind of equations, sqrt(sigma^2 + k s^2) or sigma.
 
     Args:
-        expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
-        noise: The model error s.
+        noise: Noise with the model error s.
+        variance: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
+        repetitions: Mean number k of readings that are combined [1].
 
     Returns:
-        (kinds,) [m, rad].
+        Standard deviations for each of EQUATION_KINDS, (kinds,) [m, rad].
     """
-    variance, k = expected
-    opened = np.array([noise.position_model_error, noise.rotation_model_error])
-    return np.asarray(np.sqrt(np.r_[variance + k * opened**2, variance]))
-
-
-def rms_target_distance(before: ArmState, after: ArmState, series: Sequence[Series]) -> float:
-    """Compute how far the targets moved between two states.
-
-    Args:
-        before: The first state.
-        after: The second state.
-        series: Readings whose poses are compared.
-
-    Returns:
-        Root mean square distance [m].
-    """
-    total, count = 0.0, 0
-    for readings in series:
-        m = len(readings.markers)
-        d = residuals(before, readings)[:m] - residuals(after, readings)[:m]
-        total, count = total + float((d**2).sum()), count + int(readings.seen.sum())
-    return float(np.sqrt(total / max(count, 1)))
+    model_error = np.array([noise.position_model_error, noise.rotation_model_error])
+    return np.asarray(np.sqrt(np.r_[variance + repetitions * model_error**2, variance]))
 
 
 OUTLIER_WEIGHT = 0.5
@@ -319,7 +304,7 @@ OUTLIER_WEIGHT = 0.5
 
 @dataclass(frozen=True)
 class Outliers:
-    """Summarise positions whose robust weight is below `OUTLIER_WEIGHT`, and the worst of them."""
+    """Count the positions with a robust weight below `OUTLIER_WEIGHT`, and describe the worst one."""
 
     count: int  #: Number of outliers.
     readings: int  #: Number of positions that were read.
@@ -329,15 +314,15 @@ class Outliers:
 
 
 def find_outliers(state: ArmState, series: Sequence[Series], weights: Sequence[Array]) -> Outliers | None:
-    """Find positions whose robust weight is below one half.
+    """Find measured positions with a robust weight below `OUTLIER_WEIGHT`.
 
     Args:
         state: The calibrated arm.
         series: The readings.
-        weights: Robust weight of each reading, for every series (s, rows) [1].
+        weights: Robust weights of all readings, (s, rows) [1] per series.
 
     Returns:
-        Their number and the worst of them; None if there are none.
+        The number of outliers and the worst one; None if there are none.
     """
     farthest, count = [], 0
     for readings, counts in zip(series, weights, strict=True):
@@ -355,29 +340,30 @@ def find_outliers(state: ArmState, series: Sequence[Series], weights: Sequence[A
 # --- Initial frame and mount of a series from the nominal arm and the series' positions and orientations ----
 
 MAX_ALIGNED_ROWS = 300
-"""Rows that an alignment uses, evenly spaced."""
+"""Most rows that the alignment of a series uses, evenly spaced."""
 MIN_HALF_ROWS = 12
-"""Fewest rows of half a series for a meaningful fit."""
+"""Fewest rows of half a series for an alignment of this half."""
 MIN_MOVING_JOINTS, MIN_MOVING_JOINTS_ORIENTED = 3, 2
-"""Fewest joints that turn in a series, without and with orientations, so that their axes are not parallel."""
+"""Fewest joints that move in a series, without and with orientations, to determine frame and targets."""
 MAX_FRAME_DEVIATION = np.radians(0.2)
 """Largest standard deviation of a frame's rotation from few poses and a known mount [rad]; beyond it the
 frame counts as undetermined."""
 FITTED_SHARE, MAX_FITTED_DISTANCE = 0.9, 5e-3
-"""Share of the readings that must fit, and their largest distance from a fitted arm relative to its reach
-[1]. Heavy arms with gear errors and soft links, not yet fitted, are at a thousandth."""
+"""Share of the readings, the nearest, that must fit, and their largest RMS distance from the arm with fitted
+geometry and springs, over its reach [1]. For heavy arms with gear errors and soft links it is 0.001."""
 UNNAMED_DEVIATION = 1.0
-"""Standard deviation of a target without a name from the tool's origin, along each axis [m]."""
+"""Standard deviation of an unnamed target from the tool's origin, along each axis [m]."""
 MAX_POINT_DEVIATIONS = 5.0
-"""Distance of a fixed point from its stated place beyond which that is wrong, over its deviation [1]."""
+"""Largest distance of a fixed point from its stated position, over its stated standard deviation [1]."""
 MAX_EVALUATIONS = 100
-"""Most evaluations of the search for a fixed point."""
+"""Most evaluations of the residuals in the search for a fixed point or plane."""
 MAX_ORIENTATION_ERROR = 0.1
-"""Median angle between orientations and the arm beyond which their notation is wrong [rad]."""
+"""Largest median angle between measured orientations and the nominal arm [rad]; beyond it their notation is
+wrong."""
 
 
 class Misfit(BenchError):
-    """Report a series that fits the arm in no frame."""
+    """Report a series of readings that does not fit the arm in any frame; `series` holds it."""
 
     def __init__(self, words: str, series: Series) -> None:
         super().__init__(words)
@@ -385,11 +371,14 @@ class Misfit(BenchError):
 
 
 def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
-    """Return the state with a frame and a mount for every series; existing ones are kept.
+    """Add the frame and the mount (targets on the tool) of every series to a model; existing ones are kept.
 
     Args:
-        state: The arm's state.
+        state: The model of the arm.
         series: The readings.
+
+    Returns:
+        The model with the frames and mounts of all series.
 
     Raises:
         BenchError: When a series has too few rows, or does not fit the arm.
@@ -435,16 +424,16 @@ def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
 
 
 def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -> tuple[Frame, Mount]:
-    """Find the frame and the mount of one series by the arm's nominal geometry.
+    """Find the frame and the mount (targets on the tool) of one series by the arm's nominal geometry.
 
-    If something moved far in mid-series, they are those of its first half. What its poses leave undetermined
-    is taken from the state, which may have the frame or the mount. Else, if three joints turn, the targets
-    are those of the arm's folder, and the frame is upright.
+    What the poses leave undetermined is taken from the model, if it has the frame or the mount. Else, if
+    three joints move, targets are nominal, and the frame is upright. If the targets or the tracker moved far
+    in mid-series, frame and mount are those of its first half.
 
     Args:
-        state: The arm's state.
+        state: The model of the arm; it may have the frame or the mount.
         series: The readings.
-        block_faces: Heights over all faces of its block, this one among them; they share its frame.
+        block_faces: Heights over all faces of the same block, which share the frame, this series among them.
 
     Raises:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
@@ -546,10 +535,13 @@ def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, po
 
 
 def stated_frame(series: Series) -> Frame:
-    """Return the frame of a series whose fixed point or plane is where it is stated, the base's without one.
+    """Return the frame of a series of distances or heights if its point or plane is exactly where stated.
+
+    The frame of distances has its origin in the fixed point and the axes of the base; that of heights is the
+    base's own.
 
     Args:
-        series: Distances, heights or positions.
+        series: The readings.
     """
     point = series.fixed is not None and series.normal is None
     return Frame(np.eye(3), -np.array(series.fixed) if point else np.zeros(3))
@@ -590,15 +582,16 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
 
 
 def deviation_from_stated(series: Series, frame: Frame) -> tuple[float, float, Array]:
-    """Compute how far a fixed point or a plane is from where it is stated.
+    """Compute how far an estimated fixed point or plane is from the stated one.
 
     Args:
-        series: The distances.
-        frame: The frame that was found.
+        series: Distances to the point, or heights over the plane, with the stated place.
+        frame: The estimated frame of the series.
 
     Returns:
-        Distance of the point, or of the plane at its stated point [m]; angle between the normals, 0 for a
-        point [rad]; the point that was found, of a plane the nearest to the stated one, base axes, (3,) [m].
+        Distance of the estimated point from the stated one, or of the estimated plane from its stated point
+        [m]; angle between the normals, 0 for a point [rad]; the estimated point, for a plane the nearest to
+        the stated one, in base axes, (3,) [m].
     """
     fixed = np.array(series.fixed)
     if series.normal is None:
@@ -701,14 +694,14 @@ def _target_orientations(state: ArmState, series: Series, rotation: Array) -> Ar
 
 
 def underdetermined_reason(vjm: Vjm, series: Series) -> str:
-    """Explain why a series alone cannot determine its frame and mount.
+    """Explain why a series by itself does not determine its frame and mount (targets on the tool).
 
     Args:
         vjm: The arm's virtual joint model.
         series: The readings.
 
     Returns:
-        The reason; "" if the series may suffice.
+        The reason; "" if the number of poses and of moving joints suffices.
     """
     poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), moving_joints(vjm, (series,))
     turn = MIN_MOVING_JOINTS_ORIENTED if series.oriented.any() else MIN_MOVING_JOINTS
@@ -763,16 +756,16 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
 
 
 def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
-    """Refuse a series that geometry and springs do not bring near the arm.
+    """Reject a series that is far from the arm even after its geometry and joint springs are fitted.
 
-    No sound arm is that far from its readings: neither more poses nor a tracker that moved explains it.
+    Neither few poses nor a tracker that moved explains such a distance.
 
     Args:
-        state: The arm's state.
+        state: The fitted arm, with frames and mounts.
         series: The readings.
 
     Raises:
-        Misfit: If a series is far from the arm.
+        Misfit: If the nearest FITTED_SHARE of a series is farther than MAX_FITTED_DISTANCE times the reach.
     """
     for readings in series:
         left = np.linalg.norm(residuals(state, readings)[: len(readings.markers)], axis=1).T[readings.seen]
@@ -785,16 +778,17 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
 
 
 def misplacement(state: ArmState, series: Series) -> float:
-    """Compute how far at least three quarters of a series are from its frame and mount.
+    """Compute by how much a series does not fit the frame and mount that the model has for it.
 
-    The distance is the 25th percentile: if something moved in mid-series, a quarter may still fit.
+    It is the 25th percentile of the residuals: if targets or tracker moved in mid-series, a quarter may still
+    fit.
 
     Args:
-        state: The arm's state.
+        state: The arm with the frame and the mount of the series.
         series: The readings.
 
     Returns:
-        Distance [m]; 0 where frame and mount may be those of the series.
+        Distance that three quarters of the readings exceed [m]; 0 if it is small enough for the nominal arm.
     """
     left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
@@ -809,10 +803,10 @@ def _merge_mounts(mount: Mount, other: Mount) -> Mount:
 
 
 def with_common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
-    """Give all series of a mount the same targets in the same order, without those that were never read.
+    """Give all series with the same mount the same targets in the same order, without targets never read.
 
     Returns:
-        The series, and an issue for each series with a target that was never read.
+        The series, and an issue for each series with a target that no series read.
     """
     completed, notes = [], []
     for readings in series:
@@ -827,7 +821,7 @@ def with_common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], l
 
 
 def without_unread_targets(series: Series) -> Series:
-    """Drop the targets that a series never read; a series that read none at all stays as it is."""
+    """Drop the targets that a series never read; a series without any reading stays as it is."""
     return with_targets(series, _read_targets(series) or series.markers)
 
 
@@ -837,11 +831,11 @@ def _read_targets(series: Series) -> tuple[str, ...]:
 
 
 def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
-    """Return a series with given targets in given order.
+    """Select and order the targets of a series.
 
     Args:
         series: The readings.
-        markers: Names of the targets; readings of a name that the series lacks are lost.
+        markers: Names of the targets, in order; a name that the series lacks counts as never read.
     """
     if markers == series.markers:
         return series

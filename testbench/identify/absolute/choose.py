@@ -1,7 +1,7 @@
-"""Selection of the errors that predict held-out readings better; and masses of the links from joint torques.
+"""Selection of the kinds of errors that a calibration estimates; and link masses from joint torques.
 
 `select_errors` tries kinds of errors one after the other. A kind is kept if it improves the prediction of
-held-out blocks of joint space, or of whole series, by more than its unknowns cost, and makes neither worse.
+held-out blocks of joint space, or of held-out series, and makes neither worse.
 
 `fit_link_masses` fits masses to measured joint torques,
 
@@ -45,77 +45,80 @@ from testbench.progress import stepwise
 # --- Selection of errors ------------------------------------------------------------------------------------
 
 MAX_BLOCKS = 16
-"""Blocks of joint space over all series."""
+"""Most blocks of joint space, over all series, that are held out in turn."""
 MIN_BLOCK_POSES = 6
-"""Fewest poses of a block: fewer determine a frame too poorly."""
+"""Fewest poses of a block of joint space: fewer determine a frame too poorly."""
 MIN_GAIN = 0.1
-"""Least gain of a kind of error, as a share of the mean square [1]: 5 % of the RMS error."""
+"""Least relative decrease of the held-out mean square by a kind of error that is kept [1]: 5 % of the RMS."""
 MAX_LOSS = 0.01
-"""Largest loss in the other comparison, as a share of the mean square [1]."""
+"""Largest relative increase of the held-out mean square, in blocks or series, by a kind that is kept [1]."""
 REFIT_VARIANCE_RATIO = 100.0
-"""Factor on the variance of a frame or mount without the held-out readings beyond which these readings fit it
-anew [1]."""
+"""Variance of a frame or mount without the held-out readings, over that with them, above which the held-out
+readings fit it anew [1]."""
 INDIVIDUAL_WAVE_SHARE = 0.2
-"""Share of the variance of waves that is individual to a joint while a pattern is sought [1]."""
+"""Share of the variance of periodic errors that is individual to each joint while a pattern is sought [1]."""
 MIN_EQUATIONS_SHARE = 0.2
-"""Least share of all equations that must remain to predict a held-out series [1]."""
+"""Least share of all equations that must remain when a series is held out [1]."""
 LOAD_DISTANCE = 2.0
-"""Distance of the largest load from none, in the space of sine and cosine of the joints: loads that differ
-much are in different blocks."""
+"""Distance between the largest load and no load in the space of sines and cosines of the joints, in which
+blocks are formed [1]: very different loads are in different blocks."""
 
 
 @dataclass(frozen=True)
 class SelectionStep:
-    """Hold the held-out errors without and with one kind of error, and whether this kind is kept."""
+    """Hold the prediction errors of held-out readings without and with one kind of error."""
 
     name: str  #: Kind of error that was added to all those kept before.
-    kept: bool  #: Whether the part is kept.
-    rms_before: float  #: RMS error of held-out positions along an axis without it [m].
-    rms_after: float  #: The RMS error with it [m].
+    kept: bool  #: Whether this kind of error is kept.
+    rms_before: float  #: RMS error of held-out positions along an axis without this kind [m].
+    rms_after: float  #: RMS error of held-out positions along an axis with this kind [m].
     standard_error: float  #: Standard error of the difference of the two mean squares, over the first [1].
-    #: RMS error of held-out series after realignment, without it [m]; NaN for a single series.
+    #: RMS error of held-out series, with frame and mount fitted anew, without this kind [m]; NaN for one
+    #: series.
     series_rms_before: float
-    series_rms_after: float  #: The RMS error of held-out series with it [m].
+    series_rms_after: float  #: RMS error of held-out series with this kind [m].
 
 
 @dataclass(frozen=True)
 class SelectedModel:
-    """Hold the kinds of errors that a calibration keeps, with the equations and the trials behind them."""
+    """Hold the unknowns that a calibration estimates, selected by `select_errors` or stated by the user."""
 
     active: ActiveUnknowns  #: The selected unknowns.
-    scales: ErrorScales  #: Sizes of their errors, and noise factors.
-    reduced: ReducedReadings  #: The reduced equations, in the basis of its unknowns.
-    error_kinds: frozenset[str]  #: Kinds of errors that are selected.
-    steps: tuple[SelectionStep, ...]  #: Trials, in order.
-    simpler_model: str = ""  #: Simpler model for comparison: geometry, with joint springs if more was kept.
-    #: RMS error of held-out positions along an axis, for every block, by the simpler and by the selected
-    #: model [m].
+    scales: ErrorScales  #: Their prior deviations, and noise factors.
+    reduced: ReducedReadings  #: The reduced equations, in the basis of these unknowns.
+    error_kinds: frozenset[str]  #: Kinds of errors among the unknowns.
+    steps: tuple[SelectionStep, ...]  #: Trials of kinds of errors, in order.
+    #: Name of the simpler model for comparison: geometry, with joint springs if more was kept.
+    simpler_model: str = ""
+    #: RMS errors of held-out positions along an axis, by the simpler and the selected model, (blocks,) [m].
     held_out_rms: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
 class ErrorCandidate:
-    """Describe one kind of error that may be added."""
+    """Describe one kind of error that `select_errors` tries."""
 
-    name: str  #: Name in reports, and in `CalibrationOptions.without`.
-    kinds: frozenset[str] = frozenset()  #: Groups of columns that it adds.
-    #: Compliances that it selects, in place of the earlier ones.
+    name: str  #: Name in reports and in `CalibrationOptions`.
+    kinds: frozenset[str] = frozenset()  #: Kinds of unknowns that it adds.
+    #: Prior of the compliances that it adds, in place of the earlier ones; None if it adds none.
     compliance_prior: PriorScaling | None = None
-    always_kept: bool = False  #: Whether the part is kept without a trial, because every arm has it.
-    #: Whether it searches for a shared `pattern` in the kept errors; it is kept unless it harms.
+    always_kept: bool = False  #: Whether it is kept without a trial, because every arm has this error.
+    #: Whether it searches for an error pattern that joints share; it is kept unless it harms.
     searches_pattern: bool = False
 
 
 def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
-    """Divide rows into blocks of joint space by k-means on sine and cosine; rows of a pose share a block.
+    """Divide the rows of each series into blocks of joint space, to be held out in turn.
 
-    If a block leaves fewer than `MIN_BLOCK_POSES` poses outside it, the series is divided into two halves.
+    The blocks are the clusters of k-means on sines and cosines of the joints and on the load. Rows of a pose
+    share a block. If a block leaves fewer than `MIN_BLOCK_POSES` poses outside it, the series is divided into
+    two halves.
 
     Args:
         series: The readings.
 
     Returns:
-        Block of every row, (rows,) per series.
+        Index of the block of every row, (rows,) per series.
     """
     from scipy.cluster.vq import kmeans2  # here: it takes long to import, and few runs need it
 
@@ -140,10 +143,11 @@ def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
 
 @dataclass(frozen=True)
 class SelectionRules:
-    """Hold the criteria of the selection."""
+    """Hold the settings with which `select_errors` compares models on held-out readings."""
 
-    equation_deviation: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
-    constraint: Constraint = "psd"  #: Constraint of the final arm.
+    #: Expected standard deviation of each kind of equations, (kinds,) [m, rad].
+    equation_deviation: Array
+    constraint: Constraint = "psd"  #: Constraint on the compliances: "psd" for GCO, "none" for least squares.
     prior_uncertainty: PriorUncertainty = WIDE_PRIOR  #: Relative uncertainty of the expected compliances.
 
 
@@ -156,12 +160,12 @@ def select_errors(
 
     Args:
         unknowns: All unknowns that may be used.
-        reduced: The reduced equations, in blocks.
+        reduced: The reduced equations, in blocks of joint space.
         candidates: Kinds of errors to try, in order; geometry is always used.
-        rules: Criteria of the selection.
+        rules: Settings of the comparison.
 
     Returns:
-        The selected unknowns, the sizes of their errors, and the steps of the selection.
+        The selected unknowns with the sizes of their errors, and all trials.
     """
     kinds, compliance_prior = GEOMETRY, None
     tried = _evaluate(
@@ -215,13 +219,13 @@ def select_errors(
 def with_shared_pattern(
     active: ActiveUnknowns, kinds: frozenset[str], scales: ErrorScales, reduced: ReducedReadings
 ) -> tuple[ActiveUnknowns, ReducedReadings] | None:
-    """Add the error pattern that several joints share to the unknowns.
+    """Add an error pattern that several joints share to the unknowns, if the readings show one.
 
     Args:
-        active: The unknowns so far.
-        kinds: Kinds of errors among them.
-        scales: Sizes of errors, and noise factors.
-        reduced: The reduced equations.
+        active: The selected unknowns, periodic joint errors among them.
+        kinds: Kinds of errors among the unknowns.
+        scales: Prior deviations of the unknowns, and noise factors.
+        reduced: The reduced equations of all unknowns.
 
     Returns:
         The unknowns with the pattern, and the equations in their basis; None if no two joints share a
@@ -321,15 +325,15 @@ def _held_out_sums(
 def with_final_prior(
     chosen: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
 ) -> SelectedModel:
-    """Repeat the hold-out test with the prior of the final arm, if blocks can be held out.
+    """Compute the held-out errors of a selected model again, with the prior of the final compliances.
 
     Args:
-        chosen: The selection, with held-out errors for the prior under which candidates were compared.
-        rules: Criteria of the selection.
-        weighted_prior: Prior of the final arm's compliances; None for a rigid arm.
+        chosen: The selection; its held-out errors are those under the prior of the comparison.
+        rules: Settings of the comparison.
+        weighted_prior: Prior of the final compliances; None for a rigid arm.
 
     Returns:
-        The selection, with its held-out errors updated.
+        The selection with the new held-out errors; unchanged if no block can be held out.
     """
     plain, every = chosen.held_out_rms
     if weighted_prior is None or not len(every):
@@ -392,14 +396,14 @@ def _held_out(
 
 
 def predictive_deviance(G: Array, v: Array, others: NormalEquationsSolution) -> float:
-    """Compute -2 log of the predictive density of held-out readings, up to a constant.
+    """Compute -2 times the log predictive density of held-out readings, up to a constant.
 
     Mathematics: `abs-16`.
 
     Args:
-        G: Gram matrix of the held-out [A | y] in units of their noise, (c + 1, c + 1).
-        v: Unknowns by the other readings, then -1, (c + 1,).
-        others: Posterior of these unknowns by the other readings.
+        G: Gram matrix [A | y]^T [A | y] of the whitened held-out equations, (c + 1, c + 1).
+        v: Most probable unknowns by the other readings, then -1, (c + 1,).
+        others: Posterior of the unknowns by the other readings.
 
     Returns:
         The deviance [1].
@@ -437,51 +441,55 @@ def _by_block(sums: Array) -> Array:
 
 # --- Masses of the links from measured joint torques --------------------------------------------------------
 
-MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
-CENTRE_DEVIATION = 0.1  #: Prior standard deviation of a centre of mass [m].
+MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to that of rigid.xml [1].
+CENTRE_DEVIATION = 0.1  #: Prior standard deviation of each coordinate of a centre of mass [m].
 MAX_DEVIATIONS = 3.0
-"""Bound on each parameter in prior standard deviations: no mass falls below a tenth."""
+"""Bound on each parameter of the masses, in prior standard deviations [1]: no mass falls below a tenth."""
 MAX_UNEXPLAINED = 0.3
-"""Largest share of the torques' standard deviation that gravity may leave unexplained [1]."""
+"""Largest residual of the torques, over their standard deviation, with which fitted masses are used [1]."""
 HUBER_THRESHOLD = 1.345
-"""Bend of Huber's loss in standard deviations: 95 % efficiency for normal errors."""
+"""Threshold of Huber's loss in standard deviations [1]: 95 % efficiency for normal errors."""
 MIN_NOISE_SHARE = 1e-4
-"""Least noise of a joint's torques, relative to their standard deviation [1]."""
-REWEIGHTINGS = 10
-POSES_AT_ONCE = 1000  #: Poses whose columns of all virtual joints are in memory at a time.
+"""Least noise of the torques of a joint, over their standard deviation [1]."""
+REWEIGHTINGS = 10  #: Reweighted solutions of the robust least squares.
+POSES_AT_ONCE = 1000  #: Most poses whose columns of all virtual joints are in memory together.
 
 
 @dataclass(frozen=True)
 class MassFit:
-    """Hold masses from joint torques, and how well they explain the torques."""
+    """Hold link masses fitted to measured joint torques, and how well they explain the torques."""
 
-    weights: Weights  #: Fitted masses; the given ones if gravity does not explain the torques.
-    poses: int  #: Poses with measured torques.
-    nominal_residual: float  #: RMS residual of the given masses over all joints [N m, N].
-    residual: float  #: RMS residual of the fitted masses [N m, N].
-    torque_deviation: float  #: RMS deviation of the torques without those of the wrenches [N m, N].
+    weights: Weights  #: Fitted masses; the nominal ones if gravity does not explain the torques.
+    poses: int  #: Number of poses with measured torques.
+    nominal_residual: float  #: RMS residual of the torques with the nominal masses [N m, N].
+    residual: float  #: RMS residual of the torques with the fitted masses [N m, N].
+    torque_deviation: (
+        float  #: RMS deviation of the torques, less those of the wrenches, from their mean [N m, N].
+    )
     bodies_at_bound: tuple[str, ...]  #: Links and tool with a parameter at its bound.
-    #: Whether torques are the motors' against the weight, or the weight's on the joints.
+    #: Whether the torques are those of the motors against gravity; else they are those of gravity.
     motor_torques: bool = False
 
     @property
     def explained(self) -> bool:
-        """Tell whether gravity explains the torques."""
+        """Tell whether gravity with the fitted masses explains the measured torques."""
         return self.residual <= MAX_UNEXPLAINED * self.torque_deviation
 
 
 def fit_link_masses(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
-    """Fit the masses of the links to the joint torques of all series that have some.
+    """Fit the masses of the links to the measured joint torques of absolute readings.
+
+    Torques may have either sign, and each joint a constant offset.
 
     Mathematics: `abs-12`.
 
     Args:
-        vjm: The arm.
-        weights: Masses of rigid.xml; bodies without mass there stay massless.
-        series: Readings; torques may have either sign, and each joint a constant offset.
+        vjm: The arm's virtual joint model.
+        weights: Nominal masses of the links; bodies without mass stay massless.
+        series: The readings, some with torques.
 
     Returns:
-        The masses, and how well they fit; None if no series has torques.
+        The masses, and how well they explain the torques; None if no series has torques.
     """
     parts = list(_rows(vjm, series))
     if not parts:

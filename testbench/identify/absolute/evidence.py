@@ -1,12 +1,12 @@
-"""Sizes of all kinds of errors by type-II maximum likelihood, and the linear problem of a Gauss-Newton step.
+"""Prior deviations of all unknowns by maximum evidence, and the linear problem of a Gauss-Newton step.
 
 Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior with one standard
 deviation. These deviations, and the noise of every kind of equations, maximise the evidence (`hierarchy`). A
 hyperprior adds a few pseudo-observations of usual size to every group, and makes neighbouring bands similar.
-The size of an error that the arm does not have goes to zero.
+If the arm lacks an error, the prior deviation of this error goes to zero.
 
-`solve_step` then eliminates all unknowns but the compliances. The remaining equations are a `Regression` of
-the compliances, for least squares or GCO, as in all other identification.
+`solve_step` then eliminates all unknowns except the compliances. The remaining equations are a `Regression`
+of the compliances, for least squares or GCO, as in all other identification.
 """
 
 from collections.abc import Mapping, Sequence
@@ -69,26 +69,24 @@ DEFAULT_SCALES: Mapping[str, float] = {
     "play": 3e-5,
     "stiffening": 3e-5,
 }
-"""Usual standard deviations of the errors [m, rad; rad per rad for the ratio]."""
+"""Usual standard deviations of the unknowns of each kind [m, rad; rad per rad for the ratio]."""
 WAVE_KINDS = ("harmonics", "pattern")
-"""Kinds with bands of orders: individual waves of each joint, and those of a shared pattern."""
+"""Kinds of periodic joint errors, in bands of orders: of each joint, and of a pattern that joints share."""
 MAX_SCALE_FACTOR = 10.0
-"""Largest size over the usual one [1]: a larger one would represent an error that the model lacks."""
+"""Largest prior deviation over the usual one [1]; a larger one would stand for errors the model lacks."""
 MAX_SCALE_FACTOR_UNDETERMINED = 2.0
-"""Largest size over the usual one if readings leave a frame or mount undetermined [1]: larger errors of
-geometry would leave the linear range."""
+"""Largest prior deviation over the usual one if readings leave a frame or mount undetermined [1]: larger
+errors of geometry would leave the linear range."""
 PSEUDO_OBSERVATIONS = 2.0
-"""Pseudo-observations of usual size in every small group."""
+"""Number of pseudo-observations of usual size in every small group of unknowns."""
 MAX_SMALL_GROUP, LARGE_GROUP_SIZE_RATIO = 40, 1 / 6
-"""Number of unknowns above which a group is large, and the size of its one pseudo-observation over the usual
-size [1]. A large group determines its size well, and orders that the joints lack go to zero however many are
-tried."""
+"""Most unknowns of a small group, and size of the one pseudo-observation of a larger group, over the usual
+size [1]. A large group determines its deviation well, and orders that the joints lack go to zero however many
+are tried."""
 PSEUDO_EQUATIONS = 2.0
-"""Pseudo-equations of every kind with noise as stated: unknowns may use up all real ones."""
+"""Number of pseudo-equations of each kind with noise as stated: the unknowns may use up all real ones."""
 WIDE_PRIOR = PriorUncertainty(3.0)
-"""Uncertainty of the expected compliances while the sizes of all other errors are learnt."""
-
-
+"""Uncertainty of the expected compliances while the prior deviations of all other unknowns are learnt."""
 MAX_ROUNDS, SETTLED_CHANGE = 8, 0.01
 """Most alternations between noise factors and constrained compliances, and the relative change at which they
 stop."""
@@ -96,29 +94,28 @@ stop."""
 
 @dataclass(frozen=True, eq=False)
 class ActiveUnknowns:
-    """Select some of the unknowns; all others are zero."""
+    """Hold a selection of the unknowns of a calibration; all other unknowns are zero."""
 
-    unknowns: Unknowns  #: All unknowns that may be used.
-    columns: Ids  #: Selected columns, compliances last, (c,).
+    unknowns: Unknowns  #: All unknowns that may be selected.
+    columns: Ids  #: Columns of the selected unknowns, compliances last, (c,).
     compliance_prior: PriorScaling | None  #: Prior of the selected compliances; None for a rigid arm.
 
     @property
     def n_rigid(self) -> int:
-        """Count the selected columns that are not compliances."""
-        return len(self.columns) - (
-            0 if self.compliance_prior is None else len(self.compliance_prior.expected_x)
-        )
+        """Count the selected unknowns that are not compliances."""
+        compliances = 0 if self.compliance_prior is None else len(self.compliance_prior.expected_x)
+        return len(self.columns) - compliances
 
 
 def activate(
     unknowns: Unknowns, kinds: frozenset[str], compliance_prior: PriorScaling | None
 ) -> ActiveUnknowns:
-    """Select the columns of some kinds of errors and of compliances.
+    """Select unknowns: all frames and mounts, some kinds of errors, and the compliances of a prior.
 
     Args:
-        unknowns: All unknowns.
-        kinds: Names of the errors.
-        compliance_prior: Units of the compliances' prior; None for no compliances.
+        unknowns: All unknowns of a calibration.
+        kinds: Names of the kinds of errors, as in `DEFAULT_SCALES`.
+        compliance_prior: Prior of the compliances; None for a rigid arm.
 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
@@ -138,18 +135,18 @@ def activate(
 
 @dataclass(frozen=True)
 class ErrorScales:
-    """Hold the sizes of errors and the noise factors of greatest evidence."""
+    """Hold the prior standard deviations of all unknowns, and the noise factors of all kinds of equations."""
 
     #: Prior standard deviation of every unknown, (size,); infinite for unknowns without a prior.
     deviation: Array
-    noise_factor: Array  #: Noise over stated noise of every kind of equations, (kinds,) [1].
+    noise_factor: Array  #: Estimated over stated noise for each kind of equations, (kinds,) [1].
 
 
 def default_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
-    """Make the usual sizes of all errors, with noise as stated for the readings.
+    """Make the usual prior deviations of all unknowns, with noise as stated for the readings.
 
     Args:
-        unknowns: All unknowns.
+        unknowns: All unknowns of a calibration.
         n_kinds: Number of kinds of equations.
 
     Returns:
@@ -171,14 +168,14 @@ def default_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
 
 
 def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
-    """Compute the Gram matrices of a choice, compliances in units of their prior.
+    """Compute the Gram matrices of the selected unknowns, with compliances in units of their prior.
 
     Args:
-        active: The choice, c columns.
-        gram: Gram matrices of all unknowns, (kinds, size + 1, size + 1).
+        active: The selected unknowns, c of them.
+        gram: Gram matrices [A | y]^T [A | y] of all unknowns, (kinds, size + 1, size + 1).
 
     Returns:
-        (kinds, c + 1, c + 1).
+        Gram matrices for each kind of equations, (kinds, c + 1, c + 1).
     """
     columns = np.r_[active.columns, gram.shape[1] - 1]
     selected = gram[np.ix_(range(len(gram)), columns, columns)]
@@ -192,15 +189,15 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
 def active_prior(
     active: ActiveUnknowns, scales: ErrorScales, uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
-    """Compute the precision that the priors add.
+    """Compute the prior precision P of the selected unknowns, and its product with the prior mean.
 
     Args:
-        active: The choice, c columns.
-        scales: Learnt sizes of errors.
-        uncertainty: Relative uncertainty of the compliances.
+        active: The selected unknowns, c of them.
+        scales: Prior deviations of the unknowns.
+        uncertainty: Relative uncertainty of the expected compliances.
 
     Returns:
-        Precision, (c, c), and its right-hand side, (c,).
+        P, (c, c), and P times the prior mean, (c,), compliances in units of their prior.
     """
     c = len(active.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
@@ -219,17 +216,19 @@ def solve_active(
     uncertainty: PriorUncertainty,
     constraint: Constraint = "none",
 ) -> NormalEquationsSolution:
-    """Solve for the most probable unknowns: minimise |A x - y|^2 / factor^2 plus the prior's squares.
+    """Solve the normal equations for the most probable unknowns, given their priors.
+
+    They minimise the sum of |A x - y|^2 / factor^2 over the kinds of equations, plus the prior's squares.
 
     Args:
-        active: The unknowns, c of them.
-        gram: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1): `gram_of_active`.
-        scales: Sizes of errors, and noise factors.
+        active: The selected unknowns, c of them.
+        gram: Gram matrices [A | y]^T [A | y] of the equations A x = y of each kind, (kinds, c + 1, c + 1).
+        scales: Prior deviations of the unknowns, and noise factors.
         uncertainty: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
     Returns:
-        The unknowns and their precision; the precision ignores the constraint.
+        The unknowns, and their precision without the constraint.
 
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
@@ -274,17 +273,17 @@ def learn_scales(
     start: ErrorScales,
     constraint: Constraint = "none",
 ) -> ErrorScales:
-    """Find the sizes of errors and the noise factors of greatest evidence.
+    """Learn the prior deviations of the unknowns and the noise factors by maximum evidence.
 
-    If compliances lie on the boundary of their cone, the noise factors are those of the residuals of the
-    constrained arm; without this they would refer to an arm that is never returned.
+    If compliances lie on the boundary of the cone of positive semi-definite matrices, the noise factors are
+    those of the residuals of the constrained arm.
 
     Mathematics: `abs-9`.
 
     Args:
-        active: The unknowns, c of them.
-        gram: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1): `gram_of_active`.
-        equation_counts: Number of equations of every kind, (kinds,).
+        active: The selected unknowns, c of them.
+        gram: Gram matrices [A | y]^T [A | y] of the equations A x = y of each kind, (kinds, c + 1, c + 1).
+        equation_counts: Number of equations of each kind, (kinds,).
         start: Start of the search.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
@@ -299,7 +298,7 @@ def learn_scales(
         x = _in_cone(free, active.n_rigid, active.compliance_prior)
         if x is free.x:
             return scales
-        # where the evidence has no slope, with PSEUDO_EQUATIONS pseudo-observations
+        # Noise factors where the evidence has no slope, with PSEUDO_EQUATIONS pseudo-equations.
         left, v = gram @ np.r_[x, -1.0], np.r_[x, -1.0]
         spent = np.einsum("kij,ij->k", gram[:, :-1, :-1], free.covariance) / scales.noise_factor**2
         factor = np.sqrt(
@@ -316,7 +315,7 @@ def learn_scales(
 def _maximise_scales(
     active: ActiveUnknowns, gram: Array, equation_counts: Array, start: ErrorScales
 ) -> ErrorScales:
-    """Find the sizes and noise factors of greatest evidence without the cone."""
+    """Learn prior deviations and noise factors by maximum evidence, without a constraint."""
     place = np.full(active.unknowns.size, -1)
     place[active.columns] = np.arange(len(active.columns))
     # Hyperparameters: log deviation of every selected group, then log noise factor of every kind.
@@ -352,7 +351,7 @@ def _maximise_scales(
 
 
 def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]:
-    """Make the hyperpriors of group sizes and of noise factors."""
+    """Make the hyperpriors of the prior deviations of groups and of the noise factors."""
     large = np.array([len(of) > MAX_SMALL_GROUP for _, of in groups], dtype=bool)
     count, usual_ = np.full(m, PSEUDO_EQUATIONS), np.ones(m)
     count[: len(groups)] = np.where(large, 1.0, PSEUDO_OBSERVATIONS)
@@ -375,20 +374,21 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
 
 # --- Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated ---------------
 
-GEOMETRY = frozenset({"geometry shift", "geometry turn"})  #: Kinds of unknowns of the geometry.
+GEOMETRY = frozenset({"geometry shift", "geometry turn"})  #: Kinds of errors of the geometry.
 MIN_INDEPENDENT_SHARE = 1e-10
-"""Share of a column that is independent of all others below which it counts as undetermined [1]."""
+"""Least share of a column that is linearly independent of all others [1]; below it, it is undetermined."""
 
 
 @dataclass(frozen=True)
 class StepSolution:
-    """Hold the most probable unknowns."""
+    """Hold the most probable values of the selected unknowns in a Gauss-Newton step, and their precision."""
 
     x: Array  #: Values of the selected unknowns in SI units, (c,).
-    precision_root: Array  #: Root of the posterior's precision, compliances in units of the prior, (c, c).
-    estimate: Estimate | None  #: Compliances; None for a rigid arm.
-    degrees_of_freedom: float  #: Degrees of freedom that the unknowns use.
-    constraint_chi2: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
+    #: Upper triangular root R of their precision R^T R, compliances in units of the prior, (c, c).
+    precision_root: Array
+    estimate: Estimate | None  #: The compliances with their certificate; None for a rigid arm.
+    degrees_of_freedom: float  #: Degrees of freedom that the unknowns use [1].
+    constraint_chi2: float  #: Increase of chi squared by the constraint on compliances [1].
     weighted_prior: WeightedPrior | None  #: Prior of the compliances; None for a rigid arm.
 
 
@@ -399,17 +399,17 @@ def solve_step(
     constraint: Constraint = "psd",
     uncertainty: PriorUncertainty | None = None,
 ) -> StepSolution:
-    """Solve for the most probable unknowns by QR.
+    """Solve the linear problem of a Gauss-Newton step for the most probable unknowns.
 
-    The other unknowns are eliminated, least squares or GCO solves for the compliances, and the other unknowns
-    follow by back substitution.
+    A QR decomposition eliminates all unknowns except the compliances, least squares or GCO solves for these,
+    and the other unknowns follow by back substitution.
 
     Mathematics: `abs-8`.
 
     Args:
-        active: The unknowns.
-        reduced: The equations, in the basis of the unknowns.
-        scales: Sizes of errors, and noise factors.
+        active: The selected unknowns.
+        reduced: The reduced equations, in the basis of the unknowns.
+        scales: Prior deviations of the unknowns, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
         uncertainty: Relative uncertainty of the expected compliances; None to learn it from the readings.
 
@@ -472,7 +472,7 @@ def _solve_compliances(
 
 
 def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estimate: Estimate) -> float:
-    """Compute how far the cone raises chi squared with penalty above that of least squares with a prior."""
+    """Compute by how much the constraint raises chi squared, prior included, above the unconstrained one."""
     if estimate.constraint == "none":
         return 0.0
     M, r = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
@@ -484,12 +484,12 @@ def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estima
 
 
 def compliance_equations(T: Array, compliance_prior: PriorScaling, equations: int) -> Regression:
-    """Eliminate all other unknowns, and return the equations of the compliances.
+    """Return the equations of the compliances, with all other unknowns eliminated.
 
     Args:
-        T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
-        compliance_prior: Units of the compliances' prior.
-        equations: Number of equations.
+        T: Triangular factor of the equations of all unknowns, compliances last, (c + 1, c + 1).
+        compliance_prior: Prior of the compliances.
+        equations: Number of equations of the readings.
     """
     r = len(T) - 1 - len(compliance_prior.expected_x)
     term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
@@ -500,11 +500,11 @@ def back_substitute(T: Array, pi: Array) -> Array:
     """Compute the most probable other unknowns for given compliances.
 
     Args:
-        T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
-        pi: Compliances, (n,).
+        T: Triangular factor of the equations of all unknowns, compliances last, (c + 1, c + 1).
+        pi: Compliances, (n,) [m/N, rad/(N m)].
 
     Returns:
-        All unknowns, (c,).
+        All unknowns in SI units, (c,).
     """
     r = len(T) - 1 - len(pi)
     others: Array = solve_triangular(T[:r, :r], T[:r, -1] - T[:r, r:-1] @ pi)
@@ -519,15 +519,15 @@ def _add_covariance(root: Array, moves: Array) -> Array:
 
 
 def triangular_factor(active: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales) -> Array:
-    """Compute the triangular factor of all equations and of all priors but the compliances'.
+    """Compute the triangular factor of [A | y]: all equations, and all priors except that of the compliances.
 
     Args:
-        active: The choice, c columns.
-        reduced: The reduced equations.
-        scales: Learnt sizes of errors and noise.
+        active: The selected unknowns, c of them.
+        reduced: The reduced equations of all unknowns.
+        scales: Prior deviations of the unknowns, and noise factors.
 
     Returns:
-        The factor, (c + 1, c + 1).
+        The upper triangular factor, (c + 1, c + 1), in SI units.
 
     Raises:
         BenchError: If the readings do not determine a frame or a target.
@@ -558,12 +558,14 @@ def _scaled_prior(regression: Regression, compliance_prior: PriorScaling) -> Wei
 
 
 def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
-    """Return the state with new values of the unknowns of a choice; all others are zero.
+    """Set the unknowns of an arm to the solution of a Gauss-Newton step.
+
+    Frames and mounts move by their steps; all other unknowns are replaced, and are zero if not selected.
 
     Args:
-        state: The state.
-        active: The choice, c columns.
-        x: Values, (c,).
+        state: The arm before the step.
+        active: The selected unknowns, c of them.
+        x: Their values, (c,), in SI units.
     """
     unknowns = active.unknowns
     every = np.zeros(unknowns.size)
@@ -589,11 +591,12 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
 
 
 def moved_mount(mount: Mount, step: Array) -> Mount:
-    """Return a mount after a step: its targets moved in tool axes, and its oriented target rotated.
+    """Shift the targets of a mount in tool axes, and rotate its oriented target.
 
     Args:
-        mount: The mount, m targets.
-        step: Moves of the targets [m], then a rotation vector [rad], (3 m,) or (3 m + 3,).
+        mount: The m targets on the tool.
+        step: Shifts of the targets [m], then a rotation vector [rad] if one has an orientation, (3 m,) or
+            (3 m + 3,).
     """
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
@@ -607,16 +610,16 @@ def gauss_newton_step(
     linearisation_point: tuple[ArmState, Noise],
     constraint: Constraint,
 ) -> tuple[ArmState, float]:
-    """Take one Gauss-Newton step on the unknowns of a choice.
+    """Fit the selected unknowns to absolute readings by one Gauss-Newton step.
 
     Args:
-        active: The choice.
+        active: The selected unknowns.
         series: The readings.
-        linearisation_point: State before the step, and noise of the readings about it.
+        linearisation_point: The arm before the step, and noise of the readings about it.
         constraint: "psd" for GCO, "none" for least squares.
 
     Returns:
-        The state after the step, and degrees of freedom over number of equations [1].
+        The arm after the step, and the degrees of freedom of the residuals over the number of equations [1].
     """
     state, noise = linearisation_point
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
@@ -629,16 +632,16 @@ def gauss_newton_step(
 def fit_geometry_and_springs(
     state: ArmState, series: tuple[Series, ...], joint_prior: PriorScaling, constraint: Constraint = "psd"
 ) -> tuple[ArmState, Noise]:
-    """Fit geometry and joint springs, from a state that has frames and mounts.
+    """Fit geometry, joint compliances, frames and mounts to absolute readings by two Gauss-Newton steps.
 
     Args:
-        state: The start.
+        state: The arm from which the fit starts, with a frame and a mount for every series.
         series: The readings.
-        joint_prior: Units of the joint compliances' prior.
+        joint_prior: Prior of the joint compliances.
         constraint: "psd" for GCO, "none" for least squares.
 
     Returns:
-        The fitted state, and the noise of the readings about it.
+        The fitted arm, and the noise of the readings about it.
     """
     first = unknowns_of(state.vjm, series, JointErrors(), joint_prior.structure)
     active, noise = activate(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)

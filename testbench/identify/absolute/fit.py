@@ -1,9 +1,9 @@
 """Calibration from absolute readings: Gauss-Newton for geometry, and a conic program for the compliances.
 
-First geometry and joint springs are fitted, which reveals outliers; then all errors that may be present,
-which reveals the noise; then again with the errors that cross-validation selects. In each step the other
-unknowns are eliminated from the equations. A `Regression` of the compliances remains, as in all other
-identification, for least squares or GCO.
+First geometry and joint springs are fitted, which reveals outliers; then all kinds of errors, which reveals
+the noise; then the kinds that cross-validation selects. In each step all unknowns except the compliances are
+eliminated from the equations. The remaining `Regression` of the compliances is solved by least squares or
+GCO.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,6 @@ from testbench.identify.absolute.align import (
     equation_deviations,
     estimate_model_error,
     mean_variances,
-    rms_target_distance,
     robust_weights,
     single_reading_noise,
     with_common_targets,
@@ -68,27 +67,27 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 
 MAX_ORDER = 80
-"""Highest order of periodic joint errors that is tried, per turn."""
+"""Highest order of periodic joint errors that is tried, per turn [1]."""
 MAX_INTERMEDIATE_ROWS, MIN_SERIES_ROWS = 4000, 100
-"""Rows over all series, and fewest rows of each series, for an intermediate step."""
+"""Most rows of all series, and fewest rows of each series, that an intermediate fit uses."""
 UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
-
-MAX_SCATTER_RATIO = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
-COMMON_PATTERN = "common pattern"
+MAX_SCATTER_RATIO = 0.5
+"""Scatter of corrected readings over that of the readings as they are, below which these are rejected [1]."""
+COMMON_PATTERN = "common pattern"  #: Name of the periodic error that several joints share.
 SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *ERROR_KINDS[1:])
-"""Errors other than geometry, in the order in which they are tried."""
+"""Names of the errors that a calibration tries in addition to geometry, in order."""
 
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Select the errors that a calibration tries, and its method."""
+    """Hold the settings of a calibration: its method, and the errors of `SELECTABLE_ERRORS` that it tries."""
 
     constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
-    max_order: int = MAX_ORDER  #: Highest order of periodic errors.
+    max_order: int = MAX_ORDER  #: Highest order of periodic joint errors, per turn [1].
     excluded_errors: frozenset[str] = frozenset()  #: Names of errors that are not tried.
-    #: Names of errors that are used without a trial; None to select them by trial.
+    #: Names of errors that are used without cross-validation; None to select the errors by cross-validation.
     used_errors: frozenset[str] | None = None
     #: Relative uncertainty of the expected compliances; None to learn it from the readings.
     prior_uncertainty: PriorUncertainty | None = None
@@ -103,30 +102,27 @@ class CalibrationOptions:
 
     @property
     def selectable(self) -> frozenset[str]:
-        """Return the names of errors that may be used."""
-        return (
-            frozenset(SELECTABLE_ERRORS if self.used_errors is None else self.used_errors)
-            - self.excluded_errors
-        )
+        """Return the names of the errors that are tried, or used without a trial."""
+        names = SELECTABLE_ERRORS if self.used_errors is None else self.used_errors
+        return frozenset(names) - self.excluded_errors
 
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Displayed):
-    """Hold a calibrated arm: its state with posterior and noise, and how it was found."""
+    """Hold a calibrated arm with the uncertainty of its unknowns, the noise and the selection of errors."""
 
-    state: ArmState  #: The calibrated arm.
-    active: ActiveUnknowns  #: Unknowns of the fit.
-    #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
+    state: ArmState  #: The calibrated arm, with the frames and mounts of all series.
+    active: ActiveUnknowns  #: The c unknowns that were estimated.
+    #: Information of the readings about all candidate unknowns, without prior, (size, size), SI units.
     information: Array
-    #: Upper triangular root of the posterior's precision, R^T R, compliances in units of the prior, (c, c).
+    #: Upper triangular root R of the posterior precision R^T R, compliances in units of the prior, (c, c).
     precision_root: Array
-    noise: Noise  #: Noise of readings about the model.
-    selection: SelectedModel  #: Selection of the errors.
-    estimate: Estimate | None  #: Compliances with their certificate; None for a rigid arm.
+    noise: Noise  #: Noise of single readings about the calibrated arm.
+    selection: SelectedModel  #: Kinds of errors that were selected, with all trials.
+    estimate: Estimate | None  #: The compliances with their certificate; None for a rigid arm.
     #: Increase of chi squared by the constraint to positive semi-definite compliances [1].
     constraint_chi2: float
-    robust_weights: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
-    step: float  #: RMS move of the targets in the last linearisation [m].
+    robust_weights: tuple[Array, ...]  #: Robust weights of the readings, (s, rows) [1] per series.
     series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
     issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
@@ -141,29 +137,25 @@ class Calibration(Displayed):
         }
 
     def model(self) -> ArmModel:
-        """Make the model of the arm, which does not depend on its frames and mounts."""
+        """Make the model of the arm with its uncertainty, without the frames and mounts of the series."""
         active, state, known = self.active, self.state, posterior_of_calibration(self)
         first = active.unknowns.first_columns["geometry"]
         f = int((active.columns < first).sum())
-        structure = (
-            joints_only(state.vjm.arm)
-            if active.compliance_prior is None
-            else active.compliance_prior.structure
-        )
+        prior = active.compliance_prior
+        structure = joints_only(state.vjm.arm) if prior is None else prior.structure
         arm = Posterior.normal(known.x[f:], known.root[f:, f:])
         model = ArmModel(
             state, structure, active.columns, arm, ModelOrigin("absolute calibration"), self.noise
         )
-        compliance_prior = model.unknowns.first_columns["elastic"] + np.arange(
+        rigid = active.columns[f : active.n_rigid] - first
+        compliances = model.unknowns.first_columns["elastic"] + np.arange(
             len(active.columns) - active.n_rigid
         )
-        return replace(
-            model, columns=np.concatenate([active.columns[f : active.n_rigid] - first, compliance_prior])
-        )
+        return replace(model, columns=np.concatenate([rigid, compliances]))
 
 
 def posterior_of_calibration(calibration: "Calibration") -> Posterior:
-    """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
+    """Return the posterior of all unknowns of a calibration in SI units; frames and mounts are steps.
 
     Mathematics: `abs-13`.
     """
@@ -175,14 +167,14 @@ def posterior_of_calibration(calibration: "Calibration") -> Posterior:
 
 @dataclass(frozen=True)
 class LinearisedReadings:
-    """Hold readings that were reduced once, for any selection of errors."""
+    """Hold the linear equations of absolute readings, reduced once for any selection of errors."""
 
-    series: tuple[Series, ...]  #: The readings, divided where something moved.
+    series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
     prior: Prior  #: Expected compliances.
     unknowns: Unknowns  #: All unknowns that may be used.
-    state: ArmState  #: Point of linearisation: with joint springs and periodic errors.
-    noise: Noise  #: Noise of readings about that state.
-    reduced: ReducedReadings  #: The equations, in blocks of joint space.
+    state: ArmState  #: Arm at which the equations are linearised, with joint springs and periodic errors.
+    noise: Noise  #: Noise of the readings about this arm.
+    reduced: ReducedReadings  #: The reduced equations, in blocks of joint space.
     issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
 
@@ -196,18 +188,18 @@ def calibrate(
     """Calibrate an arm from absolute readings: geometry, joint errors and compliances.
 
     Gauss-Newton linearises geometry and joint errors; least squares or GCO, Eq. (14)-(19), fits the
-    compliances of what remains. Evidence sets the sizes of the errors, and cross-validation selects the kinds
+    compliances. The evidence sets the prior deviations of the errors, and cross-validation selects the kinds
     of errors.
 
     Args:
         vjm: The arm's nominal virtual joint model.
         series: All absolute readings: joint angles, loads, target positions [m].
         prior: Expected compliances, such as `cad_prior(arm)`.
-        options: Errors that are tried, and how; None to try all.
+        options: Method and errors that are tried; None for GCO with all errors.
         weights: Weights of the links; None for those of the arm's rigid.xml.
 
     Returns:
-        The calibrated state with its posterior, its noise, and the errors that were kept.
+        The calibrated arm with its uncertainty, the noise, and the errors that were kept.
 
     Raises:
         BenchError: When an argument has another type, there is no series, or one does not fit the arm or
@@ -253,17 +245,19 @@ def linearise_readings(
     options: CalibrationOptions,
     weights: Weights | None = None,
 ) -> LinearisedReadings:
-    """Reduce the readings once, for any selection of errors: the first part of `calibrate`.
+    """Fit geometry and springs to absolute readings, and reduce their equations for any selection of errors.
+
+    This is the first part of `calibrate`.
 
     Args:
-        vjm: The arm's nominal kinematics.
-        series: Absolute readings.
+        vjm: The arm's nominal virtual joint model.
+        series: The readings.
         prior: Expected compliances.
-        options: Errors that may be tried.
-        weights: Weights of the links; None for those of the arm's folder.
+        options: Method and errors that may be tried.
+        weights: Weights of the links; None for those of the arm's rigid.xml.
 
     Returns:
-        The reduced equations, with frames, mounts and noise.
+        The reduced equations, and the fitted arm at which they are linearised.
     """
     # Check the readings, and start from the rigid nominal arm.
     series, lost = with_common_targets(series)
@@ -305,15 +299,15 @@ def linearise_readings(
 def check_last_joint_sign(
     vjm: Vjm, series: Sequence[Series], fit_series: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
 ) -> None:
-    """Refuse readings that fit much better with the last joint's sign reversed.
+    """Reject readings that fit much better with the sign of the last joint reversed.
 
-    A target near the last joint's axis lets them fit a frame with either sign. With orientations, which show
-    the sign, nothing is checked here.
+    If a target is near the axis of the last joint, the readings fit some frame with either sign. Readings
+    with orientations are not checked, because the alignment finds this mistake in them.
 
     Args:
         vjm: The arm's virtual joint model.
         series: The readings.
-        fit_series: Function that fits geometry and springs to series, and returns state and noise.
+        fit_series: Function that fits geometry and springs to series, and returns the arm and the noise.
 
     Raises:
         BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
@@ -338,14 +332,14 @@ def check_last_joint_sign(
 
 
 def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
-    """Refuse a series whose rows slipped against their poses.
+    """Reject a series in which, from some row on, the readings belong to the pose before or after.
 
     Args:
         vjm: The arm's virtual joint model.
         series: The readings.
 
     Raises:
-        Misfit: When the rows of one series belong to other poses from some row on.
+        Misfit: When the rows of a series slipped in this way.
     """
     for readings in series:
         if readings.distance is None and (slip := find_row_shift(observations_of_series(vjm, readings))):
@@ -354,21 +348,22 @@ def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
 
 
 def select_and_solve(linearised_readings: LinearisedReadings, options: CalibrationOptions) -> Calibration:
-    """Select the errors that predict held-out readings best, and calibrate with them.
+    """Select the errors that predict held-out readings best, and solve for the selected unknowns.
+
+    This is the second part of `calibrate`.
 
     Args:
-        linearised_readings: The reduced equations.
-        options: Errors that are on or may be tried.
+        linearised_readings: The reduced equations of the readings.
+        options: Method and errors that are tried.
 
     Raises:
         BenchError: When the readings leave a frame or target undetermined, or were gathered without the
             links.
     """
     series, reduced = linearised_readings.series, linearised_readings.reduced
-    expected = mean_variances(series)
-    rules = SelectionRules(
-        equation_deviations(expected, linearised_readings.noise)[list(reduced.kinds)], options.constraint
-    )
+    variance, repetitions = mean_variances(series)
+    deviations = equation_deviations(linearised_readings.noise, variance, repetitions)
+    rules = SelectionRules(deviations[list(reduced.kinds)], options.constraint)
     # Select the errors, then solve for the selected unknowns.
     chosen = _select_errors(linearised_readings, options, rules)
     solved = solve_step(
@@ -379,8 +374,8 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     # Noise of single readings about the result.
     factor = linearised_readings.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.scales.noise_factor
-    noise = single_reading_noise(replace(linearised_readings.noise, factor=factor), expected)
-    step = rms_target_distance(linearised_readings.state, after, series)
+    combined = replace(linearised_readings.noise, factor=factor)
+    noise = single_reading_noise(combined, variance, repetitions)
     pulls = tuple(robust_weights(after, readings, noise) for readings in series)
     return Calibration(
         state=after,
@@ -392,7 +387,6 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         estimate=solved.estimate,
         constraint_chi2=solved.constraint_chi2,
         robust_weights=pulls,
-        step=step,
         series=series,
         issues=linearised_readings.issues,
     )
@@ -401,7 +395,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
 def _select_errors(
     linearised_readings: LinearisedReadings, options: CalibrationOptions, rules: SelectionRules
 ) -> SelectedModel:
-    """Select the errors by trial, or take those of the options; links include joint springs of their own."""
+    """Select the errors by cross-validation, or take those of the options; links include joint springs."""
     unknowns, reduced, vjm = (
         linearised_readings.unknowns,
         linearised_readings.reduced,
@@ -422,10 +416,8 @@ def _select_errors(
         return select_errors(unknowns, reduced, on, rules)
     # Chosen by hand: all of them at once, and then the pattern if joints share one.
     kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
-    compliance_prior = [
-        candidate.compliance_prior for candidate in on if candidate.compliance_prior is not None
-    ]
-    active = activate(unknowns, kinds - {"pattern"}, compliance_prior[-1] if compliance_prior else None)
+    priors = [candidate.compliance_prior for candidate in on if candidate.compliance_prior is not None]
+    active = activate(unknowns, kinds - {"pattern"}, priors[-1] if priors else None)
 
     def scales(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
         """Learn the sizes of errors and noise from the reduced equations.
@@ -449,7 +441,7 @@ def _select_errors(
 
 
 def thin_series(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Thin series to about `MAX_INTERMEDIATE_ROWS` rows in all; a pose keeps all of its rows or none."""
+    """Select about `MAX_INTERMEDIATE_ROWS` rows of all series at most; a pose keeps all or none of its rows."""
     every, thinned = sum(readings.rows for readings in series), []
     for readings in series:
         stride = min(-(-every // MAX_INTERMEDIATE_ROWS), max(1, readings.rows // MIN_SERIES_ROWS))

@@ -1,11 +1,11 @@
 """Uncertainty of a calibrated arm, and prediction of targets in any series.
 
 Frame and mount of a new series are fitted to a few of its rows, with the arm held fixed. Errors of the arm
-appear in these rows too; the part that a frame absorbs does not matter in the other rows.
+appear in these rows too; the part that the frame absorbs does not matter in the other rows.
 
-`further_information` counts what further readings would add: with one joint turned through its range, and in
-poses of the whole joint space. A direction that no pose determines is structural: a change along it moves no
-target.
+`further_information` computes the information that further readings would add: with one joint turned through
+its range, and in poses of the whole joint space. A combination of unknowns that no pose determines is
+structural: a change of it moves no target.
 """
 
 from collections.abc import Callable
@@ -30,28 +30,28 @@ from testbench.identify.absolute.state import ROWS_IN_MEMORY, ArmState, Unknowns
 from testbench.identify.equations import series_rows
 from testbench.identify.posterior import ArmModel, Posterior
 
-CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
+CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom [1].
 FRAME_TOLERANCE, MAX_STEPS = 1e-9, 20
-"""Step of a frame below which the fit has converged [m, rad], and most steps."""
+"""Step below which the fit of frame and mount has converged [m, rad], and most steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegisteredSeries:
-    """Hold a series whose frame and mount are known."""
+    """Hold a calibrated arm with the frame and the mount of a series, and their joint uncertainty."""
 
     state: ArmState  #: The arm with the frame and the mount.
-    frame_rows: Ids  #: Rows that determined frame and mount; empty if the calibration did.
-    #: Posterior of frame and mount, which are steps, and of the arm's unknowns, in this order, (f + a,).
+    frame_rows: Ids  #: Rows of the series that determined frame and mount; empty if the calibration did.
+    #: Posterior of f steps of frame and mount, then of a unknowns of the arm, (f + a,), SI units.
     posterior: Posterior
 
 
 def covariance_root(precision_root: Array, L: Array) -> Array:
-    """Compute a root W of the covariance W^T W of the unknowns in SI units.
+    """Compute a root W of the covariance W^T W of unknowns in SI units from the root of their precision.
 
     Args:
-        precision_root: Upper triangular root of the posterior's precision, compliances in units of the prior,
+        precision_root: Upper triangular root R of the precision R^T R, compliances in units of the prior,
             (c, c).
-        L: SI units of the compliances, the last unknowns, per unit of the prior, (e, e).
+        L: Compliances, the last e unknowns, in SI units per unit of the prior, (e, e).
 
     Returns:
         W, (c, c).
@@ -61,17 +61,17 @@ def covariance_root(precision_root: Array, L: Array) -> Array:
 
 
 def fit_frame_and_mount(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
-    """Fit frame and mount of a series to some of its rows by Gauss-Newton; the arm is held fixed.
+    """Fit the frame and the mount of a series to some of its rows, with the arm held fixed.
 
     Mathematics: `abs-13`.
 
     Args:
         model: The calibrated arm.
-        series: The series.
-        rows: Rows to which they are fitted, (rows,).
+        series: The readings.
+        rows: Indices of the rows that are fitted, (r,).
 
     Returns:
-        The series' frame and mount, with their joint covariance with the arm's unknowns.
+        Frame and mount, with the joint posterior of these and the arm's unknowns.
 
     Raises:
         BenchError: If these rows do not determine frame and mount.
@@ -95,14 +95,15 @@ def fit_frame_and_mount(model: ArmModel, series: Series, rows: Ids) -> Registere
 
 
 def register_with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
-    """Register a series whose frame and mount the calibration has determined.
+    """Compute the joint posterior of the arm and of a frame and mount that the calibration has determined.
 
     Args:
-        model: The calibrated arm.
-        series: The series; up to `ROWS_IN_MEMORY` of its rows determine frame and mount, with the arm.
+        model: The calibrated arm, with the frame and the mount.
+        series: Readings with this frame and mount; up to `ROWS_IN_MEMORY` of them, evenly spaced, give the
+            uncertainty of frame and mount for a known arm.
 
     Returns:
-        The series' frame and mount, with their joint covariance with the arm's unknowns.
+        Frame and mount, with the joint posterior of these and the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
     sample = select_rows(series, seen[evenly_spaced(len(seen), ROWS_IN_MEMORY)])
@@ -113,11 +114,11 @@ def register_with_known_frame(model: ArmModel, series: Series) -> RegisteredSeri
 
 
 def without_series(state: ArmState, series: Series) -> ArmState:
-    """Return the state without the frame and the mount of a series.
+    """Remove the frame and the mount of a series from the model of an arm.
 
     Args:
-        state: The state.
-        series: The series.
+        state: The model of the arm.
+        series: The series, for the names of its frame and mount.
     """
     frames = {key: frame for key, frame in state.frames.items() if key != series.frame}
     mounts = {key: mount for key, mount in state.mounts.items() if key != series.target}
@@ -125,16 +126,16 @@ def without_series(state: ArmState, series: Series) -> ArmState:
 
 
 def predict_series(model: ArmModel, registered: RegisteredSeries, series: Series) -> tuple[Array, Array]:
-    """Predict positions of all rows of a series, with the uncertainty of the residual.
+    """Predict the positions of a series: compute its residuals and their covariances.
 
     Args:
         model: The calibrated arm.
-        registered: The series with its frame and mount.
-        series: The readings.
+        registered: The arm with the frame and the mount of the series.
+        series: The readings of m targets.
 
     Returns:
-        Reading minus model in base axes, (rows, m, 3) [m], and its covariance with the reading's noise,
-        (rows, m, 3, 3) [m^2].
+        Measured minus predicted positions in base axes, (rows, m, 3) [m], and their covariances from arm,
+        frame, mount and noise, (rows, m, 3, 3) [m^2].
     """
     m, a = len(series.markers), len(model.columns)
     f = _frame_columns(series) + 3 * m
@@ -153,15 +154,15 @@ def predict_series(model: ArmModel, registered: RegisteredSeries, series: Series
 
 
 def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_SQUARED_95) -> Array:
-    """Tell which positions lie in their confidence ellipsoid: r^T C^-1 r is at most the quantile.
+    """Tell which measured positions lie in their confidence ellipsoid, r^T C^-1 r <= quantile.
 
     Args:
         residual: Residuals r, (rows, m, 3) [m].
-        covariance: Their covariances C, (rows, m, 3, 3) [m^2].
+        covariance: Covariances C of the residuals, (rows, m, 3, 3) [m^2].
         quantile: Quantile of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
 
     Returns:
-        (rows, m).
+        Whether each position lies in its ellipsoid, (rows, m).
     """
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
     return np.asarray((residual * solved).sum(axis=-1) <= quantile)
@@ -225,28 +226,29 @@ def _noise(model: ArmModel) -> Noise:
 
 
 POSES_PER_TURNED_JOINT = 40
-"""Further rows in which a joint is turned."""
+"""Number of further rows in which one joint is turned through its range."""
 EQUATIONS_PER_UNKNOWN = 2
-"""Equations of poses in the whole joint space, over the number of unknowns [1]."""
+"""Number of equations of poses in the whole joint space, over the number of unknowns [1]."""
 STRUCTURAL_INFORMATION = 1e-3
-"""Information of these poses over the prior's below which a direction is structural [1]."""
+"""Information from poses in the whole joint space, over that of the prior, below which a direction is
+structural [1]."""
 ZERO_INFORMATION = 1e-10
-"""Eigenvalue of information with unit diagonal below which it counts as zero [1]."""
+"""Eigenvalue of an information matrix with unit diagonal below which it counts as zero [1]."""
 UNUSED_INFORMATION = 1.0
-"""Information of unknowns that are fixed at zero: they are not structural."""
+"""Information assumed for unknowns without prior deviation, so that they are not structural [1]."""
 MIN_SINGULAR_VALUE = 0.1
-"""Singular value below which two sets of directions share one [1]."""
+"""Singular value of two joined sets of directions below which a direction counts as common to both [1]."""
 
 
 @dataclass(frozen=True)
 class AddedInformation:
-    """Hold the information that further readings would add."""
+    """Hold information matrices of further readings about the unknowns of a calibration, SI units."""
 
-    #: From the poses of the series, with one joint turned through its range, (n, size, size).
+    #: Of the poses of the series with joint j turned through its range, for each joint, (n, size, size).
     by_joint: Array
-    #: From poses in the whole joint space, more than there are unknowns, (size, size).
+    #: Of poses in the whole joint space, with more equations than unknowns, (size, size).
     whole_space: Array
-    #: From the same poses of the rigid nominal arm: it shows structural directions of geometry, (size, size).
+    #: Of the same poses for the rigid nominal arm, which shows structural directions exactly, (size, size).
     whole_space_rigid: Array
 
 
@@ -256,17 +258,17 @@ def further_information(
     series: tuple[Series, ...],
     information_of: Callable[[Series], Array] | None = None,
 ) -> AddedInformation:
-    """Compute the information that further readings would add, under the loads of some series.
+    """Compute the information that further readings would add, under the loads of given series.
 
     Args:
-        unknowns: The unknowns.
-        state: Where the equations are linearised.
+        unknowns: The unknowns of a calibration.
+        state: The arm at which the equations are linearised.
         series: Series that were read, or are planned.
-        information_of: Function that computes the information of a series, without a prior, (size, size);
-            None for `information` at the state.
+        information_of: Function that computes the information matrix of a series, without a prior,
+            (size, size); None for `information_of_series`.
 
     Returns:
-        The information, by the joint that is turned and for poses in the whole joint space.
+        The information with each joint turned, and in poses of the whole joint space.
     """
     arm = unknowns.vjm.arm
     lower, upper = arm.limits
@@ -300,15 +302,15 @@ def further_information(
 
 
 def information_of_series(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
-    """Compute the information of a series about the unknowns, A^T W A, without a prior.
+    """Compute the information matrix A^T W A of a series about the unknowns, without a prior.
 
     Args:
-        unknowns: The unknowns.
-        state: Where the equations are linearised.
-        series: The readings: their positions and orientations count, with their stated noise.
+        unknowns: The unknowns of a calibration.
+        state: The arm at which the equations are linearised.
+        series: The readings, of positions and orientations, with their stated noise.
 
     Returns:
-        Information, (size, size).
+        Information matrix in SI units, (size, size).
     """
     m = len(series.markers)
     A = series_rows(unknowns, state, series)[:, :, :-1]
@@ -327,33 +329,33 @@ def _series_in_poses(series: Series, rows: Ids, q: Array) -> Series:
 
 @dataclass(frozen=True)
 class StructuralDirections:
-    """Hold the directions that no pose determines under the given loads."""
+    """Hold the combinations of unknowns that no pose determines under the given loads."""
 
-    directions: Array  #: Orthonormal directions in units of the prior, (size, k).
-    n_geometry: int  #: Number of directions in geometry, frames and mounts.
-    between_links: tuple[int, ...]  #: Number of them that the two links at every joint share, n.
+    directions: Array  #: Orthonormal directions, unknowns in units of the prior, (size, k).
+    n_geometry: int  #: Number of directions of geometry, frames and mounts.
+    between_links: tuple[int, ...]  #: Number of directions that the two links at each joint share, n.
     #: Indices of joints whose errors move no target, such as the last one with a target on its axis.
     inactive_joints: tuple[int, ...]
     n_elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
 def structural_directions(unknowns: Unknowns, L: Array, further: AddedInformation) -> StructuralDirections:
-    """Find the structural directions: changes of the unknowns that move no target in any pose.
+    """Find the structural directions: combinations of unknowns that move no target in any pose.
 
     Args:
-        unknowns: The unknowns.
-        L: Root of the prior's covariance, (size, size).
-        further: Information of further readings.
+        unknowns: The unknowns of a calibration.
+        L: Root of the prior covariance L L^T of the unknowns, (size, size).
+        further: Information of poses in the whole joint space.
 
     Returns:
-        The directions in units of the prior, and how many concern geometry, joints and compliances.
+        The directions, and how many of them concern geometry, joints and compliances.
     """
     # Directions with hardly any information, in units of the prior.
     M, drawn = L.T @ further.whole_space @ L, L.T @ further.whole_space_rigid @ L
     M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, UNUSED_INFORMATION)) for part in (M, drawn))
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.first_columns["errors"])
-    # StructuralDirections directions of geometry, exactly, by the rigid nominal arm.
+    # Structural directions of geometry, exactly, by the rigid nominal arm.
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
     U, s, _ = np.linalg.svd(np.hstack([V[:, values < STRUCTURAL_INFORMATION], never]), full_matrices=False)
