@@ -441,7 +441,7 @@ def _select_errors(
 
 
 def thin_series(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Select about `MAX_INTERMEDIATE_ROWS` rows of all series at most; a pose keeps all or none of its rows."""
+    """Select at most about `MAX_INTERMEDIATE_ROWS` rows of all series; all rows of a pose stay together."""
     every, thinned = sum(readings.rows for readings in series), []
     for readings in series:
         stride = min(-(-every // MAX_INTERMEDIATE_ROWS), max(1, readings.rows // MIN_SERIES_ROWS))

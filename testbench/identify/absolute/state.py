@@ -1,12 +1,12 @@
-"""State of a calibrated arm, its static equilibrium, and the unknowns of a calibration.
+"""Model of a calibrated arm, its static equilibrium, and the unknowns of a calibration.
 
-The state holds geometry, springs, joint errors, frames and mounts, and the arm rests where
+The model holds geometry, springs, joint errors, frames and mounts. The arm is at rest where
 
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n.
 
-Everything is a virtual joint. Constants theta_0 of the inner links are errors of geometry; those of the first
-and of the last link are the frame (base in the tracker's frame) and the mount (targets in the tool's frame)
-of each series.
+All errors are motions of virtual joints. Constants theta_0 of the inner links are errors of geometry. In
+place of the first and the last link, each series has a frame (base in the tracker's frame) and a mount
+(targets in the tool's frame).
 
 A target m on the tool is read at R_s (R_r m + p_r) + t_s. If the tool keeps one orientation R_r, along a line
 or a surface, only the sum of R_s R_r m and t_s matters: three directions of frame and mount change no
@@ -47,59 +47,59 @@ from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, tool_pose
 # --- State of a calibrated arm, and its static equilibrium --------------------------------------------------
 
 ROWS_IN_MEMORY = 500
-"""Rows whose Jacobian is in memory at a time."""
+"""Most rows whose Jacobians are in memory together."""
 EQUILIBRIUM_TOLERANCE = 1e-11
-"""Step at which the equilibrium has converged [m, rad]."""
+"""Largest step of a virtual joint at which the equilibrium has converged [m, rad]."""
 MAX_EQUILIBRIUM_STEPS = 100
-"""Most steps to the equilibrium."""
+"""Most fixed-point steps to the equilibrium."""
 LOAD_STEPS = 2
-"""Updates of the loads for the deflected arm; each reduces the error by a factor of a hundred or more."""
+"""Fixed-point steps to the equilibrium in a calibration; each reduces the error at least a hundredfold."""
 
 
 @dataclass(frozen=True)
 class Mount:
-    """Describe targets on the tool."""
+    """Hold the targets on the tool: their positions, and the orientation of one of them."""
 
-    points: Array  #: Positions in the tool's frame, (m, 3) [m].
-    rotation: Array  #: Tool from the target with an orientation, (3, 3); identity without one.
+    points: Array  #: Positions of the targets in the tool's frame, (m, 3) [m].
+    rotation: Array  #: Tool from the target that has an orientation, (3, 3); identity without one.
     markers: tuple[str, ...]  #: Names of the targets, in the order of the points.
 
 
 @dataclass(frozen=True, repr=False)
 class ArmState(Displayed):
-    """Describe a calibrated arm."""
+    """Hold a model of an arm with values of all its errors, such as a calibrated arm.
 
-    vjm: Vjm  #: Nominal kinematics.
+    Its virtual joints are theta = theta_0 + C_theta u + Phi(q) n, with the loads u.
+    """
+
+    vjm: Vjm  #: Nominal virtual joint model.
     weights: Weights  #: Masses of the links.
-    theta_0: Array  #: Constants of the virtual joints, (n_theta,) [m, rad]: errors of geometry.
-    C_theta: Array  #: Compliances, (n_theta, n_theta) [m/N, rad/(N m)].
-    errors: JointErrors  #: Kinds of joint errors.
-    n: Array  #: Coefficients of the joint errors, (n joints, k) [rad, m].
-    torque_scale: Array  #: Typical torque of every joint, (n,) [N m, N].
-    frames: Mapping[str, Frame] = field(default_factory=dict)  #: Tracker frames by name.
-    mounts: Mapping[str, Mount] = field(default_factory=dict)  #: Mounts by name.
+    theta_0: Array  #: Constants of the virtual joints, the errors of geometry, (n_theta,) [m, rad].
+    C_theta: Array  #: Compliances of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m)].
+    errors: JointErrors  #: Kinds of joint errors: the functions Phi(q).
+    n: Array  #: Coefficients n of the joint errors, k per joint, (joints, k) [rad, m].
+    torque_scale: Array  #: RMS torque of every joint, (joints,) [N m, N].
+    frames: Mapping[str, Frame] = field(default_factory=dict)  #: Frames (tracker from base) by name.
+    mounts: Mapping[str, Mount] = field(default_factory=dict)  #: Mounts (targets on the tool) by name.
 
     def frame(self, series: Series) -> Frame:
-        """Return the frame of a series.
+        """Return the frame of a series: tracker from base.
 
         Args:
-            series: The series, for its name and its frame's name.
+            series: The series, which names its frame.
 
         Raises:
-            BenchError: If it is not known.
+            BenchError: If the frame is not known.
         """
         if series.frame not in self.frames:
             raise BenchError(f"{series.name}: its frame {series.frame!r} is not known")
         return self.frames[series.frame]
 
     def mount(self, series: Series) -> Mount:
-        """Return the mount of a series.
+        """Return the mount of a series: its targets on the tool, in the order of the series.
 
         Args:
-            series: The series, for its names of mount and targets.
-
-        Returns:
-            The mount; its targets have the order of the series.
+            series: The series, which names its mount and its targets.
 
         Raises:
             BenchError: If the mount or one of its targets is not known.
@@ -116,12 +116,12 @@ class ArmState(Displayed):
 
 
 def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
-    """Make the state of the nominal arm: rigid, without errors.
+    """Make the model of the nominal arm: rigid, without errors, frames and mounts.
 
     Args:
         vjm: The arm's virtual joint model.
         weights: Weights of the links.
-        torque_scale: Typical torque of every joint, (n,) [N m, N].
+        torque_scale: RMS torque of every joint, (n,) [N m, N].
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
@@ -129,11 +129,12 @@ def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
 
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
-    """Return a frame after the base moved: x + move + turn x x in base axes.
+    """Apply a small motion of the base to a frame: points x move by shift + turn x x in base axes.
 
     Args:
-        frame: The frame.
-        step: Move, then turn, (6,) [m, rad]; then the change of its constant, if it has one, (7,) [m].
+        frame: The frame, tracker from base.
+        step: Shift [m], then rotation vector [rad], (6,); then the change of the frame's constant [m] if it
+            has one, (7,).
     """
     [turn] = rotation_matrices(step[None, 3:6])
     moved = frame.translation + frame.rotation @ step[:3]
@@ -142,35 +143,35 @@ def moved_frame(frame: Frame, step: Array) -> Frame:
 
 @dataclass(frozen=True)
 class JointEquilibrium:
-    """Hold the virtual joints at rest under some loads."""
+    """Hold the static equilibrium of an arm in several poses under loads."""
 
-    theta: Array  #: Virtual joints, (runs, n_theta) [m, rad].
-    chain: Chain  #: Tool pose and Jacobian at rest.
+    theta: Array  #: Virtual joints at rest, (runs, n_theta) [m, rad].
+    chain: Chain  #: The extended chain at rest, with tool pose and Jacobian.
     u: Array  #: Generalised load of every virtual joint at rest, (n_theta, runs) [N, N m].
-    phi: Array  #: Functions of the joint errors, (n joints, k, runs).
+    phi: Array  #: Functions Phi(q) of the joint errors, k per joint, (joints, k, runs).
 
 
 def joint_equilibrium(
     state: ArmState, q: Array, loads: Sequence[Load] = (), steps: int | None = None
 ) -> JointEquilibrium:
-    """Solve for the equilibrium of every pose under own weight and all loads, by fixed-point steps.
+    """Solve for the static equilibrium of an arm under own weight and loads, by fixed-point steps.
 
-    Each step applies the loads to the arm as the last step deflected it. Steps converge only if the loaded
-    springs K_theta - K_w of Eq. (7) are stable, so an arm that buckles is detected.
+    Each step applies the loads to the arm as the last step deflected it. The steps converge only if the
+    loaded stiffness K_theta - K_w of Eq. (7) is stable, so that buckling is detected.
 
     Mathematics: `loaded-1`.
 
     Args:
-        state: The arm.
-        q: Commanded joints, (runs, n) [rad, m].
-        loads: Loads that act at once, each with one row per run.
+        state: The model of the arm.
+        q: Commanded joint positions, (runs, n) [rad, m].
+        loads: Loads that act together, each with one row per run.
         steps: Number of steps; None to iterate to convergence.
 
     Returns:
-        The arm at rest in every pose.
+        The equilibrium in every pose.
 
     Raises:
-        NoEquilibrium: If the steps do not converge; names the pose.
+        NoEquilibrium: If the steps do not converge in a pose.
     """
     start, u, phi = _unsprung(state, q, loads)
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
@@ -202,12 +203,12 @@ def _unsprung(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, 
 
 
 def generalised_loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -> Array:
-    """Compute the generalised load u of every virtual joint, from own weight and all loads.
+    """Compute the generalised load u of every virtual joint, from own weight and other loads.
 
     Args:
-        state: The model.
-        chain: The poses.
-        loads: Loads that act at once.
+        state: The model of the arm, for the masses of its links.
+        chain: The extended chain in all poses.
+        loads: Loads that act together, each with one row per run.
 
     Returns:
         u, (n_theta, runs) [N, N m].
@@ -216,12 +217,12 @@ def generalised_loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -
 
 
 def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
-    """Compute the virtual joints without their springs: theta_0 + Phi(q) n.
+    """Compute the virtual joints of an arm with rigid springs: theta_0 + Phi(q) n.
 
     Args:
-        state: The model.
-        q: Joint angles, (runs, n) [rad, m].
-        loads: Loads that act at once.
+        state: The model of the arm.
+        q: Joint positions, (runs, n) [rad, m].
+        loads: Loads that act together; backlash and stiffening depend on them.
 
     Returns:
         theta, (runs, n_theta) [m, rad].
@@ -232,23 +233,23 @@ def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> A
 
 
 def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
-    """Compute the arm at rest in every row of a series, by `LOAD_STEPS` steps.
+    """Compute the static equilibrium of an arm in every row of a series, by `LOAD_STEPS` fixed-point steps.
 
     Mathematics: `abs-1`.
 
     Args:
-        state: The model.
+        state: The model of the arm.
         series: The readings, which give poses and loads.
 
     Returns:
-        The arm in every row, in base axes.
+        The equilibrium in every row, in base axes.
     """
     loads = [Load(series.wrench, series.point)] if series.wrench.any() else []
     return joint_equilibrium(state, series.q, loads, LOAD_STEPS)
 
 
 def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
-    """Compute the root mean square torque of every joint over all rows.
+    """Compute the RMS torque of every joint by own weight and loads, over all rows of some series.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -256,7 +257,7 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
         series: The readings, which give poses and loads.
 
     Returns:
-        Torque, (n,) [N m, N].
+        RMS torque, (n,) [N m, N]; 0 for joints without torque.
     """
     total = np.zeros(vjm.arm.n_joints)
     for readings in series:
@@ -274,28 +275,28 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
 # --- Frames and mounts that readings cannot separate, and the prior that then determines them ---------------
 
 MAX_EVALUATED_ROWS = 300
-"""Rows of a series that are evaluated, evenly spaced."""
+"""Most rows of a series that are evaluated, evenly spaced."""
 PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
-"""Prior standard deviations of a target, of rotations, and of a frame's origin [m, rad, m]."""
+"""Wide prior standard deviations of a target [m], of rotations [rad], and of the origin of a frame [m]."""
 LEVEL_DEVIATION = 0.05
-"""Standard deviation of a tracker from upright, and the largest one of a frame's rotation that counts as
-determined [rad]."""
+"""Standard deviation of a tracker's tilt from upright, and largest standard deviation of a frame's rotation
+that counts as determined [rad]."""
 
 
 def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
-    """Find the frames and mounts that the readings leave undetermined, for the nominal geometry.
+    """Find the frames and mounts that absolute readings leave undetermined, for the nominal geometry.
 
-    A mount is undetermined if a target's standard deviation exceeds `NOMINAL_DEVIATION`, a frame if that of
-    its rotation exceeds `LEVEL_DEVIATION`.
+    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_DEVIATION`, a frame if that
+    of its rotation exceeds `LEVEL_DEVIATION`.
 
     Mathematics: `abs-7`.
 
     Args:
-        vjm: The arm.
+        vjm: The arm's virtual joint model.
         series: All readings; they may share frames and mounts.
 
     Returns:
-        Names, "frame NAME" and "mount NAME".
+        Their names, as "frame NAME" and "mount NAME".
     """
     frames = tuple(dict.fromkeys(readings.frame for readings in series))
     mounts: dict[str, int] = {}
@@ -365,17 +366,17 @@ def _rows(vjm: Vjm, series: Series) -> Array:
 
 
 def fit_upright_frame(points: Array, measured: Array) -> Frame:
-    """Fit the frame that takes points to readings; the frame is upright as far as the points leave that open.
+    """Fit a frame to points by least squares (Kabsch); it is upright where the points do not determine it.
 
-    Least squares (Kabsch) with two further points along the vertical: they count as much as a direction known
-    to `LEVEL_DEVIATION` in comparison with readings known to `ASSUMED_NOISE`.
+    Two further points along the vertical count as much as a direction known to `LEVEL_DEVIATION`, if the
+    readings are known to `ASSUMED_NOISE`.
 
     Args:
         points: Points in base axes, (n, 3) [m].
-        measured: Their readings in tracker axes, (n, 3) [m].
+        measured: Measured positions of these points in tracker axes, (n, 3) [m].
 
     Returns:
-        The frame: tracker from base.
+        The frame, tracker from base.
     """
     up = (ASSUMED_NOISE / LEVEL_DEVIATION) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
     R, _ = kabsch(
@@ -387,46 +388,46 @@ def fit_upright_frame(points: Array, measured: Array) -> Frame:
 # --- Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored -----
 
 MIN_PATTERN_ORDER = 3
-"""Lowest order of a pattern: errors of an axis' position look like orders 1 and 2."""
+"""Lowest order of an error pattern: errors of a joint's axis look like orders 1 and 2."""
 MIN_LOG_ODDS = 10.0
-"""Least log odds of a joint's shift against any other shift, and against no pattern."""
+"""Least log odds of a joint's shift of the pattern, against any other shift and against no pattern [nats]."""
 MAX_COMPARED_SHIFTS = 8
-"""Shifts that are compared, each a local maximum."""
-PATTERN_SIGNS = (1, -1)
+"""Most shifts of a pattern whose evidence is compared, each a local maximum of the likelihood."""
+PATTERN_SIGNS = (1, -1)  #: Signs that a pattern may have in a joint.
 TRIED_SHIFTS: Array = np.radians(np.arange(0, 360, 1.0))
-"""Shifts that are tried [rad]."""
+"""Shifts of a pattern that are tried in a joint [rad]."""
 FINE_SHIFTS: Array = np.radians(np.linspace(-1, 1, 41))
-"""Finer shifts around the best one [rad]."""
+"""Finer shifts that are tried around the best one, relative to it [rad]."""
 
 
 @dataclass(frozen=True)
 class ErrorPattern:
-    """Describe joints that share a pattern."""
+    """Describe a periodic error f that several joints share: joint j has the error s_j f(s_j q_j + phi_j)."""
 
-    #: Indices of the joints, two or more; the pattern is a function of the first joint's angle.
+    #: Indices of two or more joints, ascending; f is a function of the angle of the first one.
     joints: tuple[int, ...]
-    shifts: tuple[float, ...]  #: Shift phi of each joint [rad].
-    signs: tuple[int, ...]  #: Sign s of each joint.
+    shifts: tuple[float, ...]  #: Shift phi of each of these joints [rad].
+    signs: tuple[int, ...]  #: Sign s of each of these joints, 1 or -1.
 
 
 def wave_columns(errors: JointErrors) -> Ids:
-    """List the Fourier coefficients of a joint that a pattern may have: sines, then cosines, (2 k,)."""
+    """List the indices of a joint's Fourier coefficients that a pattern may have, k sines first, (2 k,)."""
     return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
 
 
 def shift_waves(coefficients: Array, shift: Array | float, sign: int, orders: Ids) -> Array:
-    """Compute the Fourier coefficients of s f(s q + phi) from those of f.
+    """Compute the Fourier coefficients of s f(s q + phi) from those of a periodic function f(q).
 
     Mathematics: `abs-11`.
 
     Args:
-        coefficients: Coefficients of f, sines first, (..., 2 k).
-        shift: phi [rad], one number or (...).
-        sign: s, 1 or -1.
-        orders: Orders of the waves, (k,).
+        coefficients: Coefficients of f, k sines, then k cosines, (..., 2 k).
+        shift: Shift phi [rad], one number or (...).
+        sign: Sign s, 1 or -1.
+        orders: Orders of the sines and cosines, (k,).
 
     Returns:
-        The coefficients, (..., 2 k).
+        The coefficients, k sines, then k cosines, (..., 2 k).
     """
     (a, b), angle = np.split(coefficients, 2, axis=-1), np.asarray(shift, dtype=float)[..., None] * orders
     c, s = np.cos(angle), np.sin(angle)
@@ -436,17 +437,18 @@ def shift_waves(coefficients: Array, shift: Array | float, sign: int, orders: Id
 def pattern_basis(
     pattern: ErrorPattern, errors: JointErrors, first_column: int, n_unknowns: int
 ) -> csr_array:
-    """Make the basis in which joints have a shared pattern, and differences from it.
+    """Make the basis in which periodic errors of some joints are a shared pattern and differences from it.
+
+    The pattern replaces the periodic errors of its first joint; differences replace those of the others.
 
     Args:
-        pattern: The pattern. It replaces the waves of its first joint; differences replace those of the
-            others.
-        errors: Errors of the joints.
-        first_column: First column of the joint errors among all unknowns.
+        pattern: The pattern.
+        errors: Kinds of joint errors.
+        first_column: Column of the first joint error among all unknowns.
         n_unknowns: Number of unknowns.
 
     Returns:
-        Unknowns in SI units by those in the basis, (size, size).
+        Matrix B with x = B y of the unknowns x in SI units and y in the basis, (n_unknowns, n_unknowns).
     """
     n, waves, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
@@ -481,19 +483,20 @@ def find_pattern(
     shared_variance: Array,
     orders: Ids,
 ) -> ErrorPattern | None:
-    """Find the pattern that some joints share.
+    """Find the pattern of periodic errors that some joints share.
 
-    The two joints with the best agreement start; others are added in the order of their odds. In the end the
-    odds of each joint, given all others, must exceed `MIN_LOG_ODDS`.
+    The joint that agrees best with the others starts; others are added in the order of their odds. In the end
+    the log odds of each joint, given all others, must exceed `MIN_LOG_ODDS`.
 
     Mathematics: `abs-11`.
 
     Args:
-        wave_information: For every joint the precision of its waves from the readings, (2 k, 2 k), and its
-            product with the most probable waves, (2 k,); zero for a joint without readings.
-        individual_variance: Variance of waves that are individual to a joint, (2 k,).
-        shared_variance: Variance of the waves of the pattern, (2 k,).
-        orders: Orders of the waves, (k,).
+        wave_information: For every joint the precision of its Fourier coefficients from the readings,
+            (2 k, 2 k), and its product with the most probable coefficients, (2 k,); zero for a joint without
+            readings.
+        individual_variance: Prior variance of the coefficients that are individual to a joint, (2 k,).
+        shared_variance: Prior variance of the coefficients of the pattern, (2 k,).
+        orders: Orders of the sines and cosines, (k,).
 
     Returns:
         The pattern; None if no two joints share one.
@@ -628,32 +631,35 @@ def _relative_to_first(members: dict[int, tuple[float, int]]) -> ErrorPattern:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """List the unknowns of a calibration."""
+    """List the unknowns of a calibration in the order of their columns in the linear equations.
 
-    vjm: Vjm  #: The arm.
-    frames: tuple[str, ...]  #: Names of the tracker frames.
-    #: Number of targets of every mount, and whether one has an orientation.
+    The order is: frames, mounts, errors of geometry, joint errors, compliances.
+    """
+
+    vjm: Vjm  #: The arm's virtual joint model.
+    frames: tuple[str, ...]  #: Names of the frames (tracker from base).
+    #: Number of targets of every mount, and whether one of them has an orientation.
     mounts: Mapping[str, tuple[int, bool]]
     errors: JointErrors  #: Kinds of joint errors.
     structure: Structure  #: Structure of the compliances.
     has_geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
-    #: Frames and mounts that the readings leave undetermined: they have a prior.
+    #: Frames and mounts that the readings leave undetermined, so that a prior determines them.
     undetermined: frozenset[str] = frozenset()
-    #: Frames of distances, which have a prior: `Series.frame_deviation`.
+    #: Prior deviations of the frames of distances and heights, from `Series.frame_deviation`.
     frame_deviations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    #: Normals of the planes of a frame of planes.
+    #: Normals of the plane faces of each frame of heights.
     plane_normals: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
-    #: Error pattern that joints share; their waves are then expressed in its `joint_error_basis`.
+    #: Periodic error that joints share; their columns are then in the basis `equation_basis`.
     pattern: ErrorPattern | None = None
 
     @cached_property
     def geometry_slice(self) -> slice:
-        """Return the virtual joints whose constants are errors of geometry: all links but first and last."""
+        """Return the virtual joints whose constants are errors of geometry: those of the inner links."""
         return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.has_geometry else 6)
 
     @cached_property
     def first_columns(self) -> dict[str, int]:
-        """Return the first column of every frame, every mount, geometry, errors, compliances, and the end."""
+        """Return the first column of each kind of unknowns, by the names that `columns` takes, and "end"."""
         sizes = {f"frame {name}": len(self.frame_deviations.get(name, range(6))) for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
@@ -663,7 +669,7 @@ class Unknowns:
 
     @property
     def unused_rotations(self) -> Ids:
-        """Return the columns that no reading depends on: turns of the frames of fixed points."""
+        """Return the columns of unknowns that change no reading: rotations of the frames of fixed points."""
         points = [
             self.first_columns[f"frame {name}"]
             for name, sizes in self.frame_deviations.items()
@@ -687,10 +693,10 @@ class Unknowns:
 
     @cached_property
     def prior_groups(self) -> tuple[tuple[str, Ids], ...]:
-        """Return the columns that share a prior, with their kind.
+        """Return groups of unknowns with a common prior deviation, as kind of error and columns.
 
-        A band of orders is shared by all joints: if one joint has turned through a part of its range only,
-        the others determine how large its errors in the rest may be.
+        All joints share the prior of a band of orders: if one joint has moved through a part of its range
+        only, the others determine how large its errors in the rest may be.
         """
         geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
         columns_by_kind = [
@@ -714,19 +720,19 @@ class Unknowns:
 
     @cached_property
     def equation_basis(self) -> csr_array | None:
-        """Return unknowns in SI units by those of the equations, (size, size); None without a pattern."""
+        """Return the matrix B with x = B y, for x in SI units and y of the equations; None if x = y."""
         if self.pattern is None:
             return None
         return pattern_basis(self.pattern, self.errors, self.first_columns["errors"], self.size)
 
     def values(self, state: ArmState) -> Array:
-        """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.
+        """Return the values of all unknowns in a model of an arm; frames and mounts are steps, thus zero.
 
         Args:
-            state: The arm, its errors and compliances.
+            state: The model of the arm.
 
         Returns:
-            Values, (size,).
+            Values, (size,), in SI units.
         """
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.geometry_slice]
@@ -736,13 +742,13 @@ class Unknowns:
 
 
 def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, structure: Structure) -> Unknowns:
-    """Make the list of all unknowns of some series.
+    """List all unknowns of a calibration from given series.
 
     Args:
         vjm: The arm's virtual joint model.
-        series: The readings.
-        errors: Joint errors.
-        structure: The compliances.
+        series: The readings, which determine the frames and mounts.
+        errors: Kinds of joint errors.
+        structure: Structure of the compliances.
     """
     mounts: dict[str, tuple[int, bool]] = {}
     for readings in series:
@@ -770,10 +776,10 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
 
 
 def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
-    """Make the unknowns of pairs, compliances only: all others cancel in a difference.
+    """List the unknowns of deflections: compliances only, because all others cancel in a difference.
 
     Args:
         vjm: The arm's virtual joint model.
-        structure: The compliances.
+        structure: Structure of the compliances.
     """
     return Unknowns(vjm, (), {}, JointErrors(), structure, has_geometry=False)
