@@ -98,7 +98,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
 def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
     one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
-    found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), mean_variances([one]))
+    found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), *mean_variances([one]))
     for kind, (own, opened) in enumerate(
         ((SIGMA, found.position_model_error), (TURN, found.rotation_model_error))
     ):
