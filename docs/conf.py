@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from xml.etree import ElementTree
 
 from docutils import nodes
 from ipykernel.kernelspec import get_kernel_dict
+from jupyter_client.kernelspec import KernelSpecManager
 from latex2mathml.converter import convert
 from sphinx.errors import ExtensionError
 from typer.testing import CliRunner
@@ -110,6 +112,11 @@ def run_tutorials_by_wheel(app: Any) -> None:
     asked["argv"][0] = str(python)
     (kernel / "kernel.json").write_text(json.dumps(asked), encoding="utf-8")
     os.environ |= {"JUPYTER_PATH": str(folder), "PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}"}
+    started = KernelSpecManager().get_kernel_spec("python3").argv[0]
+    ask = [started, "-c", "import testbench; print(testbench.__file__)"]
+    found = subprocess.run(ask, cwd=folder, capture_output=True, text=True, check=True).stdout
+    if not found.startswith(str(folder / "venv")):
+        raise ExtensionError(f"tutorials would run {found.strip()}, not the installed wheel")
 
 
 def refuse_undocumented(_: object) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pages
 import pytest
+import write_paper
 from blocks import FROM, PLAIN, expected, fill
 from run_here import app_of, here, numbers_alone
 from stamps import digest, read_stamp
@@ -17,7 +18,9 @@ from testbench import __version__
 from testbench.errors import InputError
 from testbench.report.markdown import grid
 from testbench.report.report import read_report
+from testbench.runs.spread import Spread
 from testbench.studies.paper.loaded_stiffness import STUDY
+from testbench.studies.paper.verdicts import number, statement_row, verdict_table
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = ("paper.md", "wrong_inputs.md")
@@ -139,6 +142,26 @@ def test_who_cites_the_software_cites_its_version():
         ("docs/article.md", f"version = {{{__version__}}}"),
     ):
         assert re.search(rf"^ *{re.escape(line)},?$", (ROOT / name).read_text(), re.MULTILINE), name
+
+
+def test_the_page_of_the_paper_has_every_line_of_its_template_in_turn():
+    """Those without a number: a page that was changed by hand, or not written anew, is found."""
+    template = (ROOT / "docs/paper.md.in").read_text()
+    fixed = [line for line in template.splitlines() if line and not re.search(r"\{[{%]", line)]
+    assert len(fixed) > 50
+    page = iter((ROOT / "docs/paper.md").read_text().splitlines())
+    assert [line for line in fixed if line not in page] == []
+
+
+def test_statements_in_words_are_those_without_a_number_of_the_paper():
+    rows = [number("RMS, mm", Spread(0.2, 0.1, 0.3), 0.15), statement_row("GCO is conservative", True, 1.0)]
+    found = write_paper.in_words(verdict_table(rows))
+    assert [row.claim for row in found.rows] == ["GCO is conservative"]
+    assert [column.name for column in found.columns] == ["claim", "holds", "verdict"]
+    assert [column.name for column in write_paper.only(found, "claim verdict").columns] == [
+        "claim",
+        "verdict",
+    ]
 
 
 def test_verdicts_of_the_article_are_those_of_the_studies():
