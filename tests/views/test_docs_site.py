@@ -14,6 +14,7 @@ LOOKED_AT = (
     "index",
     "start",
     "identify",
+    "formats",
     "leaderboard",
     "mathematics/estimation",
     "studies/gravity_calibration",
