@@ -116,7 +116,7 @@ def _checked_dual(regression: Regression, dual: Dual) -> Dual:
     """Check a dual from outside: its vectors may be longer than one only by rounding."""
     terms = len(regression.terms)
     y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
-    rest = check_array(dual.y_unexplained, (terms,), "dual.y_rest")
+    rest = check_array(dual.y_unexplained, (terms,), "dual.y_unexplained")
     longest = float(np.hypot(np.linalg.norm(y, axis=1), rest).max())
     if longest > MAX_DUAL_LENGTH:
         raise BenchError(f"dual: expected vectors of length 1 at most, got one of {longest:.9g}")

@@ -185,10 +185,10 @@ def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500,
 
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
-    s = laws.with_joint_laws(all153(kr500.arm), kr500.arm)
+    s = laws.with_laws(all153(kr500.arm), kr500.arm)
     assert s.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
     assert s.labels[-1] == "joint_2 compensator"
-    assert laws.with_joint_laws(s, kr500.arm) is s
+    assert laws.with_laws(s, kr500.arm) is s
     assert laws.without_laws(s) is laws.without_laws(s)  # what is remembered of a structure is of use
     assert laws.without_laws(laws.without_laws(s)) is laws.without_laws(s)
     for estimator in (least_squares, gco):
@@ -243,7 +243,7 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
 
 
 def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(kr500, campaigns):
-    data, s = campaigns["all"][0], laws.with_joint_laws(all153(kr500.arm), kr500.arm)
+    data, s = campaigns["all"][0], laws.with_laws(all153(kr500.arm), kr500.arm)
     priors = [Prior("scaled", scale * kr500.arm.C_theta) for scale in (1, 3)]
     found = [with_prior(gco, own)(kr500.vjm, s, data) for own in priors]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())

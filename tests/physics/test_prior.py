@@ -615,7 +615,9 @@ def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(
     """Of links and joints: the evidence by the prior alone is log 1, the factor of all blocks held."""
     s = with_laws(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
     seen = hierarchy.prior_evidence(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
-    mute = replace(seen.evidence, gram=0 * seen.evidence.gram, counts=0 * seen.evidence.equation_counts)
+    mute = replace(
+        seen.evidence, gram=0 * seen.evidence.gram, equation_counts=0 * seen.evidence.equation_counts
+    )
     h = np.r_[np.zeros(len(seen.medians) - 3), seen.medians[-3:-1], 0.0]
     for k in range(2, seen.scale_kinds.max() + 1):  # sizes of laws beside the prior's
         own = math.log(hierarchy._law_sizes(seen.scaling)[k - 2][0])

@@ -42,7 +42,7 @@ def test_beams_stand_at_their_frames_and_have_their_true_diameter(folder):
     checked, chunks = check("kr500_l480"), sound(folder / "recording.rrd", "Warnings: 0.")
     poses = [1, 0, 1]  # the one of median sag first, then in order
     tubes = columns(on(chunks, "typical_first"), "/world/poses/tubes")
-    arrows = columns(on(chunks, "typical_first"), "/world/poses/axes_in_beam")
+    arrows = columns(on(chunks, "typical_first"), "/world/poses/beam_axes")
     for rank, pose in enumerate(poses):
         k = tubes["typical_first"].index(rank)
         strips = np.array(tubes["LineStrips3D:strips"][k])

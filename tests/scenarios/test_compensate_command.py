@@ -393,7 +393,7 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
             f"| {k + 2} | {k + 1} | {before[k]:.3f} | {most[k]:.3f} | {half[k]:.3f} |"
             for k in np.argsort(before)[::-1]
         ),
-        "| what | median, mm | largest, mm |",
+        "| what | median over the points, mm | largest, mm |",
         *(f"| {name} | {np.median(mm):.3f} | {max(mm):.3f} |" for name, mm in sizes.items()),
     ):
         assert f"{line}\n" in f"{text}\n", line

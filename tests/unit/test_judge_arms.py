@@ -72,13 +72,9 @@ def test_at_the_default_s_threshold_a_line_holds_the_default_s_error(kr500, kind
     assert row["covered_at"][8] == row["covered"]
 
 
-def test_tables_are_written_between_their_marks_or_beside_the_page(tmp_path):
-    (tmp_path / "judged").mkdir()
-    page = tmp_path / "page.md"
-    page.write_text("Before.\n\n<!-- judged default -->\nold\n\n<!-- end -->\n\nAfter.\n")
-    judge.write({"default": [["a", "b"], ["1", "2"]], "scales": [["c"], ["3, 4"]]}, page)
-    lines = page.read_text().splitlines()
-    assert (lines[0], lines[3], lines[5], lines[-1]) == ("Before.", "| a | b |", "| 1 | 2 |", "After.")
-    assert "old" not in lines
-    assert [own.name for own in (tmp_path / "judged").iterdir()] == ["scales.csv"]
-    assert (tmp_path / "judged" / "scales.csv").read_text() == 'c\n"3, 4"\n'
+def test_every_table_is_a_csv_file_of_its_own(tmp_path):
+    judge.write({"default": [["a", "b"], ["1", "2"]], "scales": [["c"], ["3, 4"]]}, tmp_path)
+    assert {own.name: own.read_text() for own in tmp_path.iterdir()} == {
+        "default.csv": "a,b\n1,2\n",
+        "scales.csv": 'c\n"3, 4"\n',
+    }
