@@ -23,7 +23,7 @@ from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
 POWER = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
-MAX_GROWTH = 1e3  #: Growth of M up to which gains are updated [1]: N loses the digits of its square.
+MIN_ACCURACY = 1e-3  #: Accuracy of K down to which gains are updated [1]: N loses the digits of its square.
 SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
 
 
@@ -305,17 +305,16 @@ def gram_matrices(rows: Array) -> Array:
 class Gains:
     """Hold the reduction of tr(W M^-1) by each candidate: tr(K^-1 N).
 
-    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that grows by a few rows; see `grow`.
+    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that changes by a few rows; see `update`.
     """
 
     rows: Array  #: Whitened rows F, (candidates, k, r).
     W: Array  #: Weight of the linear criterion, (r, r).
-    M: Array  #: Information matrix, (r, r).
     I: Array  # noqa: E741 - as in the books; the inverse of M, (r, r)
     K: Array  #: (k, k, candidates).
     N: Array  #: (k, k, candidates).
-    #: Factor by which M grew at most along a direction since K and N were computed from it [1].
-    growth: float = 1.0
+    #: Share of the digits of K that updates left [1]; 1 where K and N were computed from M itself.
+    accuracy: float = 1.0
 
     def with_candidate(self) -> Array:
         """Compute 1 / tr(W M^-1) with one more candidate.
@@ -359,39 +358,46 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
         for block in in_blocks(rows)
     ]
     products = np.ascontiguousarray(np.concatenate(blocks).transpose(1, 2, 0))
-    return Gains(rows, W, M, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
+    return Gains(rows, W, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
 
 
-def grow(gains: Gains, rows: Array) -> Gains:
-    """Compute the gains after some rows were read, by Woodbury's formula.
+def update(gains: Gains, M: Array, rows: Array, signs: Array) -> Gains:
+    """Compute the gains after some rows were added to M or removed from it, by Woodbury's formula.
 
-    With U = I f^T, V = I W U and S = 1 + f U the new inverse is I - U S^-1 U^T. So K and N of every candidate
-    change by products of F U and F V, which are as narrow as f. Where M has grown by more than `MAX_GROWTH`
-    along a direction, differences would lose too many digits, and all is computed from M.
+    With the rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new inverse is I - U S^-1 U^T.
+    So K and N of every candidate change by products of F U and F V, which are as narrow as f. Where updates
+    would lose too many digits, all is computed from M.
+
+    Mathematics: `pose-7`.
 
     Args:
         gains: Gains before.
-        rows: Whitened rows f that are read, (k, r).
+        M: Information matrix after, (r, r).
+        rows: Whitened rows f, (k, r).
+        signs: 1 for a row that is added, -1 for one that is removed, (k,).
 
     Returns:
-        Gains at M + f^T f.
+        Gains at M.
     """
-    M, k, U = gains.M + rows.T @ rows, len(rows), gains.I @ rows.T
-    S = np.eye(k) + rows @ U
-    growth = gains.growth * float(np.linalg.eigvalsh(S)[-1])
-    if not growth < MAX_GROWTH:
+    U = gains.I @ rows.T
+    S = np.diag(signs) + rows @ U
+    # M grows or shrinks along k directions by the eigenvalues of D S: differences lose that many digits
+    change = np.linalg.eigvals(signs[:, None] * S).real
+    accuracy = gains.accuracy * float(min(change.min(), 1 / max(change.max(), 1.0)))
+    if not accuracy > MIN_ACCURACY:
         return gains_of(M, gains.rows, gains.W)
-    products = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
-    T, R = np.ascontiguousarray(products[:, :k]), products[:, k:]
-    X = np.einsum("ilp,lj->ijp", T, np.linalg.inv(S))
-    half = np.einsum("ilp,jlp->ijp", X, R - np.einsum("ilp,lj->ijp", X, U.T @ gains.W @ U / 2))
+    # T = (F U)^T and R = (F V)^T of every candidate, (k of f, k of F, candidates), and X = S^-1 T
+    products = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)]))
+    T, R = np.split(np.ascontiguousarray(products.transpose(2, 1, 0)), 2)
+    X = np.tensordot(np.linalg.inv(S), T, 1)
+    # K - T^T X, and N - half - half^T where half = X^T (R - U^T W U X / 2)
+    half = np.einsum("lip,ljp->ijp", X, R - np.tensordot(U.T @ gains.W @ U / 2, X, 1))
     return replace(
         gains,
-        M=M,
-        I=np.asarray(np.linalg.inv(M)),
-        K=gains.K - np.einsum("ilp,jlp->ijp", X, T),
+        I=gains.I - U @ np.linalg.solve(S, U.T),
+        K=gains.K - np.einsum("lip,ljp->ijp", X, T),
         N=gains.N - half - half.swapaxes(0, 1),
-        growth=growth,
+        accuracy=accuracy,
     )
 
 

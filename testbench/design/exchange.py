@@ -10,8 +10,8 @@ second derivatives but more steps.
 
 Whole poses are chosen by Fedorov's exchange (1972) and Mitchell's DETMAX (1974), from a greedy start and from
 several starts by the relaxed weights. The pose that another candidate replaces best is exchanged, until no
-exchange of one pose helps. Every trial is an update of rank k of the information matrix. A tangent of the
-criterion selects the trials that can help.
+exchange of one pose helps. Every trial is an update of rank k of the information matrix. Of a linear
+criterion all trials are computed; of the others a tangent selects those that can help.
 
 Local refinement then improves the joint angles pose by pose. It is a random search with a shrinking step, an
 evolution strategy with one parent. Updates of the information matrix judge many neighbours of a pose at once;
@@ -38,7 +38,7 @@ from testbench.design.criteria import (
     LinearCriterion,
     gains_of,
     gram_matrices,
-    grow,
+    update,
 )
 from testbench.design.rows import (
     DesignProblem,
@@ -280,15 +280,13 @@ def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int
         plan[k] = worth.argmax()
         added = rows[plan[k]]
         M = M + added.T @ added
-        gains = None if gains is None or k == poses - 1 else grow(gains, added)
+        if gains is not None and k < poses - 1:
+            gains = update(gains, M, added, np.ones(len(added)))
     return plan
 
 
 def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
     """Improve a plan by exchanging one pose for one candidate until no exchange helps (Fedorov 1972).
-
-    Phi of any M is at most <Z, M> with Z of a tangent taken at any point. A tangent, even one of some
-    exchanges ago, therefore shows which candidates can help.
 
     Mathematics: `pose-10`.
 
@@ -301,14 +299,48 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
     Returns:
         Indices into rows of the improved plan, (poses,).
     """
-    plan, left = plan.copy(), len(plan)
-    M = sum_information(problem.prior, rows[plan])
-    value, Z, fresh = criterion.information(M), criterion.tangent(M).Z, True
-    useful, before, after = sensitivity(rows, Z), problem.prior, remaining_information(rows[plan])
+    if isinstance(criterion, LinearCriterion):
+        return _exchange_linear(problem.prior, criterion.W, rows, plan.copy())
+    return _exchange_promising(problem.prior, criterion, rows, plan.copy())
+
+
+def _exchange_linear(prior: Array, W: Array, rows: Array, plan: Ids) -> Ids:
+    """Exchange by a linear criterion, whose gains of all candidates follow the plan; see `exchange`."""
+    one, left = np.ones(rows.shape[1]), len(plan)
+    gains = gains_of(sum_information(prior, rows[plan]), rows, W)
+    before, after = prior, remaining_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
         if k == 0:
-            before, after = problem.prior, remaining_information(rows[plan])
+            before, after = prior, remaining_information(rows[plan])
+        rest, replaced = before + after[k + 1], rows[plan[k]]
+        # Phi with every candidate in place of k; if the best one is better it stays there, and all poses are
+        # tried again
+        reached = update(gains, rest, replaced, -one).with_candidate()
+        best, left = int(reached.argmax()), left - 1
+        if reached[best] > (1 + MIN_GAIN) * reached[plan[k]]:
+            M, changed = rest + rows[best].T @ rows[best], np.concatenate([rows[best], replaced])
+            gains, plan[k], left = update(gains, M, changed, np.r_[one, -one]), best, len(plan)
+        elif left == 0:
+            break
+        before = before + rows[plan[k]].T @ rows[plan[k]]
+    return plan
+
+
+def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
+    """Exchange by any criterion, which is computed for the promising candidates; see `exchange`.
+
+    Phi of any M is at most <Z, M> with Z of a tangent taken at any point. A tangent, even one of some
+    exchanges ago, therefore shows which candidates can help.
+    """
+    left = len(plan)
+    M = sum_information(prior, rows[plan])
+    value, Z, fresh = criterion.information(M), criterion.tangent(M).Z, True
+    useful, before, after = sensitivity(rows, Z), prior, remaining_information(rows[plan])
+    # `before` and `after` sum the information of the poses before and behind k: the plan without k
+    for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
+        if k == 0:
+            before, after = prior, remaining_information(rows[plan])
         # promising candidates: in place of k they lift the plane, a bound of Phi, above Phi of the plan
         floor, rest = (1 + MIN_GAIN) * value, before + after[k + 1]
         promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)

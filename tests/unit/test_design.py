@@ -13,8 +13,8 @@ from testbench.design.criteria import (
     criterion_g,
     criterion_of,
     gains_of,
-    grow,
     mean_square,
+    update,
 )
 from testbench.design.exchange import (
     Feasibility,
@@ -126,14 +126,24 @@ def test_greedy_takes_the_best_next_one(criterion, prior):
 
 @pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
 def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
-    problem, W, read = random_problem(30, 3, prior), criteria()[4].W, rng(1).integers(0, 30, 15)
-    gains = gains_of(problem.prior, problem.rows, W)
-    for k in read:
-        gains = grow(gains, problem.rows[k])
-    M = information(problem, read)
-    np.testing.assert_allclose(gains.M, M, rtol=1e-12)
-    left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
-    np.testing.assert_allclose(gains.reductions(), np.trace(W @ np.linalg.inv(M)) - left, rtol=1e-9)
+    """Poses are added one by one, exchanged for others, and removed down to the last three."""
+    problem, W, (first, second) = (
+        random_problem(30, 3, prior),
+        criteria()[4].W,
+        rng(1).integers(0, 30, (2, 8)),
+    )
+    gains, plan, one = gains_of(problem.prior, problem.rows, W), [], np.ones(K)
+    steps = [*(([j], []) for j in first), *(([j], [i]) for i, j in zip(first, second, strict=True))]
+    for added, removed in [*steps, *(([], [j]) for j in second[:5])]:
+        plan = [*plan, *added]
+        for j in removed:
+            plan.remove(j)
+        rows = np.concatenate([np.zeros((0, R)), *problem.rows[added], *problem.rows[removed]])
+        M = information(problem, plan)
+        gains = update(gains, M, rows, np.r_[np.tile(one, len(added)), np.tile(-one, len(removed))])
+        if len(plan) >= 3:  # fewer do not show all directions: rounding of the direct sum shows
+            left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
+            np.testing.assert_allclose(gains.with_candidate(), 1 / np.array(left), rtol=1e-8)
 
 
 def test_candidates_in_several_blocks_are_judged_as_each_alone():
