@@ -176,9 +176,11 @@ def _rows(
     equilibrium, scaling = nominal_chain(experiment.vjm, q, [load.for_poses(len(q))]), experiment.scaling
     unknowns = compliance_unknowns(experiment.vjm, scaling.structure)
     A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
-    twist = np.einsum("rxy,sxcr->rsyc", equilibrium.chain.rotation, A, optimize=True)
-    flat = twist.reshape(len(q), 6, -1)
-    return np.asarray(motion @ (flat @ scaling.L if basis is None else row_products(flat, scaling.L @ basis)))
+    # twist in world axes, pose by pose, then the motion of its turned translation and rotation
+    twist = np.ascontiguousarray(A.transpose(3, 0, 1, 2)).reshape(len(q), 6, -1)
+    turned = np.einsum("ksy,rxy->rksx", motion.reshape(-1, 2, 3), equilibrium.chain.rotation)
+    X = scaling.L if basis is None else scaling.L @ basis
+    return np.asarray(turned.reshape(len(q), -1, 6) @ row_products(twist, X))
 
 
 def row_products(rows: Array, X: Array) -> Array:
@@ -226,9 +228,9 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
         BenchError: When no candidate moves a target.
     """
     n = rows.shape[-1]
-    # directions of x that the candidates show, and the rest
-    R: Array = np.asarray(np.linalg.qr(rows.reshape(-1, n), mode="r"))
-    _, s, Vt = np.linalg.svd(R)
+    # directions of x that the candidates show, and the rest, by the triangular factor of the blocks' factors
+    factors = [np.linalg.qr(block.reshape(-1, n), mode="r") for block in in_blocks(rows)]
+    _, s, Vt = np.linalg.svd(np.linalg.qr(np.concatenate(factors), mode="r"))
     if not s[0] > 0:
         raise BenchError("candidates: expected loads that move a target; these change no reading")
     r = int((s > RANK_TOLERANCE * s[0]).sum())
