@@ -322,8 +322,9 @@ def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) 
             word = place_map.worst_is if line is place_map.lines[-1] else "worst"
             over = place_map.at[[k]] + [0, 0, 3 * BALL * size]
             pen.names(f"{path}/worst", over, [f"{word} {own}"], SCALE[-1])
-            name = as_markdown(names[k][:1].lower() + names[k][1:])  # within a sentence
-            said.append(f"- {as_markdown(line.words)}: {own}, {name}, {place(place_map.at[k])}")
+            said.append(
+                f"- {as_markdown(line.words)}: {own}, {as_markdown(names[k])}, {place(place_map.at[k])}"
+            )
     if place_map.difference:
         said.append(_write_difference(pen, place_map, size))
     key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
