@@ -68,7 +68,8 @@ def command(asked: CompareOptions) -> None:
                 refuse_unlike([a, b])
             said = report(a, b)
         flags = {"A": {str(a.folder): a.digest}, "B": {str(b.folder): b.digest}}
-        request = RunRequest(COMMAND, "runs", flags, [], PICTURE, draw=_figures)
+        names = f"{a.folder.name} (A), {b.folder.name} (B)"
+        request = RunRequest(COMMAND, names, flags, [], PICTURE, draw=_figures)
         write_run(out, request, said, PageContent())
         lines = [
             *terminal.as_plain(said.title).split("; "),
@@ -143,7 +144,10 @@ def report(a: Finished, b: Finished) -> Report:
     tables = {name: table for name, table in tables.items() if table.rows}
     return Report(
         scenario="compare",
-        question=Markdown("Do A and B differ, and which has the smaller error?"),
+        question=say(
+            "Do {a} (A) and {b} (B) differ, and which has the smaller error?",
+            Row(a=a.folder.name, b=b.folder.name),
+        ),
         title=say("A: {a} ({x}, seeds {s}); B: {b} ({y}, seeds {t})", _made(a, b)),
         answer=answer,
         claims=[say("These models are in only one of the runs: {only:list}.", only=only)]

@@ -356,6 +356,16 @@ def test_models_are_bars_from_zero_each_with_its_name_and_number(seen, tmp_path)
     assert reached[1] / reached[0] == pytest.approx(4.0)
 
 
+def test_ratios_are_dots_beside_a_line_at_one(seen, tmp_path):
+    rows = [Row(name=own.name, structure="MGCO56", constraint="psd", prior=False, ratio=x)
+            for own, x in zip(seen.runs[0].lines, (0.5, 2.0), strict=True)]  # fmt: skip
+    table = Table((TableColumn("name", "model"), TableColumn("ratio", "ratio")), rows, "Models", "", "ratio")
+    chunks = sound(written(tmp_path / "a.rrd", replace(seen, tables=[table])), "It is 3.000 mm off.")
+    [[line]] = columns(chunks, "/models/lines")["LineStrips2D:strips"]
+    half, twice = np.sort(np.array(columns(chunks, "/models/dots")["Points2D:positions"][0])[:, 0])
+    assert np.array(line)[:, 0] == pytest.approx((half + twice) / 2)  # on a logarithmic axis
+
+
 def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_of_its_own(seen, tmp_path):
     rows = [
         Row(name=own.name, structure="MGCO56", constraint="psd", prior=False, error=x, conservative=x < 0.2)

@@ -36,7 +36,7 @@ from testbench.report.colours import (
     TASK,
     Colour,
 )
-from testbench.report.figure import Figure, forest_pane, log_ticks, row_head
+from testbench.report.figure import RATIO, SOFT, Figure, forest_pane, log_ticks, row_head
 from testbench.report.markdown import Markdown, ReportWords, as_markdown, capital, grid
 from testbench.report.recording.stream import Pen, RecordingHeader, recording, snake, text_view
 from testbench.report.recording.world import (
@@ -497,7 +497,10 @@ def _models(pen: Pen, tables: Sequence[Table], *, alone: bool) -> list[tuple[rrb
     forest_pane(axes, table, column)
     low, high = axes.dataLim.intervalx.tolist()
     sizes = [middle(column.value(row)) for row in table.rows]
-    if high > FAR * low > 0:
+    if column.key == RATIO:
+        axes.axvline(1, color=SOFT)
+        log_ticks(axes, "x", min(low, 1.0), max(high, 1.0))
+    elif high > FAR * low > 0:
         log_ticks(axes, "x", low, high)
     else:
         colours = [table.looks[name.cell(row)].hex for row in table.rows]
