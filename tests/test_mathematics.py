@@ -62,16 +62,16 @@ def test_every_equation_has_a_label_in_turn_and_a_function(page):
     assert all(found.values())
 
 
-def test_constants_have_the_values_and_places_of_the_table():
-    with (ROOT / "docs/mathematics/constants.csv").open(encoding="utf-8") as file:
-        table = list(csv.DictReader(file))
+def test_constants_have_the_values_and_places_of_the_tables():
+    files = sorted((ROOT / "docs/mathematics/constants").glob("*.csv"))
+    assert [f":file: constants/{file.name}" in PAGES["constants"] for file in files] == [True] * len(files)
+    table = [row for file in files for row in csv.DictReader(file.read_text(encoding="utf-8").splitlines())]
     assert len(table) > 70
     for row in table:
-        [name], values = NAME.findall(row["constant"]), [float(x) for x in row["value"].split(",")]
+        name, values = row["constant"].strip("`"), [float(x) for x in row["value"].split(",")]
         module, _, constant = name.rpartition(".")
-        found = np.ravel(getattr(importlib.import_module(module), constant))
+        found = np.ravel(getattr(importlib.import_module(f"testbench.{module}"), constant))
         np.testing.assert_allclose(found, values, rtol=1e-4, err_msg=name)
-        assert row["page"] in PAGES
         assert row["evidence"]
 
 
