@@ -27,7 +27,7 @@ from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
 from testbench.files.rearranged import clock, seconds
 from testbench.model.kinematics import build_vjm
-from testbench.model.vjm import marker_points, tool_points, tool_pose
+from testbench.model.vjm import marker_points, rotation_matrices, tool_points, tool_pose
 
 # --- Readings other than positions: orientations in any notation, joint torques, temperature, time ----------
 
@@ -124,13 +124,13 @@ def _angles(columns: Columns, found: list[ReadColumn]) -> tuple[Array, Mask]:
 
 def _from_angles(columns: Columns, notation: str) -> Array:
     """Convert three angles in a notation."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
-
     found = [c for c in columns.all_of("rotation") if not c.slot.when]
     angles, there = _angles(columns, found)
     if notation == "vector":
-        rotation = Rotation.from_rotvec(angles).as_matrix()
+        rotation = rotation_matrices(angles)
     else:
+        from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
         kind, axes = notation.split()
         if axes[1] in (axes[0], axes[2]):
             raise columns.map_error("series.rotation", f"no Euler angles {axes!r}")
@@ -157,7 +157,7 @@ def _unsaid(columns: Columns) -> str:
 
 
 def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:
-    from scipy.spatial.transform import Rotation  # here: the same
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
     norm = np.linalg.norm(np.clip(values, -MAX_RADIANS, MAX_RADIANS), axis=1)
     columns.table.refuse(
@@ -514,7 +514,7 @@ def notations(angles: Array, by_axis: bool) -> dict[str, Array]:
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
-    found = {"vector": Rotation.from_rotvec(angles).as_matrix()}
+    found = {"vector": rotation_matrices(angles)}
     for kind, order in product(("intrinsic", "extrinsic"), ORDERS):
         if by_axis and order[0] == order[2]:
             continue

@@ -22,6 +22,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from testbench.arm.document import StrictModel, is_decimal, parse_toml
 from testbench.errors import Array, Ids, InputError, read_bytes, read_text
+from testbench.model.vjm import rotation_matrices
 
 # --- Conventions of the languages --------------------------------------------------------------------------
 
@@ -206,13 +207,13 @@ class Language(StrictModel):
         Returns:
             Rotation matrices, (points, 3, 3).
         """
+        if self.rotation == "vector":
+            return rotation_matrices(values / self.per_radian)
         from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
         if self.rotation == "quaternion":
             return np.asarray(Rotation.from_quat(values[:, [1, 2, 3, 0]]).as_matrix())
         angles = values / self.per_radian
-        if self.rotation == "vector":
-            return np.asarray(Rotation.from_rotvec(angles).as_matrix())
         return np.asarray(Rotation.from_euler(self._order(), angles).as_matrix())
 
     def orientations(self, rotation: Array) -> Array:

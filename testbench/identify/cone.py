@@ -15,7 +15,6 @@ from typing import Literal
 
 import clarabel
 import numpy as np
-from scipy import sparse
 
 from testbench.errors import Array, Ids
 
@@ -264,6 +263,8 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
     Returns:
         The solver, not yet run.
     """
+    from scipy import sparse  # here: it takes long to import, and who uses a model solves no program
+
     n, rows = len(problem.cost), list(problem.constraints)
     for block in problem.blocks:
         if block.matrix_order:

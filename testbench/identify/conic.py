@@ -28,7 +28,14 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify import cone
-from testbench.identify.estimate import Certificate, Dual, Estimate, TracePenalty, make_estimate
+from testbench.identify.estimate import (
+    Certificate,
+    Dual,
+    Estimate,
+    TracePenalty,
+    make_estimate,
+    sensitivity_units,
+)
 from testbench.identify.interior import TINY, BlockProgram, solve_program
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import PAPER_GCO, Structure
@@ -288,8 +295,6 @@ INTERIOR_POINT_GAP = (
 )
 #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
 SQUARED_RESIDUAL_SCALE = 100.0
-UNOBSERVED_SCALING_SENSITIVITY = 1e-3
-"""Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
 
 @dataclass(frozen=True)
@@ -519,28 +524,6 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
 def _restricted(structure: Structure, columns: bytes) -> Structure:
     """Restrict a structure to some parameters; cached, because its properties are computed only once."""
     return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
-
-
-def sensitivity_units(
-    regression: Regression, f_m_unit: float = 1.0, penalty: TracePenalty | None = None
-) -> Array:
-    """Compute units of pi in which all parameters change F_M equally: C = unit d X d^T.
-
-    d^-2 is the change of F_M and of the trace term with each diagonal entry. This is a congruence, so that X
-    is positive semi-definite where C is.
-
-    Args:
-        regression: The reduced dataset.
-        f_m_unit: Unit of F_M [1].
-        penalty: The trace term; None for none.
-
-    Returns:
-        Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
-    """
-    s, weight = regression.structure, regression.weight
-    trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
-    d = 1 / np.sqrt(np.maximum(weight, UNOBSERVED_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
-    return np.asarray(f_m_unit * d[s.a] * d[s.b])
 
 
 def norm_constraints(R: Array, z: Array, unexplained: Array) -> tuple[cone.ConeConstraint, ...]:

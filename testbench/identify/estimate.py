@@ -15,7 +15,6 @@ from functools import cached_property, lru_cache
 from typing import get_args
 
 import numpy as np
-from scipy.special import ndtr
 
 from testbench.arm.elastic import SYMMETRY_TOLERANCE, unit_diagonal_scale
 from testbench.data.dataset import Dataset
@@ -79,6 +78,32 @@ class TracePenalty:
         """
         terms = (replace(term, R=term.R @ self.pi_per_split) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
+
+
+UNOBSERVED_SCALING_SENSITIVITY = 1e-3
+"""Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
+
+
+def sensitivity_units(
+    regression: Regression, f_m_unit: float = 1.0, penalty: TracePenalty | None = None
+) -> Array:
+    """Compute units of pi in which all parameters change F_M equally: C = unit d X d^T.
+
+    d^-2 is the change of F_M and of the trace term with each diagonal entry. This is a congruence, so that X
+    is positive semi-definite where C is.
+
+    Args:
+        regression: The reduced dataset.
+        f_m_unit: Unit of F_M [1].
+        penalty: The trace term; None for none.
+
+    Returns:
+        Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
+    """
+    s, weight = regression.structure, regression.weight
+    trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
+    d = 1 / np.sqrt(np.maximum(weight, UNOBSERVED_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
+    return np.asarray(f_m_unit * d[s.a] * d[s.b])
 
 
 @dataclass(frozen=True, repr=False)
@@ -430,6 +455,8 @@ def _null_distances(n: int) -> Array:
 
 def _distance(samples: Array) -> Array:
     """Compute D of every sample, (k, n) -> (k,)."""
+    from scipy.special import ndtr  # here: it takes long to import, and who uses a model tests no residuals
+
     centred = samples - samples.mean(axis=1, keepdims=True)
     normal = ndtr(np.sort(centred, axis=1) / samples.std(axis=1, ddof=1, keepdims=True))
     n = samples.shape[1]

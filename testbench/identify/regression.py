@@ -14,11 +14,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import qr
-from scipy.linalg.lapack import dtpqrt
-from scipy.sparse import block_diag, csr_array
 
 from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.display import Displayed
@@ -46,6 +44,9 @@ from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+
+if TYPE_CHECKING:  # scipy takes long to import, and who uses a model needs it not
+    from scipy.sparse import csr_array
 
 # --- A reduced dataset: the triangular factors of its weighted rows, Eq. (13) -------------------------------
 
@@ -279,6 +280,8 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
     Returns:
         The structure of the kept parameters.
     """
+    from scipy.linalg import qr  # here: see above
+
     A = generic_rows(vjm, structure)
     A = A / np.linalg.norm(A, axis=0)
     _, order = qr(A, mode="r", pivoting=True)
@@ -335,6 +338,8 @@ class TriangularFactors:
             part: Number of the part.
             lines: The rows, transposed, (columns, rows) [1].
         """
+        from scipy.linalg.lapack import dtpqrt  # here: see above
+
         n, at = self.columns, (kind, part)
         T = self.factors.get(at, np.zeros((0, n)))
         if len(T) < n:
@@ -570,7 +575,7 @@ class ReducedReadings:
         """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
         return sum_gram(self.parts)
 
-    def in_basis(self, basis: csr_array) -> "ReducedReadings":
+    def in_basis(self, basis: "csr_array") -> "ReducedReadings":
         """Transform the equations to other unknowns z, x = basis @ z.
 
         Args:
@@ -579,6 +584,8 @@ class ReducedReadings:
         Returns:
             The equations in z.
         """
+        from scipy.sparse import block_diag  # here: see above
+
         B = block_diag((basis, 1.0), format="csr").T
         grams = [np.array([B @ np.asarray(B @ rotated).T for rotated in block.gram]) for block in self.parts]
         parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))

@@ -38,7 +38,6 @@ from testbench.identify.conic import (
     EXACT_FIT_SHARE,
     block_parameters,
     clip_negative_eigenvalues,
-    sensitivity_units,
     solve_gco,
 )
 from testbench.identify.equations import WeightedReadings, single_readings
@@ -49,6 +48,7 @@ from testbench.identify.estimate import (
     RejectedReading,
     TracePenalty,
     make_estimate,
+    sensitivity_units,
 )
 from testbench.identify.interior import least_squares_on_cone
 from testbench.identify.observability import null_space

@@ -1,6 +1,6 @@
 """Appearance of the arm: geoms of its rigid MJCF, their surfaces, and poses of all bodies.
 
-Hulls are computed by Qhull, not by trimesh, which perturbs flat points until they have a hull.
+Hulls of meshes are computed by Qhull, not by trimesh, which perturbs flat points until they have a hull.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,6 +29,10 @@ GEOM_KINDS: dict[int, GeomKind] = {
 }
 """Geoms that are drawn; a plane is the floor."""
 
+Faces = Ids
+Surface = tuple[Array, Faces]
+"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
+FLAT = 1e-9  #: Area of a triangle over the largest one of its surface below which it has none [1].
 STICK_RADIUS = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 
 
@@ -215,10 +219,30 @@ def rotation_of(quaternion: Array) -> Array:
 
 
 def quaternions(R: Array) -> Array:
-    """Convert rotation matrices, (..., 3, 3), to quaternions (x, y, z, w), (..., 4) [1]."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few commands draw
+    """Convert rotation matrices to quaternions q, each with a positive largest component.
 
-    return np.asarray(Rotation.from_matrix(R).as_quat())
+    Every row of the symmetric matrix 4 q q^T is q times one of its components; the row of the largest one is
+    normalised.
+
+    Args:
+        R: Rotation matrices, (..., 3, 3) [1].
+
+    Returns:
+        Quaternions (x, y, z, w), (..., 4) [1].
+    """
+    xx, yy, zz = (R[..., k, k] for k in range(3))
+    xy, yz, zx = (R[..., j, i] + R[..., i, j] for i, j in ((0, 1), (1, 2), (2, 0)))
+    xw, yw, zw = (R[..., j, i] - R[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1)))
+    products = [
+        [1 + xx - yy - zz, xy, zx, xw],
+        [xy, 1 - xx + yy - zz, yz, yw],
+        [zx, yz, 1 - xx - yy + zz, zw],
+        [xw, yw, zw, 1 + xx + yy + zz],
+    ]
+    outer = np.moveaxis(np.array(products), (0, 1), (-2, -1))
+    largest = np.diagonal(outer, axis1=-2, axis2=-1).argmax(axis=-1)
+    q = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
 def rigid_frames(site: Site, q: Array) -> BodyFrames:
@@ -286,38 +310,60 @@ def _frames(
 
 CIRCLE_ANGLES = 2 * np.pi * np.arange(24) / 24
 CIRCLE = np.column_stack([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES), np.zeros_like(CIRCLE_ANGLES)])
-SPHERE = np.concatenate(
-    [np.cos(t) * CIRCLE + [0, 0, np.sin(t)] for t in np.linspace(-np.pi / 2, np.pi / 2, 13)]
-)
-CUBE_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+SPHERE = np.array([np.cos(t) * CIRCLE + [0, 0, np.sin(t)] for t in np.linspace(-np.pi / 2, np.pi / 2, 13)])
+"""Rings of a sphere of radius 1 from pole to pole, (13, 24, 3)."""
+CUBE = np.array([[[-1.0, -1, z], [1, -1, z], [1, 1, z], [-1, 1, z]] for z in (-1, 1)])
+"""Corners of the lower and of the upper face of a cube, (2, 4, 3)."""
 
 
-def _capped_ends(size: Array, cap: Array) -> Array:
-    """Compute points of two caps of the shape's radius at the ends of its half length."""
-    return np.concatenate([size[0] * cap + [0, 0, end * size[2]] for end in (-1, 1)])
+def _capped_ends(size: Array, lower: Array, upper: Array) -> Array:
+    """Put rings of the shape's radius at the ends of its half length."""
+    return np.concatenate([size[0] * lower - [0, 0, size[2]], size[0] * upper + [0, 0, size[2]]])
 
 
-SURFACE_POINTS: dict[GeomKind, Callable[[Array], Array]] = {
-    "box": lambda size: CUBE_CORNERS * size,
-    "cylinder": lambda size: _capped_ends(size, CIRCLE),
-    "capsule": lambda size: _capped_ends(size, SPHERE),
+RINGS: dict[GeomKind, Callable[[Array], Array]] = {
+    "box": lambda size: CUBE * size,
+    "cylinder": lambda size: _capped_ends(size, CIRCLE[None], CIRCLE[None]),
+    "capsule": lambda size: _capped_ends(size, SPHERE[:7], SPHERE[6:]),
     "sphere": lambda size: SPHERE * size,
     "ellipsoid": lambda size: SPHERE * size,
 }
-"""Surface points of a primitive by its half sizes, in its own axes."""
+"""Corners of a primitive by its half sizes, in its own axes: rings from below to above, counterclockwise."""
+
+
+def primitive_surface(kind: GeomKind, size: Array) -> Surface:
+    """Triangulate a primitive in its own axes: between its rings, and across the first and the last one.
+
+    Args:
+        kind: Kind of the geom, not a mesh.
+        size: Its half sizes, see `Shape.size`, (3,) [m].
+
+    Returns:
+        Corners and triangles, counterclockwise as seen from outside.
+    """
+    rings = RINGS[kind](size)
+    count, around, _ = rings.shape
+    low = np.arange((count - 1) * around).reshape(count - 1, around)
+    beside, high = np.roll(low, -1, axis=1), low + around
+    above = np.roll(high, -1, axis=1)
+    sides = np.stack([low, beside, above, low, above, high], axis=-1).reshape(-1, 3)
+    k = np.arange(1, around - 1)
+    bottom = np.column_stack([np.zeros_like(k), k + 1, k])
+    top = np.column_stack([np.zeros_like(k), k, k + 1]) + (count - 1) * around
+    corners, faces = rings.reshape(-1, 3), np.concatenate([bottom, sides, top])
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return corners, faces[area > FLAT * area.max()]  # at a pole all corners of a ring are one
 
 
 def corners(shape: Shape) -> Array:
     """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
-    points = SURFACE_POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
+    points = RINGS[shape.kind](shape.size).reshape(-1, 3) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + points @ shape.rotation.T)
 
 
 # --- Surfaces of triangles: convex hulls of points, and fewer triangles -------------------------------------
 
-Faces = Ids
-Surface = tuple[Array, Faces]
-"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 PLAUSIBLE = 300.0, 4000.0
 """Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
 SLACK = 5e-4
@@ -345,17 +391,21 @@ def hull_of(vertices: Array) -> Surface | None:
     return corners, outward(corners, faces.reshape(-1, 3))
 
 
-def hull_volume(vertices: Array) -> float:
-    """Compute the volume of the convex hull of points.
+def hull_volume(shape: Shape) -> float:
+    """Compute the volume of the convex hull of a shape, by the divergence theorem.
 
     Args:
-        vertices: The points, (v, 3) [m].
+        shape: The shape.
 
     Returns:
-        The volume [m^3]; 0 if the points are flat.
+        The volume [m^3]; 0 of a flat mesh.
     """
-    hull = _hull(vertices, _slack(vertices))
-    return 0.0 if hull is None else float(hull.volume)
+    own = shape.mesh
+    hull = primitive_surface(shape.kind, shape.size) if own is None else hull_of(own.vertices)
+    if hull is None:
+        return 0.0
+    a, b, c = hull[0][hull[1]].transpose(1, 0, 2)
+    return float(np.vecdot(a, np.cross(b, c)).sum() / 6)
 
 
 def outermost(vertices: Array) -> Array:

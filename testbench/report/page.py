@@ -24,9 +24,8 @@ from testbench.plant.shapes import (
     BodyFrames,
     Shape,
     Surface,
-    corners,
     decimated,
-    hull_of,
+    primitive_surface,
     quaternions,
     visual_shapes,
 )
@@ -290,9 +289,8 @@ def solid(shape: Shape) -> Surface:
     Of a mesh they are few, and corners that differ in their normals alone are one.
     """
     if shape.mesh is None:
-        hull = hull_of(corners(shape))
-        assert hull is not None  # a primitive has a volume
-        return hull
+        corners, faces = primitive_surface(shape.kind, shape.size)
+        return shape.position + corners @ shape.rotation.T, faces
     places, inverse = np.unique(shape.mesh.vertices, axis=0, return_inverse=True)
     thin, faces = decimated(places, inverse.ravel()[shape.mesh.faces], TRIANGLES)
     return shape.position + thin @ shape.rotation.T, faces

@@ -18,7 +18,6 @@ from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
-from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from testbench.errors import Array, Ids, Mask
 from testbench.plant.shapes import BodyFrames, corners, visual_shapes
@@ -69,6 +68,9 @@ from testbench.workflows.model_names import in_words, row_words
 
 DARK, LIGHT = 0.45, 0.85  #: Greys of dark and of bright parts [1].
 EDGE, THIN = 0.7, 0.4  #: Brightness of an outline over that of its face [1], and its width [pt].
+WAYS = np.array([np.cos(angles := np.deg2rad(np.arange(360.0))), np.sin(angles)])
+"""Unit vectors in a plane, one per degree, (2, 360) [1]."""
+AT_ONCE = 4_000  #: Most points of an outline that is computed in one step; 360 at most are left of them.
 
 
 def outlines(cell: Cell, frames: BodyFrames, pose: int, sides: Array) -> tuple[list[Array], Array]:
@@ -90,14 +92,22 @@ def outlines(cell: Cell, frames: BodyFrames, pose: int, sides: Array) -> tuple[l
         if shape.body in hidden:  # drawn by their roles
             continue
         points = frames.positions[pose, shape.body] + corners(shape) @ frames.rotations[pose, shape.body].T
-        flat = points @ sides.T
-        try:
-            hull = flat[ConvexHull(flat).vertices]
-        except QhullError:  # seen from its edge
-            continue
+        hull = _hull(points @ sides.T)
         found.append((float((points @ away).max()), hull, float(shape.rgba[:3] @ [0.299, 0.587, 0.114])))
     found.sort(key=lambda own: own[0])
     return [hull for _, hull, _ in found], np.array([bright for *_, bright in found])
+
+
+def _hull(flat: Array) -> Array:
+    """The points of a plane, (n, 2), that are the farthest in one of `WAYS`, counterclockwise.
+
+    A corner of the convex hull that is left out turns its edges by less than a degree, which is not seen.
+    """
+    if len(flat) > AT_ONCE:
+        blocks = np.array_split(flat, -(-len(flat) // AT_ONCE))
+        return _hull(np.concatenate([_hull(block) for block in blocks]))
+    farthest = (flat @ WAYS).argmax(axis=0)
+    return np.asarray(flat[farthest[farthest != np.roll(farthest, 1)]])
 
 
 def draw_arm(
@@ -613,6 +623,8 @@ def slice_of(at: Array, across: int, level: float, ends: Array) -> Slice:
         level: Where it does [m].
         ends: Least and greatest of what is drawn, (2, 3) [m].
     """
+    from scipy.spatial import KDTree  # here: it takes long to import, and few commands draw maps
+
     right, up = plane = (0, 1 if across == 2 else 2)
     x, y = (np.linspace(float(ends[0, axis]), float(ends[1, axis]), GRID) for axis in plane)
     points = np.full((GRID, GRID, 3), level)

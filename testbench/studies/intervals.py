@@ -25,11 +25,10 @@ from testbench.identify.conic import (
     EXACT_FIT_SHARE,
     norm_constraints,
     scaled_gco_program,
-    sensitivity_units,
     solve_gco,
     solve_gco_by_clarabel,
 )
-from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.estimate import Estimate, make_estimate, sensitivity_units
 from testbench.identify.interior import BlockProgram, solve_program
 from testbench.identify.method import least_squares
 from testbench.identify.posterior import Intervals, check_confidence, posterior_of_estimate

@@ -3,9 +3,9 @@
 import csv
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
-from scipy.special import ndtr
 
 from testbench.arm.folder import ArmJoint
 from testbench.correct.newton import equilibrium
@@ -183,7 +183,8 @@ def _chances(before: Sequence[float], half: Sequence[float]) -> Array:
         half: Half width of the 95 % interval along the worst axis, (n,) [mm].
     """
     with np.errstate(divide="ignore"):  # what has no error at all is sure
-        return np.asarray(ndtr(quantile(np.inf, (1 + CONFIDENCE) / 2) * np.divide(before, half) / 2))
+        deviations = quantile(np.inf, (1 + CONFIDENCE) / 2) * np.divide(before, half) / 2
+    return np.array([NormalDist().cdf(x) for x in deviations.tolist()])
 
 
 def _kept(points: Sequence[Row], mm: float) -> Row:

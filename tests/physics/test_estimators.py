@@ -7,8 +7,7 @@ import pytest
 
 from testbench.errors import BenchError
 from testbench.identify.cone import nearest_psd
-from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import deflections, deflections_of_models, make_estimate
+from testbench.identify.estimate import deflections, deflections_of_models, make_estimate, sensitivity_units
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
 from testbench.identify.observability import without_readings
 from testbench.identify.prior import cad_prior

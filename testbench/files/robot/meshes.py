@@ -12,11 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull
 
 from testbench.errors import Array, InputError, read_bytes
 from testbench.files.robot.robot import ImportedMesh, Note
-from testbench.plant.shapes import SURFACE_POINTS, Faces, GeomKind, Surface, half_sizes, outermost, outward
+from testbench.plant.shapes import Faces, GeomKind, Surface, half_sizes, outermost, primitive_surface
 
 MIN_INERTIA = 1e-9
 """Least moment of inertia of a body about any axis [kg m^2]."""
@@ -34,10 +33,10 @@ def primitive(kind: GeomKind, size: Array) -> ImportedMesh:
         size: Its half sizes or radius in MuJoCo's convention, (3,) [m].
 
     Returns:
-        The triangles of its convex hull.
+        Its triangles.
     """
-    corners = SURFACE_POINTS[kind](half_sizes(kind, size))
-    return ImportedMesh(corners, outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
+    corners, faces = primitive_surface(kind, half_sizes(kind, size))
+    return ImportedMesh(corners, faces, corners)
 
 
 def integrals(surface: Surface) -> Weighed:

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import helmert
 
 from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
@@ -103,6 +102,8 @@ def combine_rows(groups: Sequence[Ids], rows: Array) -> Array:
         the others hold k - 1 differences.
     """
     if groups:
+        from scipy.linalg import helmert  # here: it takes long to import, and few readings are repeated
+
         rows = rows.copy()
     for group in groups:
         rows[..., group] = rows[..., group] @ helmert(group.shape[1], full=True).T

@@ -30,10 +30,9 @@ Gramian remains one in every step.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import helmert
-from scipy.sparse import coo_array, csr_array
 
 from testbench.data.dataset import Series, evenly_spaced
 from testbench.display import Displayed
@@ -43,6 +42,9 @@ from testbench.model.kinematics import BANDS, JointErrors, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, tool_pose
+
+if TYPE_CHECKING:  # scipy takes long to import, and few arms have a pattern
+    from scipy.sparse import csr_array
 
 # --- State of a calibrated arm, and its static equilibrium --------------------------------------------------
 
@@ -436,7 +438,7 @@ def shift_waves(coefficients: Array, shift: Array | float, sign: int, orders: Id
 
 def pattern_basis(
     pattern: ErrorPattern, errors: JointErrors, first_column: int, n_unknowns: int
-) -> csr_array:
+) -> "csr_array":
     """Make the basis in which periodic errors of some joints are a shared pattern and differences from it.
 
     The pattern replaces the periodic errors of its first joint; differences replace those of the others.
@@ -450,6 +452,9 @@ def pattern_basis(
     Returns:
         Matrix B with x = B y of the unknowns x in SI units and y in the basis, (n_unknowns, n_unknowns).
     """
+    from scipy.linalg import helmert  # here: see above
+    from scipy.sparse import coo_array, csr_array
+
     n, waves, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
@@ -719,7 +724,7 @@ class Unknowns:
         return tuple(columns_by_kind)
 
     @cached_property
-    def equation_basis(self) -> csr_array | None:
+    def equation_basis(self) -> "csr_array | None":
         """Return the matrix B with x = B y, for x in SI units and y of the equations; None if x = y."""
         if self.pattern is None:
             return None
