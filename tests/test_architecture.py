@@ -220,9 +220,9 @@ def test_no_module_imports_the_public_face_which_reaches_every_room():
     assert {place(path) for path in modules().values() if "testbench" in imports(path)} == {"cli/program.py"}
 
 
-def imported(command):
-    """All of testbench that is imported when a command is called."""
-    seen, todo = set(), [f"testbench.cli.{command}"]
+def imported(command, *others):
+    """All of testbench that is imported when a command is called, and with other modules."""
+    seen, todo = set(), [f"testbench.cli.{command}", *others]
     while todo:
         for name in (at_once(modules()[todo.pop()]) & modules().keys()) - seen:
             seen.add(name)
@@ -243,6 +243,17 @@ def test_commands_that_use_a_model_import_neither_planning_nor_fits(command):
     seen = imported(command)
     assert sorted(name for name in seen if room(name) == "design") == []
     assert not seen & {"testbench.identify.method", "testbench.identify.absolute.fit"}
+
+
+VIEWS = "testbench.report.run_figure", "testbench.report.page", "testbench.report.recording.run"
+
+
+@pytest.mark.parametrize("command", ["check", "predict", "compensate"])
+def test_commands_that_fit_nothing_import_no_scipy(command):
+    """A tenth of their time, with figures, page and recording too."""
+    seen = imported(command, *VIEWS) | {*VIEWS}
+    assert len(seen) > 40
+    assert [name for name in sorted(seen) if any("scipy" in own for own in at_once(modules()[name]))] == []
 
 
 def test_signals_are_heeded_before_anything_else_is_imported():
