@@ -38,9 +38,15 @@ from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.campaign.trial import cover, worst_tenth
-from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, true_cell
-from testbench.workflows.campaign_flags import Mounted, read_instruments
+from testbench.workflows.campaign import (
+    Scenario,
+    measure_markers,
+    poses_with_weight,
+    read_instruments,
+    true_cell,
+)
 from testbench.workflows.cell import build_cell, clear_poses
+from testbench.workflows.instruments import Mounted
 from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50

@@ -30,16 +30,10 @@ from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.runs.rows import trial_rng
 from testbench.workflows.absolute import position_errors
-from testbench.workflows.absolute_campaign import (
-    AbsoluteCampaign,
-    moved_along_normal,
-    poses_on_planes,
-    simulate_distances,
-    simulate_series,
-)
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_distances, simulate_series
 from testbench.workflows.campaign import true_cell
-from testbench.workflows.campaign_flags import mounted
 from testbench.workflows.cell import build_cell
+from testbench.workflows.instruments import mounted, moved_along_normal, poses_on_planes
 from testbench.workflows.models import wrong_prior
 
 ARM, POSES, MASS = "kr500_l480", 60, 460.0

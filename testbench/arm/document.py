@@ -4,14 +4,14 @@ import os
 import re
 import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
-from testbench.errors import InputError, read_text
+from testbench.errors import InputError, read_text, shorten
 
 DECIMAL_PATTERN = re.compile(r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$")
 """Pattern of a decimal number, with a point as decimal mark."""
@@ -122,8 +122,83 @@ class StrictModel(BaseModel):
 
 
 MAX_SHOWN_LENGTH = 80  #: Most characters of a name or value that a message repeats.
+EXPECTED: Mapping[str, str] = {
+    "missing": "this key is missing",
+    "extra_forbidden": "unknown key",
+    "string_type": "expected a text",
+    "string_too_short": "expected a text that is not empty",
+    "string_too_long": "expected a text of at most {max_length} characters",
+    "int_type": "expected an integer",
+    "float_type": "expected a number",
+    "finite_number": "expected a finite number",
+    "bool_type": "expected true or false",
+    "literal_error": "expected {expected}",
+    "greater_than": "expected more than {gt}",
+    "greater_than_equal": "expected at least {ge}",
+    "less_than": "expected less than {lt}",
+    "less_than_equal": "expected at most {le}",
+    "list_type": "expected a list",
+    "tuple_type": "expected a list",
+    "too_short": "expected a list of at least {min_length}",
+    "too_long": "expected a list of at most {max_length}",
+    "dict_type": "expected a table of keys",
+    "model_type": "expected a table of keys",
+}
+"""Kinds of findings of pydantic, in our words; other kinds keep the words of pydantic."""
+
+
+class Finding(NamedTuple):
+    """Hold the first value of a document that is not as expected."""
+
+    keys: KeyPath
+    kind: str  #: Such as "missing"; the keys of `EXPECTED`, and other kinds of pydantic.
+    problem: str  #: What was expected, and what the document has.
+
+
+def first_finding(err: ValidationError) -> Finding:
+    """Say in one line what pydantic found first.
+
+    Args:
+        err: What it found.
+
+    Returns:
+        The finding.
+    """
+    try:
+        first = err.errors(include_url=False)[0]
+        got = repr(first["input"])
+    except (RecursionError, ValueError):  # too deep, or of too many digits, to be shown
+        first = err.errors(include_url=False, include_input=False)[0]
+        got = "something too long to show"
+    kind = first["type"]
+    problem = EXPECTED.get(kind, "").format_map(first.get("ctx", {}))
+    problem = problem or first["msg"].removeprefix("Value error, ")
+    if kind not in ("missing", "extra_forbidden"):
+        problem += f", got {shorten(got, MAX_SHOWN_LENGTH)}"
+    return Finding(tuple(key for key in first["loc"] if key != "[key]"), kind, problem)
+
+
 FORBIDDEN_FIRST_CHARACTERS = "=+-@'"
 """Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
+
+
+def matching(pattern: str, form: str) -> AfterValidator:
+    """Make a check that a text has a form.
+
+    Args:
+        pattern: A regular expression that the whole text must match.
+        form: What was expected, in words, such as "three numbers with commas between them".
+
+    Returns:
+        The check, for the type of a field.
+    """
+
+    def check(text: str) -> str:
+        if not re.fullmatch(pattern, text, re.DOTALL):
+            raise ValueError(f"expected {form}")
+        return text
+
+    return AfterValidator(check)
 
 
 def _check_name(name: str) -> str:

@@ -14,7 +14,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import Name, StrictModel, parse_toml, toml_place
+from testbench.arm.document import Name, StrictModel, first_finding, parse_toml, toml_place
 from testbench.errors import Array, BenchError, InputError, check_array, read_text
 
 # --- Compliances of links and joints: beam formulas and the check for conservativeness ----------------------
@@ -285,7 +285,8 @@ def read_elastic(path: Path) -> ElasticDocument:
     try:
         elastic = ElasticDocument.model_validate(data)
     except ValidationError as err:
-        raise InputError(path, *_first_problem(path, err)) from err
+        keys, _, problem = first_finding(err)
+        raise InputError(path, toml_place(path, keys), problem) from err
     _check_values(path, elastic)
     return elastic
 
@@ -368,16 +369,3 @@ def beam_frame(path: Path, index: int, link: LinkEntry) -> Array:
     y = y - (x @ y) * x
     y = y / np.linalg.norm(y)
     return np.column_stack([x, y, np.cross(x, y)])
-
-
-def _first_problem(path: Path, err: ValidationError) -> tuple[str, str]:
-    """Place and problem of the first finding of pydantic, in one line."""
-    try:
-        first = err.errors(include_url=False, include_context=False)[0]
-        got = repr(first["input"])
-    except (RecursionError, ValueError):  # too deep, or of too many digits, to be shown
-        first = err.errors(include_url=False, include_context=False, include_input=False)[0]
-        got = "something too long to show"
-    place = toml_place(path, first["loc"])
-    problem = f"{first['msg']}, got {got if len(got) < 80 else got[:77] + '...'}"
-    return place, problem

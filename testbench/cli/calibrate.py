@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from testbench.report.figure import Figure
 
 KEPT = "Green: kinds of error that improve held-out readings; they are kept. Grey: dropped."
+OUT = "runs/calibrate"
+SCORING = "frame_poses", "at_most"
+CALIBRATING = "out", "without", "orders", "least_squares", "force"
+"""Flags that only `--score` uses, and flags that it does not use."""
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 
 
@@ -51,9 +55,10 @@ class CalibrateOptions:
 
     arm: ArmName
     readings: Annotated[list[Path], typer.Argument(help="Absolute readings: table or FILE.xlsx#SHEET.")]
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the calibrated arm.")] = Path(
-        "runs/calibrate"
-    )
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help=f"Folder of the calibrated arm (default: {OUT})."),
+    ] = None
     mapping: Annotated[
         list[Path] | None,
         typer.Option("--map", metavar="TOML", help="Map of the columns: one, or one per file."),
@@ -92,14 +97,14 @@ class CalibrateOptions:
 @takes(CalibrateOptions, draws=True)
 def command(asked: CalibrateOptions) -> None:
     """Calibrate an arm by where a tracker saw its tool, and write the model; or score one."""
-    if not asked.score and (asked.frame_poses or asked.at_most is not None):
-        raise BenchError("--frame-poses and --at-most work only with --score")
+    _refuse_unused(asked)
     files = files_of(asked.readings, asked.mapping, asked.load, asked.sigma_um)
     if asked.score:
         _score(asked, files)
         return
+    out = Path(OUT) if asked.out is None else asked.out
     given = [find_arm(asked.arm), *asked.readings, *filter(None, asked.mapping or [])]
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
+    with claim_folder(out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = build_cell(asked.arm)
         series, notes = read_all(files, cell.arm)
         with of_flag("--without"):
@@ -120,11 +125,22 @@ def command(asked: CalibrateOptions) -> None:
         run = RunRequest(
             COMMAND, cell.arm.name, flags, [cell.arm.mjcf_path.parent], PICTURE, more=write, draw=_drawn
         )
-        write_run(asked.out, run, said, draw_calibration(cell, calibrated, left))
+        write_run(out, run, said, draw_calibration(cell, calibrated, left))
         names = ("report.md", "report.json", PICTURE, *([JOINTS] if said.numbers["spectrum"] else []))
-        places = ", ".join(str(asked.out / name) for name in names)
-        lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *viewing_lines(asked.out)]
+        places = ", ".join(str(out / name) for name in names)
+        lines += [f"model      {out / 'model.json'}", f"report     {places}", *viewing_lines(out)]
         print_words(console, said, [said.tables["steps"]], lines)
+
+
+def _refuse_unused(asked: CalibrateOptions) -> None:
+    """Refuse flags that this use of the command would ignore."""
+    why = (
+        "cannot be combined with --score, which writes nothing" if asked.score else "works only with --score"
+    )
+    unused: tuple[str, ...] = CALIBRATING if asked.score else SCORING
+    for own in fields(asked):
+        if own.name in unused and getattr(asked, own.name) != own.default:
+            raise BenchError(f"--{own.name.replace('_', '-')} {why}")
 
 
 def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
@@ -177,22 +193,31 @@ def report(
     f, chosen = counted.numbers(found, left, more), found.calibration.selection
     length = np.sqrt(numbers_per_target(found.series))
     plain_mm, own_mm = (MM * length * x for x in chosen.held_out_rms)
-    rival = (f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM, plain_mm)
-    alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
-    answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."
-    if not f.held_out_mm:
-        answer = (
-            "RMS error at fitted readings (none held out): {every:.3f} mm calibrated, {alone:.3f} mm nominal."
+    rival = f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM
+    answer = say(
+        "RMS error at fitted readings (none held out): {total_after.rms_mm:.3f} mm of the "
+        "calibrated arm, {total_before.rms_mm:.3f} mm of the nominal arm.",
+        f,
+    )
+    if f.held_out_mm:
+        answer = say(
+            "RMS error at held-out readings: {own:.3f} mm of the {arm}, {plain:.3f} mm of the {rival}.",
+            own=np.sqrt(np.mean(own_mm**2)),
+            plain=np.sqrt(np.mean(plain_mm**2)),
+            arm=CALIBRATED_ARM,
+            rival=rival,
         )
     heads = (("What is not determined", f.left_open), ("How the files were read", f.notes))
     lists = [Markdown(f"## {head}\n\n{bullets(texts) or 'Nothing.'}") for head, texts in heads]
-    badge = decide((CALIBRATED_ARM, own_mm), rival, "block held out", counted.reason_against_use(f))
+    badge = decide(
+        (CALIBRATED_ARM, own_mm), (rival, plain_mm), "block held out", counted.reason_against_use(f)
+    )
     tables = calibration_tables(f)
     return Report(
         scenario="calibrate",
         question=say("How large are the position errors of {arm}, nominal and calibrated?", f),
         title=say("{arm}: {total_after.n:counted position} in {k} series fitted", f, k=len(f.series)),
-        answer=say(answer, every=every, alone=alone),
+        answer=answer,
         claims=[
             say("**{name}**: {text}", name=name, text=text) for name, text in counted.calibration_doubts(f)
         ],

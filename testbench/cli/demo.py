@@ -6,7 +6,7 @@ from pathlib import Path
 from testbench.report.terminal import plain_console
 from testbench.studies.campaign.gravity_calibration import STUDY, Options
 from testbench.studies.run import run
-from testbench.workflows.campaign_flags import TrueArmFlag
+from testbench.studies.study import TrueArmFlag
 from testbench.workflows.options import Common, takes
 from testbench.workflows.own_estimator import EstimatorOptions
 

@@ -19,9 +19,9 @@ from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
 from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, check_file, whole_files
-from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight
-from testbench.workflows.campaign_flags import instruments, mounted, read_instruments
+from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, read_instruments
 from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.instruments import instruments, mounted
 from testbench.workflows.options import (
     ArmName,
     Force,

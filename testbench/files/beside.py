@@ -320,10 +320,9 @@ def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
     direction = np.where(gauge[:, None], direction / np.maximum(length, 1e-300)[:, None], (1.0, 0.0, 0.0))
     far = np.asarray((np.abs(travel) > FAR).any(axis=0) & gauge)
     everywhere = np.linalg.matrix_rank(direction[gauge]) == len(XYZ)
-    problem = (
-        "expected travels of gauges, got readings as large as positions, along x, y and z; for positions "
-    )
-    table.refuse(far & everywhere, "", f"{problem}say axis, before and after in [columns] of a map")
+    problem = "expected travels of gauges, got readings as large as positions, along x, y and z"
+    hint = "if they are positions, name axis, before and after in [columns] of a map"
+    table.refuse(far & everywhere, "", f"{problem}; {hint}")
     tilt = _deviation(columns, "tilt", gauge, (TILT, MAX_TILT), notes)
     fixed_sigma = _deviation(columns, "fixed_sigma", meter, (FIXED, MAX_FIXED), notes)
     number = np.where(gauge, travel, np.where(meter, distance, np.nan)).T
@@ -424,9 +423,9 @@ def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float
     stated = columns.values(source) if isinstance(source, ReadColumn) else np.full(len(own), source or np.nan)
     stated = np.full(len(own), 0.0) if source == 0.0 else stated
     if (missing := own & np.isnan(stated)).any():
-        point = f"{1e3 * usual[0]:g} mm of a fixed point"
-        words = {"tilt": "0.5 deg of direction", "fixed_sigma": point, "zero_sigma": "no constant"}[what]
-        notes.append(f"no column gives the uncertainty in {missing.sum()} rows: {words} is assumed")
+        point = f"{1e3 * usual[0]:g} mm for the fixed point"
+        words = {"tilt": "0.5 deg for the direction", "fixed_sigma": point, "zero_sigma": "no constant"}[what]
+        notes.append(f"no column states the uncertainty in {missing.sum()} rows: {words} is assumed")
     values = np.where(own, np.where(np.isnan(stated), usual[0], stated), 0.0)
     name = source.name if isinstance(source, ReadColumn) else what
     bad = ~((values >= 0) & (values <= usual[1]))

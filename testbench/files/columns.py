@@ -57,6 +57,12 @@ LIMITS: Mapping[What, tuple[float, float]] = {
 """Least and largest components [N, N m, N, kg, m, m]; beyond them a unit is wrong."""
 
 
+KINDS_OF_UNITS = {
+    **{"rad": "angle", "m": "length", "m2": "squared length", "kg": "mass", "N": "force", "Nm": "moment"},
+}
+"""What the units of quantities are of."""
+
+
 class UnknownColumns(InputError):
     """Signal a table in which wanted columns, or their units, are not recognised by their names.
 
@@ -247,9 +253,12 @@ class Columns:
             hint: What the user can do instead, beginning with "; ".
 
         Returns:
-            The error; it also lists the ignored columns.
+            The error; it also lists which columns were understood, and which were not.
         """
-        ignored = f", ignored columns {listed(self.ignored)}" if self.ignored else ""
+        ignored = ""
+        if self.ignored:
+            understood = [column.name for column in sorted(self.found.values(), key=lambda c: c.index)]
+            ignored = f"; not understood: {listed(self.ignored)}; understood: {listed(understood)}"
         readings = Slot("state") in self.names.ours.values()  # a program has no states
         if self.ignored and readings and not hint:
             hint = "; testbench data check proposes a map"
@@ -382,7 +391,7 @@ def _none_known(table: TableCells, arm: Arm) -> UnknownColumns:
     hint = hint or "columns with other names, or a file without a header, need a map"
     wanted = ", ".join(joint.display_column for joint in arm.file_joints) or "mass_kg"
     got = ", ".join(table.names[:3])
-    problem = f"no column is known, expected {wanted}, got {got} ...; {hint}"
+    problem = f"no column name is known: expected {wanted}, got {got} ...; {hint}"
     return UnknownColumns(table, problem, joints=False)
 
 
@@ -398,7 +407,7 @@ def _one_each(
             slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
         if slot in found:
             both = " and ".join(map(repr, (found[slot].name, table.names[k])))
-            problem = f"expected every column once, got {both} for the same quantity"
+            problem = f"expected one column for each quantity, got {both} for the same quantity"
             raise UnknownColumns(
                 table, problem, joints=any(own.slot.what == "joint" for own in named.values())
             )
@@ -432,7 +441,9 @@ def _warnings(
         words.append(f"warning: other sheets with tables are not read: {', '.join(others)}")
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
-        words.insert(0, f"warning: {log.file} is joined by the order of rows: each row to {each} of readings")
+        words.insert(
+            0, f"warning: the rows of {log.file} are joined in their order, each to {each} of readings"
+        )
     if far := [column.name for column in settled.values() if column.unit == GON]:
         words.append(f"warning: grad is read as gon, because degrees would exceed a limit: {', '.join(far)}")
     return tuple(words)
@@ -506,11 +517,16 @@ def _unit(table: TableCells, k: int, named: Named, arm: Arm) -> Unit | None:
         said = [parts[1]]
     expected = " or ".join(f"_{u}" for u in allowed)
     if not said:
-        problem = f"expected a unit at the end of the name such as {expected}, in brackets, or in a map"
+        problem = f"expected a unit such as {expected} at the end of the name, in brackets, or in a map"
         raise UnknownColumns(table, problem, table.names[k], joints=named.slot.what == "joint")
-    if said[0].si not in allowed or any(u != said[0] for u in said):
-        got = " and ".join(dict.fromkeys(u.name for u in said))
-        raise table.header_error(f"expected one unit, of {expected}, got {got}", table.names[k])
+    got = " and ".join(dict.fromkeys(u.name for u in said))
+    if any(u != said[0] for u in said):
+        raise table.header_error(f"expected the same unit in map and file, got {got}", table.names[k])
+    if said[0].si not in allowed:
+        wanted = " or ".join(KINDS_OF_UNITS[u] for u in allowed)
+        raise table.header_error(
+            f"expected a unit of {wanted}, such as {expected}, got {got}", table.names[k]
+        )
     return said[0]
 
 
@@ -798,7 +814,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     names = [f"{what}_{x}" for what in ("force", "moment") for x in XYZ]
     zero = [name for name, own in zip(names, acting, strict=True) if own is None]
     wrench = np.column_stack([_load(columns, own) for own in acting])
-    return wrench, [f"{', '.join(zero)}: no column, taken as 0"] if zero else []
+    return wrench, [f"there is no column {', '.join(zero)}: taken as 0"] if zero else []
 
 
 def _load(columns: Columns, own: ReadColumn | float | None) -> Array:

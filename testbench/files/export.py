@@ -533,7 +533,11 @@ def read_controller(file: Path) -> tuple[Format, str]:
         if re.search(form.part, text):
             return form, text
     if re.search(r"(?m)^kinematics:", text):
-        raise InputError(file, "", "kinematics of a UR driver: a checkout's tools/ur_kinematics.py writes it")
+        raise InputError(
+            file,
+            "",
+            "this is the kinematics of a UR driver: tools/ur_kinematics.py of a clone of testbench writes it",
+        )
     raise InputError(file, "", f"expected {KUKA.title} or {ABB.title}")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
+from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array
 from testbench.files.mapping import HOLE
 from testbench.files.names import (
@@ -40,6 +41,7 @@ from testbench.files.text import read_letters
 # --- Lines of a proposed map, and units that only values tell ----------------------------------------------
 
 GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
+SAME_LOAD = 0.01  #: Two columns that differ by at most so much state one load [1].
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 PLACE, SCATTER = 1.0, 3e-5
@@ -89,10 +91,10 @@ def not_these(table: TableCells, columns: Sequence[int]) -> str:
         columns: Places of these columns.
 
     Returns:
-        Such as "not 'X2'"; "" if there are none.
+        Such as "'X2' is not read"; "" if there are none.
     """
     names = ", ".join(repr(table.names[k]) for k in columns)
-    return names and f"not {names}"
+    return names and f"{names} {'is' if len(columns) == 1 else 'are'} not read"
 
 
 def angle_unit(table: TableCells, joints: Sequence[int]) -> tuple[str, str]:
@@ -119,7 +121,7 @@ def angle_of(values: Array) -> tuple[str, str]:
         "deg" or "rad", and the reason.
     """
     most = float(np.abs(values).max(initial=0.0))
-    return "deg" if most > TURNS else "rad", f"joints up to {most:.4g}"
+    return "deg" if most > TURNS else "rad", f"the largest angle is {most:.4g}"
 
 
 def length_of(values: Array, typical: float, stated: str) -> tuple[str, str]:
@@ -138,7 +140,7 @@ def length_of(values: Array, typical: float, stated: str) -> tuple[str, str]:
     middle = float(np.median(np.abs(values))) if np.size(values) else 1.0
     middle = middle or 1.0
     unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
-    return unit, f"numbers around {middle:.4g}"
+    return unit, f"a typical number is {middle:.4g}"
 
 
 def length_unit(
@@ -205,20 +207,23 @@ def mass_entries(table: TableCells) -> Iterator[Entry]:
     columns = [k for k in mass_columns(table) if not _only_states(table, k)]
     if not columns:
         return
+    columns, agreed = _one_load(table, columns)
     k, *others = columns
-    _refuse_several(table, columns)
     name, unit = table.names[k], unit_of(table, k)
+    others = [] if agreed else others
     texts = [text for text in dict.fromkeys(table.texts(k)) if text]
     if unit and unit.si == "N":
         down = all(not text.startswith("-") for text in texts)
-        yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
+        yield Entry(
+            "columns", "force_z", f"-{name}" if down else name, reasons("a weight: it acts downwards", agreed)
+        )
         return
     _refuse_unclear_mass(table, name, texts)
     if masses := _masses(table, k):
-        yield from _massive(name, masses, not_these(table, others))
+        yield from _massive(name, masses, reasons(agreed, not_these(table, others)))
         return
     told = "" if column_meaning(name) == "mass" else "its unit is a unit of mass"
-    why = reasons(told if unit else "no unit", not_these(table, others))
+    why = reasons(told if unit else "no unit", agreed, not_these(table, others))
     yield Entry("columns", "mass" if unit else "mass_kg", name, why)
     words = (text for text in texts if not NUMBER.search(text))
     if none := [text for text in words if STATE_OF_CELL.get(squeeze(text)) == "before"]:
@@ -231,13 +236,37 @@ def _only_states(table: TableCells, k: int) -> bool:
     return unit_of(table, k) is None and bool(texts) and texts <= {*STATE_OF_CELL}
 
 
-def _refuse_several(table: TableCells, columns: Sequence[int]) -> None:
-    """Refuse several columns of loads that say different ones: they may be parts of a sum."""
-    different = {tuple(table.texts(k)) for k in columns}
-    if len(different) > 1:
-        names = " and ".join(repr(table.names[k]) for k in columns)
-        hint = f'say in [columns] of a map which one counts, as mass = "{table.names[columns[0]]}"'
-        raise table.header_error(f"expected one column of loads, got {names}; {hint}")
+def _one_load(table: TableCells, columns: Sequence[int]) -> tuple[list[int], str]:
+    """Order columns of loads, masses first, and say that they agree; refuse those that state different loads.
+
+    Those without a unit must have the same cells: they may be parts of a sum.
+    """
+    hint = f'say in [columns] of a map which one counts, as mass = "{table.names[columns[0]]}"'
+    stated = {k: kg for k in columns if (kg := _kilograms(table, k)) is not None}
+    if len(stated) < len(columns):
+        if len({tuple(table.texts(k)) for k in columns}) > 1:
+            names = " and ".join(repr(table.names[k]) for k in columns)
+            raise table.header_error(f"expected one column of loads, got {names}; {hint}")
+        return [*columns], ""
+    first, *others = sorted(columns, key=lambda k: getattr(unit_of(table, k), "si", "") == "N")
+    for k in others:
+        for row in np.flatnonzero(~np.isclose(stated[first], stated[k], rtol=SAME_LOAD, atol=0))[:1]:
+            both = " and ".join(
+                f"{table.texts(own)[row]!r} in {table.names[own]!r} ({stated[own][row]:.4g} kg)"
+                for own in (first, k)
+            )
+            raise table.error(row, "", f"expected the same load in both, got {both}; {hint}")
+    agreed = "" if not others else f"{', '.join(repr(table.names[k]) for k in others)} agrees within 1 %"
+    return [first, *others], agreed
+
+
+def _kilograms(table: TableCells, k: int) -> Array | None:
+    """The mass that a column states, (rows,) [kg]; None if it has no unit, or a cell that is no number."""
+    unit, numbers = unit_of(table, k), [number_of(text or "0") for text in table.texts(k)]
+    if unit is None or unit.si not in ("kg", "N") or None in numbers:
+        return None
+    kilograms = unit.scale / (GRAVITY if unit.si == "N" else 1.0)
+    return np.asarray(kilograms * np.abs(np.array(numbers, dtype=float)))
 
 
 def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:
@@ -279,8 +308,9 @@ def mass_columns(table: TableCells) -> list[int]:
 def _masses(table: TableCells, k: int) -> dict[str, str]:
     """The mass that each text of a column says, itself or by a legend of the file; empty of other columns."""
     texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-    if masses := masses_in(texts):
-        return masses
+    masses = masses_in(texts)
+    if masses and len(texts) <= max(MAX_CODES, 2 * len({*masses.values()})):
+        return masses  # more texts are names that hold a mass among others, such as p1_P1_0.1t
     if len(texts) > MAX_CODES or any(map(is_decimal, texts)):
         return {}
     meant = explained(texts, read_letters(table.path, None, ".")[0])
@@ -364,7 +394,7 @@ def loads_in_names(table: TableCells, arm: Arm) -> tuple[list[str], list[str]]:
 
 # --- Gauges, and distances to fixed points, in an export of other names than ours --------------------------
 
-DIRECTED = "world axes, along which readings grow"
+DIRECTED = "in world axes; the reading grows along it"
 
 
 def line_entries(table: TableCells) -> Iterator[Entry]:

@@ -38,6 +38,7 @@ from testbench.files.names import (
     Place,
     are_markers,
     column_meaning,
+    joint_families,
     joint_family,
     looks_like,
     numbered_places,
@@ -173,15 +174,17 @@ def _three_angles(table: TableCells, columns: Sequence[int], parts: Sequence[str
 
 def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
     """The columns of joints by their names."""
-    if joints := joint_family(table.names, arm):
+    joints, *others = joint_families(table.names, arm) or [[]]
+    if joints:
         unit, why = angle_unit(table, joints)
         if names := _names_beside(table, joints):
             how = Ordered(names=names, values=_pattern(table.names[joints[0]]), unit=unit[1:])  # type: ignore[arg-type]
             yield from ordered_joints(how, table, arm)
             return
-        for joint, k in zip(arm.file_joints, joints, strict=True):
+        for joint, k, *alike in zip(arm.file_joints, joints, *others, strict=True):
             own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
-            yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
+            because = reasons(why * bool(own), not_these(table, alike))
+            yield Entry("columns", joint.name + own, table.names[k], because)
     elif arm.file_joints:
         yield _joint_cells(table, arm)
 
@@ -420,6 +423,23 @@ def _cells_of(table: TableCells, k: int, count: int) -> Array:
     same = table.rows > 1 and len(texts) == 1
     found = None if same or clock(texts) is not None else numbers_in(texts, count)
     return np.array([[float(x.replace(",", ".")) for x in own] for own in found or []])
+
+
+def require_positions(table: TableCells, arm: Arm) -> None:
+    """Refuse a table without readings.
+
+    Args:
+        table: The export.
+        arm: The arm, with the names of its markers.
+
+    Raises:
+        InputError: If no column looks like positions, gauges or distances.
+    """
+    known = dict[str, list[int]]()
+    for k, name in enumerate(table.names):
+        known.setdefault(column_meaning(name), []).append(k)
+    for _ in _readings(table, arm, "", known):
+        pass
 
 
 def place_columns(table: TableCells, arm: Arm) -> list[int]:

@@ -31,9 +31,9 @@ from testbench.files.names import (
     state_of,
 )
 from testbench.files.rearranged import keys_of, parts_in
-from testbench.files.table import SECTION, SHEETS, TableCells
+from testbench.files.table import SECTION, SHEETS, UNNAMED, TableCells
 
-WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
+WORD = re.compile(r"\d+[.,]\d+[^\W\d_]*|[^\W_]+")  #: Of a name such as P12_T1-loaded or p1_P1_0.1t.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
@@ -51,6 +51,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
         Lines of the map, with the reason of each guess.
     """
     kinds = {name: column_meaning(name) for name in table.names}
+    kinds |= {name: "name" for name in kinds if UNNAMED.fullmatch(name) and _of_words(table, name)}
     names = [name for name, kind in kinds.items() if kind in ("name", "state") and name not in said]
     others = [
         name for name, kind in kinds.items() if kind == "mass" or STATE_OF_WORD.get(plain(name)) == "after"
@@ -63,7 +64,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
-    shots = "names repeat in successive rows: these are shots" if names and again else ""
+    shots = "names repeat in successive rows: these are repeated readings (shots)" if names and again else ""
     lined = any(line_entries(table))
     told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
     for name in names:
@@ -88,7 +89,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     for name in parted:  # beside columns that hold nothing else
         texts = keys_of(table, [name])
         if parts := _parts_of(texts, arm, told, own):
-            yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
+            yield Entry("cells", name, parts.pattern, f"from names such as {texts[0]!r}")
             shots = "the last number of a name counts shots" if parts.shots else shots
             yield from _words_of_parts(parts, texts, arm)
             own |= {part for part in ("pose", "marker") if f"{{{part}}}" in parts.pattern}
@@ -123,6 +124,11 @@ def _told_by_cells(
     if not any(_of_states(table, name) for name in names):
         both = [name for name in unknown if of_states(name) == {*STATES}]
         yield from [name for name in both if _of_states(table, name)][:1]
+
+
+def _of_words(table: TableCells, name: str) -> bool:
+    """Whether no cell of a column is a number: a number may count the rows."""
+    return not any(is_decimal(text) for text in keys_of(table, [name]))
 
 
 def _of_states(table: TableCells, name: str) -> bool:

@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from testbench.arm.document import StrictModel, is_decimal, parse_toml
+from testbench.arm.document import StrictModel, first_finding, is_decimal, matching, parse_toml, toml_place
 from testbench.errors import Array, Ids, InputError, read_bytes, read_text
 from testbench.model.vjm import rotation_matrices
 
@@ -30,7 +30,13 @@ FOLDER = Path(__file__).parents[1] / "languages"
 MAX_BYTES = 20_000  #: Size of a language's table [byte].
 MM = 1e-3  #: Metres per millimetre.
 FLAGS = re.MULTILINE | re.IGNORECASE
-ROTATION = r"^(vector|quaternion|(intrinsic|extrinsic) [xyz]{3})$"
+Rotation = Annotated[
+    str,
+    matching(
+        "vector|quaternion|(intrinsic|extrinsic) [xyz]{3}",
+        '"vector", "quaternion", "intrinsic xyz" or "extrinsic xyz" with the axes in their order',
+    ),
+]
 """How a pose states its orientation: three or four numbers behind those of the position."""
 
 
@@ -133,9 +139,7 @@ class Language(StrictModel):
     decimals: int  #: Decimals of a number.
     angle: Literal["deg", "rad"]  #: Unit of angles.
     length: Literal["mm", "m"]  #: Unit of lengths.
-    rotation: Annotated[
-        str, Field(pattern=ROTATION)
-    ]  #: What an orientation is; a quaternion's first is real.
+    rotation: Rotation  #: What an orientation is; a quaternion's first is real.
     axes: list[str]  #: Names of the robot's axes.
     external: list[str] = Field(default=[])  #: Names of external axes.
     pose: list[str] = Field(default=[])  #: Names of a pose's numbers, where it has names.
@@ -271,8 +275,8 @@ def read_language(path: Path) -> Language:
     try:
         return Language.model_validate({"name": path.stem} | parse_toml(path, read_text(path, MAX_BYTES)))
     except ValidationError as err:
-        first = err.errors(include_url=False, include_context=False)[0]
-        raise InputError(path, ".".join(map(str, first["loc"])), first["msg"]) from err
+        keys, _, problem = first_finding(err)
+        raise InputError(path, toml_place(path, keys), problem) from err
 
 
 def language_of(path: Path) -> Language | None:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from testbench.arm.document import StrictModel, is_decimal, parse_toml, toml_place
+from testbench.arm.document import StrictModel, first_finding, is_decimal, matching, parse_toml, toml_place
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.names import (
@@ -28,11 +28,29 @@ MAX_BYTES = 20_000
 CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma", "tilt", "fixed_sigma", "zero_sigma")
 """Quantities that may be one number for the whole file."""
 IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
-NOTATION = r"^(vector|(intrinsic|extrinsic) [xyz]{3})$"  #: Of three angles.
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 Frame = Literal["base", "tracker"]
-Word = Annotated[str, Field(max_length=200)]  #: Of a cell, which may be blank.
+Encoding = Literal[
+    "utf-8", "utf-16-le", "utf-16-be", "cp1252", "cp1250", "cp1251", "latin-1", "cp932", "cp949", "gb18030"
+]
+
+
+def _listed(given: object) -> object:
+    """Make a text that stands alone a list of one."""
+    return [given] if isinstance(given, str) else given
+
+
+Notation = Annotated[
+    str,
+    matching(
+        "vector|(intrinsic|extrinsic) [xyz]{3}",
+        '"vector", "intrinsic xyz" or "extrinsic xyz" with the axes in their order',
+    ),
+]  #: Of three angles.
+Texts = Annotated[list[Text], BeforeValidator(_listed)]
+Cells = Annotated[list[Annotated[str, Field(max_length=200)]], BeforeValidator(_listed)]
+"""Texts of cells, which may be blank."""
 Words = tuple[str, ...]
 
 
@@ -43,9 +61,7 @@ class FileLayout(StrictModel):
     delimiter: Literal[",", ";", "\t", "|", " ", "  "] | None = None
     decimal: Literal[".", ","] | None = None  #: The decimal mark.
     #: How its bytes are letters.
-    encoding: (
-        Literal["utf-8", "utf-16-le", "utf-16-be", "cp1252", "cp1250", "latin-1", "cp932", "gb18030"] | None
-    ) = None
+    encoding: Encoding | None = None
     skip: int | None = Field(default=None, ge=0, le=10_000)  #: Lines before the header.
     footer: int = Field(default=0, ge=0, le=10_000)  #: Lines behind the table.
     names: list[Text] = Field(default=[], max_length=1000)  #: Of the columns, where the file has no header.
@@ -74,7 +90,7 @@ class AbsoluteLayout(StrictModel):
     target: Text | None = None  #: Name of the mount of the targets; the same.
     markers: list[Text] = Field(default=[], max_length=100)  #: Targets where they are not the arm's.
     #: What three angles are: a rotation vector, or Euler angles in their order.
-    rotation: Annotated[str, Field(pattern=NOTATION)] | None = None
+    rotation: Notation | None = None
 
 
 class Log(StrictModel):
@@ -129,10 +145,10 @@ class Map(StrictModel):
     log: Log | None = None
     loaded: LoadedFile | None = None
     controller: Controller = Controller()
-    columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
-    optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
-    cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
-    words: dict[Text, Word | list[Word]] = Field(default_factory=dict, max_length=200)
+    columns: dict[Text, Texts] = Field(default_factory=dict, max_length=200)
+    optional: dict[Text, Texts] = Field(default_factory=dict, max_length=200)
+    cells: dict[Text, Texts] = Field(default_factory=dict, max_length=20)
+    words: dict[Text, Cells] = Field(default_factory=dict, max_length=200)
     values: dict[Text, float] = Field(default_factory=dict, max_length=50)
     scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
 
@@ -285,7 +301,7 @@ def read_map(
         words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
-        cells={header: as_tuple(patterns) for header, patterns in found.cells.items()},
+        cells={header: tuple(patterns) for header, patterns in found.cells.items()},
         stacked=_stacked(where, found, ours, choices),
         lost=dict.fromkeys(lost, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
@@ -300,36 +316,18 @@ def _read(path: Path) -> Map:
     try:
         return Map.model_validate(data)
     except ValidationError as err:
-        first = err.errors(include_url=False, include_context=False)[0]
-        place = toml_place(path, first["loc"])
-        if first["type"] == "extra_forbidden":
+        keys, kind, problem = first_finding(err)
+        if kind == "extra_forbidden":
             tables: dict[str, type[StrictModel]] = {
                 "series": AbsoluteLayout,
                 "log": Log,
                 "loaded": LoadedFile,
                 "controller": Controller,
             }
-            inner = (
-                FileLayout if "table" in first["loc"][:-1] else tables.get(str(first["loc"][0]), FileLayout)
-            )
-            keys = Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
-            raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
-        problem = first["msg"]
-        if first["loc"] == ("series", "rotation"):
-            problem = 'expected "vector", "intrinsic xyz" or "extrinsic xyz" with the axes in their order'
-        raise InputError(path, place, f"{problem}, got {str(first['input'])[:80]!r}") from err
-
-
-def as_tuple(words: str | list[str]) -> tuple[str, ...]:
-    """List the words of an entry of a map.
-
-    Args:
-        words: One word, or a list.
-
-    Returns:
-        The words.
-    """
-    return (words,) if isinstance(words, str) else tuple(words)
+            inner = FileLayout if "table" in keys[:-1] else tables.get(str(keys[0]), FileLayout)
+            known = Map.model_fields if len(keys) == 1 else inner.model_fields
+            problem = f"unknown key; keys are {', '.join(known)}"
+        raise InputError(path, toml_place(path, keys), problem) from err
 
 
 def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
@@ -337,7 +335,7 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
     for key in found.words:
         if key not in known and not is_decimal(key):
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
-    words = {key: as_tuple(value) for key, value in found.words.items()}
+    words = {key: tuple(value) for key, value in found.words.items()}
     if blank := [key for key, own in words.items() if "" in own and key != LOST]:
         raise InputError(
             path, f"words.{blank[0]}", "expected words, got ''; a blank cell can only mean `lost`"
@@ -369,7 +367,7 @@ def _columns(
     both = [(key, names, "columns") for key, names in found.columns.items()]
     both += [(key, names, "optional") for key, names in found.optional.items()]
     for key, names, section in sorted(both, key=lambda item: "{" in item[0]):  # patterns say less
-        for name in as_tuple(names):
+        for name in names:
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
                 known = recognise(our, ours)
@@ -402,12 +400,12 @@ def _stacked(
     path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
 ) -> tuple[str, ...]:
     """The names of columns that differ in a load, a target or a direction, with its place in them."""
-    if several := [key for key, name in found.optional.items() if HOLE.search(" ".join(as_tuple(name)))]:
+    if several := [key for key, name in found.optional.items() if HOLE.search(" ".join(name))]:
         problem = "the placeholder of a load is allowed only in [columns]"
         raise InputError(path, f"optional.{several[0]}", problem)
     patterns = list[str]()
     for key, names in found.columns.items():
-        for name in as_tuple(names):
+        for name in names:
             for our, their in expand(key, name.removeprefix("-"), choices):
                 holes = HOLE.findall(their)
                 if len({*holes}) < len(holes) or sum(hole.startswith("mass_") for hole in holes) > 1:

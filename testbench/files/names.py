@@ -95,7 +95,7 @@ def find_unit(word: str) -> Unit | None:
     Returns:
         The unit; None for any other word.
     """
-    small = "".join(word.casefold().split()).replace("²", "2")
+    small = "".join(word.casefold().split()).replace("²", "2").removesuffix(".")
     if part := PART.fullmatch(small):
         unit, number = find_unit(part["unit"]), float(part["number"].replace(",", "."))
         if unit is None or unit.si != "m" or not number:
@@ -597,6 +597,19 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
     Returns:
         Places of the columns in the order of the joints; empty if no family is complete.
     """
+    return next(iter(joint_families(names, arm)), [])
+
+
+def joint_families(names: Sequence[str], arm: Arm) -> list[list[int]]:
+    """List all complete sets of columns that `joint_family` may choose, its choice first.
+
+    Args:
+        names: Names of all columns.
+        arm: The arm.
+
+    Returns:
+        Places of the columns of each set, in the order of the joints.
+    """
     families: dict[str, dict[int, int]] = {}
     read, n, whole = joints_of(arm), len(arm.file_joints), list[tuple[bool, list[int]]]()
     for column, name in enumerate(names):
@@ -612,7 +625,7 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
     for words in (own.split() for own in KNOWN_EXPORTS["joints"]["orders"]):
         if not whole and len(words) == n and {*words} <= {*place}:
             whole.append((False, [place[word] for word in words]))
-    return min(whole, key=lambda own: own[0])[1] if whole else []
+    return [columns for _, columns in sorted(whole, key=lambda own: own[0])]
 
 
 def unread_column_warnings(names: Sequence[str]) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Series
-from testbench.errors import InputError, Mask
+from testbench.errors import BenchError, InputError, Mask
 from testbench.files.beside import (
     MIN_POSES,
     NOTATIONS,
@@ -40,7 +40,13 @@ from testbench.files.guess import (
     reasons,
     unit_of,
 )
-from testbench.files.guessed_columns import columns_by_name, has_joints, ordered_joints, orientation_columns
+from testbench.files.guessed_columns import (
+    columns_by_name,
+    has_joints,
+    ordered_joints,
+    orientation_columns,
+    require_positions,
+)
 from testbench.files.guessed_names import TARGETS, WORD, names_by_cells
 from testbench.files.layouts import Fitting, stated_length_unit
 from testbench.files.mapping import Log, Map, Named, read_map, without_holes
@@ -217,6 +223,8 @@ def propose(
     sheets = sheets_of(path, arm, layout) if loaded is None else []
     export = read_unknown(path, arm, layout, sheets)
     table, entries, every = export.table, file_entries("file", export.file), [export]
+    if export.fits is None:
+        _require_names(table)
     if loaded is not None:
         table = with_loaded(table, read_unknown(loaded, arm, layout).table)
         entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
@@ -245,6 +253,14 @@ def propose(
         entries += turned
     layouts = tuple(_called(source.fits) for source in every if source.fits)
     return Proposal(tuple(entries), layouts, asked)
+
+
+def _require_names(table: TableCells) -> None:
+    """Refuse a table whose header holds numbers: no line of the file names the columns."""
+    if sum("." in name and is_decimal(name) for name in table.names) > 1:
+        got = listed(table.names[:8])
+        hint = "add a line of names above the table, or list them as names in [file] of a map"
+        raise table.header_error(f"expected a line with the names of the columns, got {got}; {hint}")
 
 
 def _stacked(table: TableCells, arm: Arm) -> tuple[TableCells, dict[str, str]]:
@@ -282,12 +298,20 @@ def _joined(
         The table with the columns of the log; what the map says of the log and of points without a row in it;
         how the log was read.
     """
-    read = read_unknown(log, arm)
+    try:
+        read = read_unknown(log, arm)
+    except InputError as err:
+        raise BenchError(f"{err}; {ASKED}") from err
     ordered = read.fits is not None and read.fits.layout.joints is not None
     if not ordered and not any(has_joints(own, arm) for own in (read.table, table)):
         got = f"got columns {listed(read.table.names)}" if read.table.names else "got none"
         raise InputError(log, "", f"expected columns of the joints, such as A1 to A6, {got}; {ASKED}")
-    how, alone = find_join(table, read.table, fits, read.fits)
+    try:
+        how, alone = find_join(table, read.table, fits, read.fits)
+    except InputError:
+        if fits is None:
+            require_positions(table, arm)  # without them it is no table of readings
+        raise
     table, points = _of_the_arm(table, alone)
     keys = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
     why = {
@@ -363,10 +387,11 @@ class Stated:
                 if columns and not {found[k].slot.what for k in columns} & self.what:
                     unit, why = _missing_unit(table, [(k, found[k]) for k in columns], length)
                     keys[key] = key + unit
-                    self.entries += _by_joint(Entry(part, key + unit, value, why), arm)
+                    self.entries += _by_joint(Entry(part, key + unit, _only(value), why), arm)
         self.entries += [Entry("scale", keys[key], by) for key, by in layout.scale.items() if key in keys]
-        for part in ("cells", "words", "values"):
-            self.entries += [Entry(part, *pair) for pair in getattr(layout, part).items()]
+        for part, texts in (("cells", layout.cells), ("words", layout.words)):
+            self.entries += [Entry(part, key, _only(own)) for key, own in texts.items()]
+        self.entries += [Entry("values", *pair) for pair in layout.values.items()]
         said = layout.series.model_dump(exclude_defaults=True)
         self.entries += [Entry("series", *pair) for pair in said.items()]
         if "lost" not in layout.words:
@@ -388,6 +413,11 @@ class Stated:
         if fits.layout.joints:
             self.entries += ordered_joints(fits.layout.joints, table, arm)
             self.what.add("joint")
+
+
+def _only(texts: list[str]) -> object:
+    """The text of a list of one, as a map states it; a longer list as it is."""
+    return texts[0] if len(texts) == 1 else texts
 
 
 def _by_joint(entry: Entry, arm: Arm) -> list[Entry]:

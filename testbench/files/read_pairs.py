@@ -354,8 +354,11 @@ def _markers(columns: Columns, arm: Arm) -> list[str]:
     if column is None:
         if len(arm.markers) == 1:
             return [arm.markers[0]] * table.rows
-        raise columns.lack(["marker"])
-    return _said(columns, column, arm.markers, f"in {arm.name}; markers are {', '.join(arm.markers)}")
+        hint = '; name the column of targets in [columns] of a map, as marker = "Point", '
+        hint += "or write {marker} in [cells] for names with several parts, as p1_P1_100kg"
+        raise columns.lack(["marker"], hint)
+    have = f"in {arm.name}; markers are {', '.join(arm.markers)}"
+    return _said(columns, column, arm.markers, f'{have}; others go into [words] of a map, as P1 = "SMR-A"')
 
 
 def _states(columns: Columns, loaded: Mask) -> Mask:
@@ -364,8 +367,9 @@ def _states(columns: Columns, loaded: Mask) -> Mask:
     if column is None:
         return loaded
     have = ", ".join(word for words in STATES.values() for word in words)
+    hint = 'others go into [words] of a map, as before = "cold"'
     blank = columns.table.blank(column.index)
-    said = _said(columns, column, WHEN, f"is known; states are {have}", blank)
+    said = _said(columns, column, WHEN, f"is known; states are {have}; {hint}", blank)
     return np.where(blank, loaded, np.array([word == "after" for word in said], dtype=bool))
 
 
@@ -493,7 +497,7 @@ def untold_readings(columns: Columns) -> list[str]:
             else f'mass_kg, state or marker = "{name}"'
         )
         hint = f"{what}; or, if rows are repeated readings, write average = true in [file]"
-        problem = f"only this column, {few}, tells readings of one point apart, and it is not read"
+        problem = f"readings of one point differ only in this column ({few}), which is not read"
         raise table.header_error(f"{problem}; state what it is in [columns] of a map, as {hint}", name)
     return []
 
@@ -596,7 +600,8 @@ def _state_by_state(
     loaded[read.row] = read.after
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
-        hint = "if the others are in another file or sheet, testbench data check --loaded FILE reads both"
+        hint = "if the others are in another file or sheet, testbench data check --loaded FILE reads both; "
+        hint += 'if names hold the state, as P1_loaded, write "{marker}_{when}" in [cells] of a map'
         if {*DIFFERENCES} <= {re.sub("^(δ|delta)", "d", plain(name)) for name in table.names}:
             hint = "if dx, dy, dz are loaded minus unloaded positions, state it in [columns] of a map, as "
             hint += 'before_x = "X", deflection_x = "dX"'

@@ -37,6 +37,7 @@ SHEETS = "sheet"  #: Column of the names of sheets that stand below each other.
 NUMBER_BEFORE = r"[+-]?[0-9][0-9.,']*(?:[eE][+-]?[0-9]+)?"
 WITH_UNIT = re.compile(rf"({NUMBER_BEFORE})\s*([^\d\s.,'+-][^\d\s.,'+-]*)")  #: Such as "12.5 mm".
 MAX_LISTED = 40  #: Names of columns in a message.
+UNNAMED = re.compile(r"column \d+")  #: What a column without a heading is called, by its place from 1.
 
 
 def as_cell(text: str) -> str:
@@ -595,9 +596,13 @@ def table_of(
     sections = [pa.array([printable(own) for own in header.sections], pa.string())] * layout.sections
     cells = _cells(*rows_of(path, header, lines), len(header.names))
     behind = [_unit_behind(own, unit) for own, unit in zip(cells, header.units, strict=True)]
+    names = [
+        name or ("" if _is_blank(own) else f"column {k}")
+        for k, (name, own) in enumerate(zip(header.names, cells, strict=True), start=1)
+    ]
     return TableCells(
         path=path,
-        names=(*header.names, *[SECTION] * layout.sections),
+        names=(*names, *[SECTION] * layout.sections),
         units=(*(unit for _, unit in behind), *[None] * layout.sections),
         header=header.line,
         delimiter=header.delimiter,
@@ -609,6 +614,11 @@ def table_of(
         transposed=layout.transposed,
         cells=[*(own for own, _ in behind), *sections],
     )
+
+
+def _is_blank(cells: "pa.Array") -> bool:
+    """Whether a column holds nothing."""
+    return bool(pc.all(pc.equal(cells, "")).as_py())
 
 
 def _unit_behind(cells: "pa.Array", unit: Unit | None) -> tuple["pa.Array", Unit | None]:

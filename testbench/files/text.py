@@ -18,7 +18,15 @@ from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, Shee
 from testbench.arm.document import is_decimal
 from testbench.errors import InputError, printable, read_bytes, sheet_of
 from testbench.files.mapping import FileLayout
-from testbench.files.names import BRACKETS, KNOWN_EXPORTS, Unit, find_unit, number_of
+from testbench.files.names import (
+    BRACKETS,
+    KNOWN_EXPORTS,
+    Unit,
+    column_meaning,
+    find_unit,
+    number_of,
+    state_of,
+)
 
 # --- Sheets of workbooks (.xlsx, .xls, .ods) as the text of a table, read by calamine -----------------------
 
@@ -180,7 +188,10 @@ MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-1
 """Byte order marks."""
 EASTERN = (("cp932", "[\uff61-\uff9f]"), ("gb18030", "(?!)"))
 """Encodings of Japanese and Chinese, and letters that a text has if it is none in that encoding."""
+OTHER_ENCODINGS = "cp932", "gb18030", "cp949", "cp1251"
+"""Encodings of text without umlauts and accents: Japanese, Chinese, Korean, Russian."""
 LOOKED_AT = 100_000  #: First bytes by which an encoding is guessed.
+HEADER_LETTERS = 5000  #: First letters whose words tell an encoding.
 NO_TABLES = {"JSON": r"\s*(\{\s*[\"}]|\[\s*\{)", "XML or HTML": r"\s*<[?!a-zA-Z]", "a PDF": "%PDF"}
 """Files that people take for tables, by their beginning."""
 GZIP = b"\x1f\x8b"
@@ -244,14 +255,30 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
 
 
 def _without_mark(content: bytes) -> str:
-    """Guess the encoding of text that is no UTF-8: letters of Chinese and Japanese are of two bytes each."""
+    """Guess the encoding of text that is no UTF-8: cp1252, unless most of its letters stand side by side.
+
+    Then the encoding counts in which most words are known names of columns or states.
+    """
     runs = re.findall(rb"[\x80-\xff]+", content[:LOOKED_AT])
-    if 2 * sum(len(run) > 1 for run in runs) > len(runs):
-        for name, other in EASTERN:
-            with contextlib.suppress(UnicodeDecodeError):
-                if not re.search(other, content.decode(name)):
-                    return name
+    if 2 * sum(len(run) > 1 for run in runs) <= len(runs):
+        return "cp1252"
+    texts = dict[str, str]()
+    for name in OTHER_ENCODINGS:
+        with contextlib.suppress(UnicodeDecodeError):
+            texts[name] = content.decode(name)
+    known = {name: _known_words(text[:HEADER_LETTERS]) for name, text in texts.items()}
+    if any(known.values()):
+        return max(known, key=lambda name: known[name])
+    for name, other in EASTERN:
+        if name in texts and not re.search(other, texts[name]):
+            return name
     return "cp1252"
+
+
+def _known_words(text: str) -> int:
+    """Count the words beyond ASCII that are names of columns or states."""
+    words = {word for word in re.findall(r"\w+", text) if not word.isascii()}
+    return sum(bool(column_meaning(word) or state_of(word)) for word in words)
 
 
 def split_lines(path: Path, text: str) -> list[str]:

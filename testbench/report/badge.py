@@ -69,6 +69,7 @@ def ratio(value: float, *beside: float) -> str:
 MAX_TIES = 2  #: Most models that a verdict names because they tie: of more, one and a count.
 MIN_PAIRS = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.
+SHOWN_AS_SAME = 5e-4  #: Ratio minus 1 below which two errors have the same three digits.
 ROUNDING_RATIO = 1000.0  #: Errors below the largest one over this are rounding.
 PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
 POSES = "pose of one arm"  #: What is counted where a run has one trial.
@@ -114,7 +115,7 @@ class Badge:
         shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
         pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
         takes = f"a verdict needs {counted(MIN_PAIRS, 'trial' if self.trials else first)}"
-        if self.interval is None and abs(self.factor - 1) <= ALIKE:
+        if self.interval is None and abs(self.factor - 1) < SHOWN_AS_SAME:
             return Markdown(f"Too few: {winner} and {rival} have the same error in {pairs}; {takes}.")
         if self.interval is None:
             return Markdown(f"Too few: {times} in {pairs}; {takes}.")

@@ -33,10 +33,9 @@ from testbench.report.scene import (
 )
 from testbench.report.schema import Table, TableColumn
 from testbench.runs.rows import Row
-from testbench.workflows.absolute_campaign import names_of, unit_normal
-from testbench.workflows.campaign_flags import Mounted
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import ErrorPlaces
+from testbench.workflows.instruments import Mounted, names_of, unit_normal
 from testbench.workflows.model_names import in_words
 from testbench.workflows.plan import Planned
 

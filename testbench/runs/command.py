@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 from typer.exceptions import TyperException
 
+from testbench.arm.document import first_finding
 from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, printable, shorten
 from testbench.runs import interrupt
 from testbench.runs.interrupt import INTERRUPTED
@@ -116,9 +117,8 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
     except TyperException as err:
         return WRONG, f"error: {_wrong_word(err, sys.argv[1:])}; --help lists what there is"
     except ValidationError as err:
-        first = err.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        return WRONG, f"error: {place} in SI units: {first['msg']}, got {first['input']!r}"
+        keys, _, problem = first_finding(err)
+        return WRONG, f"error: {'.'.join(map(str, keys))} in SI units: {problem}"
     except OSError as err:
         _drop_output()
         place = err.filename or "standard output or another device"

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
+from testbench.arm.document import first_finding, matching
 from testbench.arm.mjcf import MAX_MESH_BYTES, asset_paths, read_mjcf
 from testbench.errors import InputError, open_file, printable, read_bytes, read_text
 from testbench.registry import Registry
@@ -23,7 +24,7 @@ from testbench.runs.interrupt import SESSION
 NAME = "manifest.json"
 MAX_BYTES = 16 * 2**20  #: Largest one that is read [byte].
 FILES = 10_000  #: Most that a run has.
-File = Annotated[str, Field(pattern=r"^[^\x00]*$")]
+File = Annotated[str, matching(r"[^\x00]*", "no zero byte")]
 
 
 class Manifest(BaseModel):
@@ -110,11 +111,8 @@ def input_error(file: Path, err: ValidationError) -> InputError:
     Returns:
         The error.
     """
-    first = err.errors(include_url=False, include_context=False)[0]
-    place = ".".join(map(str, first["loc"]))
-    if first["type"] == "missing":
-        return InputError(file, place, "this key is missing")
-    return InputError(file, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}")
+    keys, _, problem = first_finding(err)
+    return InputError(file, ".".join(map(str, keys)), problem)
 
 
 def read_plain(path: Path) -> JsonValue:

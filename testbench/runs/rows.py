@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from testbench.arm.document import first_finding
 from testbench.errors import BenchError
 
 R = TypeVar("R")
@@ -187,8 +188,8 @@ def restored(kind: type[R], table: Table) -> list[R]:
     try:
         return TypeAdapter(list[kind]).validate_python(_nest(kind, table, ""))  # type: ignore[valid-type]
     except ValidationError as err:
-        first = err.errors(include_url=False)[0]
-        raise BenchError(f"rows: {'.'.join(map(str, first['loc']))}: {first['msg']}") from err
+        keys, _, problem = first_finding(err)
+        raise BenchError(f"rows: {'.'.join(map(str, keys))}: {problem}") from err
 
 
 def _nest(kind: type, table: Table, prefix: str) -> list[dict[str, Any]]:

@@ -91,9 +91,14 @@ def check_header(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]
             raise InputError(
                 path,
                 "",
-                f"{name}: {have!r} in the stored trials, {want!r} in this run; "
+                f"{name}: {_shown(have)} in the stored trials, {_shown(want)} in this run; "
                 "resume with the same settings, or choose another folder",
             )
+
+
+def _shown(value: object) -> str:
+    """Write a value of a header for a message."""
+    return "not set" if value is None else repr(value)
 
 
 def _differences(prefix: str, have: object, want: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:

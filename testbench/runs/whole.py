@@ -121,7 +121,11 @@ def _settle(place: Path) -> None:
         if not os.path.lexists(place):  # killed between the two renames
             earlier.rename(place)
         elif os.path.lexists(home / NEW / place.name):
-            raise InputError(place, "", f"is in the place of the run that is now in {earlier}; move one away")
+            raise InputError(
+                place,
+                "",
+                f"another run is now in {earlier}, which a killed process moved: move one of the two away",
+            )
         else:
             for guest in guests(earlier, read_manifest(earlier).files):
                 if not os.path.lexists(place / guest):
@@ -396,7 +400,7 @@ def check_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bo
         if stat.S_ISLNK(status.st_mode):
             raise InputError(path, "", f"is a symbolic link; {INSTEAD}")
         if not ours:
-            raise InputError(path, "", f"expected {kind.name} where one is replaced; {INSTEAD}")
+            raise InputError(path, "", f"exists and is not {kind.name}; {INSTEAD}")
     if not force and is_run(path.parent):
         problem = "a run folder holds only runs; choose another place, or add to it by --force"
         raise InputError(path, "", problem)
@@ -521,7 +525,9 @@ def check_folder(
     status = look(out)
     for source in inputs:
         if inside(source, out):
-            raise InputError(out, "", f"expected a folder without {source}, which is read")
+            raise InputError(
+                out, "", f"this folder holds {source}, which the command reads: choose another folder"
+            )
     if status is not None and not out.is_dir():
         raise InputError(out, "", "expected a folder, got a file, a device or a link to nothing")
     if not force:

@@ -44,10 +44,9 @@ from testbench.studies import campaigns
 from testbench.studies.campaign.trial import Fits
 from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.run import READ, headline, warnings
-from testbench.studies.study import Everywhere, Run, Study
+from testbench.studies.study import ArmFlag, Everywhere, Run, Study
 from testbench.workflows.campaign import Campaign, Setup, poses_with_weight, true_cell
 from testbench.workflows.campaign import measure_markers as read
-from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import (

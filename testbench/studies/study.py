@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Annotated, Any, Generic, Protocol, TypeVar
 
 import numpy as np
+import typer
 
-from testbench.arm.folder import find_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset, select_rows, split
 from testbench.errors import Array
 from testbench.files.read_pairs import from_text
@@ -19,6 +20,7 @@ from testbench.files.write import write_csv
 from testbench.identify.method import gco, least_squares, paper_gco
 from testbench.model.structure import all153, template56
 from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
+from testbench.plant.true_arms import FAMILY, true_arms
 from testbench.report.colours import MEASURED, Look, look_of
 from testbench.report.figure import Figure
 from testbench.report.recording.stream import RecordingHeader
@@ -41,12 +43,55 @@ from testbench.report.scene import (
 from testbench.report.table import Row, Trials
 from testbench.runs.engine import Work
 from testbench.studies.intervals import clipped, ridge
-from testbench.workflows.campaign import Setup, settle_both
+from testbench.workflows.campaign import Scenario, Setup, Truth, of_arm, settle_both
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import CLIPPED, FILLED, IN_PAPER, RIDGE, WITHOUT_CONE, in_words
 from testbench.workflows.models import Model, equal_fit, named_models
 from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
 from testbench.workflows.rows import MM
+
+# --- Flags of simulated campaigns ---------------------------------------------------------------------------
+
+
+def true_arm_name(text: str) -> str:
+    """Check the name of a kind of true arm; BadParameter if there is none."""
+    if text == FAMILY or text in true_arms:
+        return text
+    raise typer.BadParameter(f"expected one of {', '.join([FAMILY, *true_arms])}, got {text!r}")
+
+
+ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or name of a built-in one.")]
+TrueArmFlag = Annotated[
+    str,
+    typer.Option(parser=true_arm_name, metavar="NAME", help="Kind of true arm; family: one of six per seed."),
+]
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """Describe what a campaign under gravity is made from; a study adds its own flags."""
+
+    arm: ArmFlag = "kr500_l480"
+    payload_kg: Annotated[
+        float | None, typer.Option(min=0.001, max=10_000, metavar="KG", help="Payload (default: rated).")
+    ] = None
+    sigma_um: Annotated[
+        float, typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise of a reading, per axis.")
+    ] = 50.0
+    truth: Annotated[Truth, typer.Option(help="MuJoCo's arm or a linear one.")] = "nonlinear"
+    true_arm: TrueArmFlag = FAMILY
+
+    def scenario(self, workspace_poses: int) -> Scenario:
+        """Make the campaign that is asked for; InputError names an arm that there is not."""
+        scenario = Scenario(
+            arm=find_arm(self.arm).resolve().name,
+            payload=self.payload_kg,
+            sigma=self.sigma_um / 1e6,
+            truth=self.truth,
+            workspace_poses=workspace_poses,
+        )
+        return of_arm(load_arm(self.arm), scenario)
+
 
 # --- A study: trials return rows, a report is made of their table, views show the report --------------------
 

@@ -3,7 +3,6 @@
 Arm, geometry, gears and springs are MuJoCo's; nothing here is shared with the model that is fitted.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -11,9 +10,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, Dataset, Series, select_rows
+from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask
-from testbench.model.vjm import chain, marker_points, tool_points, translation_rows
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
 from testbench.plant.equilibrium import solve_equilibrium
@@ -30,13 +28,19 @@ from testbench.plant.tracker import (
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import LoadedPoses, poses_with_weight
-from testbench.workflows.campaign_flags import Mounted, check_markers
 from testbench.workflows.cell import Cell, clear_poses
+from testbench.workflows.instruments import (
+    Mounted,
+    blocks_of,
+    check_markers,
+    distances_of,
+    names_of,
+    poses_on_planes,
+    unit_normal,
+)
 from testbench.workflows.plan_input import Place
 
 MAX_POSES = 20_000
-MAX_TOUCH_BATCHES, POSES_PER_BATCH, NEWTON_STEPS = 200, 2000, 8
-"""Most draws of poses for a plane, poses of each, and steps that take them onto it."""
 Mass = Annotated[float, Field(ge=0, le=10_000)]
 
 REAL_ARM = Disturbances(
@@ -238,33 +242,6 @@ def simulate_distances(
 Face = tuple[Array, Array]  #: A point of a plane [m] and its unit normal [1], (3,) each.
 
 
-def names_of(mounted: Sequence[Mounted]) -> list[str]:
-    """Name fixed points and planes by their place among all instruments, from 1."""
-    return [f"{'point' if own.direction is None else 'plane'} {k}" for k, own in enumerate(mounted, 1)]
-
-
-def blocks_of(mounted: Sequence[Mounted]) -> list[list[int]]:
-    """Group planes by the block whose faces they are.
-
-    Args:
-        mounted: Distance meters and plane probes.
-
-    Returns:
-        Places of the planes of every block; a plane alone is a block by itself.
-
-    Raises:
-        BenchError: When a named block has one face.
-    """
-    blocks: dict[str, list[int]] = {}
-    for k, (own, name) in enumerate(zip(mounted, names_of(mounted), strict=True)):
-        if own.direction is not None:
-            blocks.setdefault(own.block or name, []).append(k)
-    for name, members in blocks.items():
-        if len(members) == 1 and mounted[members[0]].block:
-            raise BenchError(f"--instrument: block {name!r} has one face; expected two or more, or no block")
-    return [*blocks.values()]
-
-
 def _true_faces(mounted: Sequence[Mounted], rng: np.random.Generator) -> list[Face | None]:
     """Place the faces of all planes, those of a block together; None for other instruments."""
     faces: list[Face | None] = [None] * len(mounted)
@@ -290,132 +267,6 @@ def _read_distances(
         return own.instrument.read_absolute(face, places, pose, rng)
     assert isinstance(own.instrument, DistanceMeter)
     return own.instrument.read_absolute(own.fixed, places, rng)
-
-
-def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
-    """Put what one instrument of distances reads into a series.
-
-    Args:
-        own: The instrument.
-        bare: Poses, loads and markers.
-        read: Distances or heights, (rows,) [m]; NaN for lost ones.
-
-    Returns:
-        The series; its other markers are lost.
-    """
-    assert own.fixed is not None
-    normal: tuple[float, float, float] | None = None
-    tilt, zero = NOMINAL_TILT, 0.0
-    if isinstance(own.instrument, PlaneProbe):
-        x, y, z = unit_normal(own).tolist()
-        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
-        sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
-    else:
-        assert isinstance(own.instrument, DistanceMeter)
-        sigma, zero = own.instrument.sigma, own.instrument.zero_sigma
-    seen = np.isfinite(read)[:, None] & np.equal(bare.markers, own.marker)
-    return replace(
-        bare,
-        sigma=sigma,
-        precision=None if seen.all() else seen[..., None, None] * np.eye(3) / sigma**2,
-        distance=np.where(seen, read[:, None], 0.0),
-        fixed=tuple(own.fixed.tolist()),
-        fixed_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED),
-        normal=normal,
-        tilt=tilt,
-        zero_sigma=zero,
-    )
-
-
-def poses_on_planes(cell: Cell, planes: Sequence[Mounted], count: int, rng: np.random.Generator) -> Array:
-    """Draw poses in which the rigid arm touches plane faces, one after the other.
-
-    Random poses whose marker is near the face are moved onto it by Newton's method. Those are kept that are
-    within the joint limits, on the face, clear of collision, and have the tool in front of the face.
-
-    Args:
-        cell: The arm.
-        planes: Plane probes.
-        count: Number of poses of all planes.
-        rng: Source of the poses.
-
-    Returns:
-        Actuated joints, (count, n) [rad, m].
-
-    Raises:
-        BenchError: When too few are found.
-    """
-    found = np.empty((count, cell.arm.n_joints))
-    for k, own in enumerate(planes):
-        found[k :: len(planes)] = touch(cell, own, len(range(k, count, len(planes))), rng)
-    return found
-
-
-def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least: int | None = None) -> Array:
-    """Draw poses in which the rigid arm touches one face.
-
-    Args:
-        cell: The arm.
-        own: The plane probe.
-        count: Number of poses.
-        rng: Source of the poses.
-        least: Number that suffices where no more are found; None for `count`.
-
-    Returns:
-        Actuated joints, `least` to `count` of them, (poses, n) [rad, m].
-
-    Raises:
-        BenchError: When fewer are found.
-    """
-    from testbench.plant.site import collisions  # here: few commands need it
-
-    assert isinstance(own.instrument, PlaneProbe)
-    assert own.fixed is not None
-    normal = unit_normal(own)
-    arm, points, kept = cell.arm, marker_points(cell.vjm, (own.marker,)), list[Array]()
-    for _ in range(MAX_TOUCH_BATCHES):
-        q = arm.draw_poses(rng, POSES_PER_BATCH)
-        off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
-        q = q[np.linalg.norm(off, axis=1) <= own.instrument.radius]
-        for _ in range(NEWTON_STEPS):
-            off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
-            q = moved_along_normal(cell, own, q, off @ normal)
-        where = chain(cell.vjm, q)
-        off = where.points(points)[:, 0] - own.fixed
-        on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)
-        on &= (where.position - own.fixed) @ normal > -1e-6
-        on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
-        clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
-        kept.extend(q[on][clear])
-        if len(kept) >= count:
-            break
-    if len(kept) >= (count if least is None else least):
-        return np.reshape(kept[:count], (-1, arm.n_joints))
-    face = f"the plane at {', '.join(f'{x:g}' for x in own.fixed)} m"
-    raise BenchError(f"--instrument: found {len(kept)} of {count} poses that touch {face}; is it in reach?")
-
-
-def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Array:
-    """Move poses by the shortest step of the joints that lowers the marker by a height over the plane.
-
-    Args:
-        cell: The arm; a linear step by its rigid model.
-        own: The plane probe.
-        q: Poses, (poses, n) [rad, m].
-        height: Heights, (poses,) [m].
-
-    Returns:
-        The poses, (poses, n) [rad, m].
-    """
-    rows = translation_rows(chain(cell.vjm, q), marker_points(cell.vjm, (own.marker,)))
-    slope = np.einsum("x,xnr->rn", unit_normal(own), rows[:, cell.vjm.joint_slice])
-    return cell.arm.with_dependent_joints(q - slope * (height / (slope**2).sum(axis=1))[:, None])
-
-
-def unit_normal(own: Mounted) -> Array:
-    """Return the unit normal of the plane of a probe, as it is stated, (3,)."""
-    normal = np.asarray(own.direction, dtype=float)
-    return np.asarray(normal / np.linalg.norm(normal)) + 0.0  # no component is -0
 
 
 def _of_all(placed_frames: list[PlacedFrame], shared: bool) -> tuple[PlacedFrame, ...]:

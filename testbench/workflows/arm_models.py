@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from testbench.arm.document import StrictModel
+from testbench.arm.document import StrictModel, matching
 from testbench.arm.folder import Arm, find_arm, load_arm
 from testbench.arm.mjcf import MAX_MESH_BYTES
 from testbench.data.dataset import Dataset, Series
@@ -52,9 +52,8 @@ MAX_MODEL_NUMBER = 1e12  #: Of a model's numbers, whatever the unit: squares of 
 MAX_TEXT, MAX_NAME_LENGTH = 20_000, 255
 """Longest text of a model, and longest name of its arm [characters]."""
 MAX_LIST = 100_000  #: Numbers of a list.
-PRINTED = (
-    "^[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*$"  #: Texts without control characters, which no XML holds.
-)
+PRINTED = matching("[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*", "no control characters")
+"""A text that XML can hold."""
 Number = Annotated[float, Field(ge=-MAX_MODEL_NUMBER, le=MAX_MODEL_NUMBER)]
 Size = Annotated[float, Field(ge=0, le=MAX_MODEL_NUMBER)]
 Factor = Annotated[float, Field(gt=0, le=MAX_MODEL_NUMBER)]
@@ -155,7 +154,7 @@ class Document(ModelPart):
 
     format: int
     name: str  #: Of the model, such as ALL153 + prior.
-    arm: Annotated[str, Field(max_length=MAX_NAME_LENGTH, pattern=PRINTED)]
+    arm: Annotated[str, Field(max_length=MAX_NAME_LENGTH), PRINTED]
     about: AboutPart
     structure: StructurePart
     weights: WeightsPart
@@ -220,13 +219,13 @@ def _read_document(folder: Path) -> Document:
     if not path.is_file():
         problem = f"expected the folder of a model, with {DOCUMENT}"
         if (folder / FITS).is_file():
-            problem = f"was written by an earlier version and has no {DOCUMENT}: identify again"
+            problem = f"an earlier version wrote this folder, without {DOCUMENT}: identify again"
         raise InputError(folder, "", problem)
     text = read_text(path, MAX_BYTES)
     try:
         head = Head.model_validate_json(text)
         if head.format != FORMAT:
-            problem = f"is a model of format {head.format}, this version reads {FORMAT}: fit it again"
+            problem = f"this version reads format {FORMAT}, the model has format {head.format}: fit it again"
             raise InputError(path, "format", problem)
         return Document.model_validate_json(text)
     except ValidationError as err:
@@ -237,7 +236,7 @@ def _check_arm(folder: Path, document: Document, place: Path) -> None:
     for name in ARM_FILES:
         path, other = folder / name, place / name
         if not other.is_file() or files.digest(path) != files.digest(other):
-            problem = f"is a model of another arm, {document.arm}: its {name} differs from that of {place}"
+            problem = f"the model is of another arm, {document.arm}: its {name} differs from that of {place}"
             raise InputError(folder, "", problem)
 
 

@@ -5,7 +5,7 @@ Section 5 as data: full poses of the tool read under wrenches along every axis, 
 Of an arm without joints (section 5.1) there is one pose; of a six-axis arm (section 5.2) there are many.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
@@ -14,17 +14,26 @@ from typing import TYPE_CHECKING, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
+from testbench.arm.document import first_finding
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset, join_rows, select_rows, split
+from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows, split
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, PoseError, check_type
-from testbench.model.vjm import WorkArea
+from testbench.model.vjm import WorkArea, marker_points, tool_points, tool_pose
 from testbench.plant.equilibrium import solve_linear_equilibrium
-from testbench.plant.tracker import Tracker, read_orientations, read_positions
+from testbench.plant.tracker import (
+    DistanceMeter,
+    Gauge,
+    PlaneProbe,
+    Tracker,
+    read_orientations,
+    read_positions,
+)
 from testbench.plant.true_arms import true_plant
 from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell, clear_poses
+from testbench.workflows.instruments import Mounted, check_markers
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant.build import Plant
@@ -57,15 +66,15 @@ class Setup(BaseModel):
         try:
             return handler(given)
         except ValidationError as err:
-            first = err.errors(include_url=False)[0]
-            place = ".".join(map(str, first["loc"]))
-            if first["type"] == "extra_forbidden":
-                problem = f"{cls.__name__}: no field {place!r}; fields are {', '.join(cls.model_fields)}"
-            elif first["type"] == "missing":
-                problem = f"{cls.__name__}: field {place!r} is missing"
+            keys, kind, problem = first_finding(err)
+            place = ".".join(map(str, keys))
+            if kind == "extra_forbidden":
+                problem = f"no such field; fields are {', '.join(cls.model_fields)}"
+            elif kind == "missing":
+                problem = "this field is missing"
             else:
-                problem = f"{cls.__name__}: {place} = {first['input']!r}: {first['msg']} (SI units)"
-            raise BenchError(problem) from err
+                problem += " (SI units)"
+            raise BenchError(f"{cls.__name__}: {place}: {problem}") from err
 
     @property
     def sigmas(self) -> tuple[float, float | None]:
@@ -492,3 +501,135 @@ def at_tool(q: Array, pose: Ids, wrench: Array) -> LoadedPoses:
         The loaded poses.
     """
     return LoadedPoses(q, pose, wrench, np.zeros((len(q), 3)))
+
+
+# --- What instruments around a cell read --------------------------------------------------------------------
+
+
+def read_instruments(
+    cell: Cell, truth: Truth, loaded: LoadedPoses, mounted: Sequence[Mounted], rng: np.random.Generator
+) -> Dataset:
+    """Read the arm at rest, unloaded and loaded, with several instruments at once.
+
+    Instruments that share a marker are read one after the other: then there are several runs per load.
+
+    Args:
+        cell: The arm.
+        truth: Kind of truth.
+        loaded: Poses and loads.
+        mounted: The instruments.
+        rng: Source of the instruments' errors.
+
+    Returns:
+        The runs: along lines, positions, or both; markers without an instrument are neither read nor lost.
+
+    Raises:
+        BenchError: When a marker is none of the arm's, or a probe of orientations is not the only instrument.
+    """
+    check_markers(cell, mounted)
+    if any(isinstance(own.instrument, PlaneProbe) for own in mounted):
+        raise BenchError("--instrument: a plane needs --absolute; a gauge reads deflections")
+    probes = [own for own in mounted if isinstance(own.instrument, Tracker) and own.instrument.sigma_rotation]
+    if not mounted or (probes and len(mounted) > 1):
+        raise BenchError(
+            "instruments: expected one or more; a probe of orientations cannot be combined with others"
+        )
+    settled = settle_both(cell.plant, truth, loaded.q, loaded.wrench, loaded.point)
+    parts = [_read(cell, loaded, settled, layer, rng) for layer in _layers(cell, mounted)]
+    if probes or all(part.direction is None for part in parts):
+        data = join_rows(parts)
+    else:
+        data = join_rows([_with_lines(part) for part in parts])
+    order = np.argsort(np.tile(np.arange(len(loaded.q)), len(parts)), kind="stable")
+    return replace(select_rows(data, order), run=np.arange(data.runs) + 1)
+
+
+def _layers(cell: Cell, mounted: Sequence[Mounted]) -> list[list[Mounted]]:
+    """Split instruments into layers in each of which every marker is read once."""
+    layers: list[tuple[set[str], list[Mounted]]] = []
+    for own in mounted:
+        markers = {own.marker} if own.marker else set(cell.arm.markers)
+        layer = next((layer for layer in layers if not layer[0] & markers), None)
+        if layer is None:
+            layer = (set(), [])
+            layers.append(layer)
+        layer[0].update(markers)
+        layer[1].append(own)
+    return [own for _, own in layers]
+
+
+def _read(
+    cell: Cell, loaded: LoadedPoses, settled: "Pair", layer: Sequence[Mounted], rng: np.random.Generator
+) -> Dataset:
+    """Read instruments of different markers."""
+    markers, runs = cell.arm.markers, len(loaded.q)
+    read, P = np.zeros((2, runs, len(markers), 3)), np.zeros((runs, len(markers), 3, 3))
+    direction, tilt, reach = np.zeros(read.shape[1:]), np.zeros(P.shape[:2]), np.zeros(P.shape[:2])
+    turned: dict[str, object] = {}
+    for own in layer:
+        if isinstance(own.instrument, Tracker):
+            some = [markers.index(own.marker)] if own.marker else list(range(len(markers)))
+            read[:, :, some] = [
+                read_positions(own.instrument, equilibrium.markers[:, some], rng) for equilibrium in settled
+            ]
+            P[:, some] = np.eye(3) / (2 * own.instrument.sigma**2)
+            if own.instrument.sigma_rotation:
+                both = [
+                    read_orientations(own.instrument, equilibrium.rotation, rng) for equilibrium in settled
+                ]
+                turned = dict(zip(("rotation_before", "rotation_after"), both, strict=True))
+                turned["sigma_rotation"] = own.instrument.sigma_rotation
+            continue
+        k = markers.index(own.marker)
+        u, tilt[:, k], reach[:, k] = _line(cell, loaded.q, own)
+        places = tuple(equilibrium.markers[:, k] for equilibrium in settled)
+        if isinstance(own.instrument, Gauge):
+            rotations = tuple(equilibrium.rotation for equilibrium in settled)
+            numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
+        else:
+            assert isinstance(own.instrument, DistanceMeter)
+            numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
+        lost = np.asarray(np.isnan(numbers).any(axis=0))
+        direction[:, k] = u
+        read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
+        P[:, k] = along_lines(u, own.instrument.sigma) * ~lost[:, None, None]
+    lines = bool(direction.any() or tilt.any() or reach.any())
+    whole = not lines and bool(P.any(axis=(2, 3)).all())
+    return Dataset(
+        markers=markers,
+        run=np.arange(runs) + 1,
+        **vars(loaded),
+        before=read[0],
+        after=read[1],
+        sigma=layer[0].instrument.sigma,
+        precision=None if whole else P,
+        direction=direction if lines else None,
+        tilt=tilt if lines else None,
+        reach=reach if lines else None,
+        **turned,  # type: ignore[arg-type]
+    )
+
+
+def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
+    """Compute direction, its standard deviation and reach in every pose, as they are said to be."""
+    if isinstance(own.instrument, Gauge):
+        u = np.broadcast_to(np.asarray(own.direction, dtype=float), (len(q), 3))
+        u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), np.finfo(float).tiny)
+        if own.on_tool:
+            u = np.matvec(tool_pose(cell.vjm, q)[1], u)
+        return u, np.full(len(q), own.instrument.tilt), np.zeros(len(q))
+    assert isinstance(own.instrument, DistanceMeter)
+    assert own.fixed is not None
+    beam = tool_points(cell.vjm, q, marker_points(cell.vjm, (own.marker,)))[:, 0] - own.fixed
+    reach = np.linalg.norm(beam, axis=1)
+    return beam / reach[:, None], own.instrument.fixed_point_sigma / reach, reach
+
+
+def _with_lines(data: Dataset) -> Dataset:
+    """Give data of positions alone the fields of readings along lines."""
+    if data.direction is not None:
+        return data
+    none = np.zeros(data.before.shape[:2])
+    P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (*data.before.shape, 3)).copy()
+    P = P if data.precision is None else data.precision
+    return replace(data, direction=np.zeros_like(data.before), tilt=none, reach=none, precision=P)

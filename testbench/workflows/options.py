@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError
 from typer.core import TyperCommand
 
-from testbench.arm.document import StrictModel, is_decimal, parse_toml, toml_place
+from testbench.arm.document import StrictModel, first_finding, is_decimal, matching, parse_toml, toml_place
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import Arm, find_arm
 from testbench.arm.mjcf import GRAVITY
@@ -138,11 +138,15 @@ def _exists(name: str) -> str:
     return name
 
 
-Text = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^-]")]
+Text = Annotated[
+    str, Field(min_length=1, max_length=200), matching("[^-].*", "a text that does not begin with -")
+]
 File = Annotated[Text, AfterValidator(_exists)]
 Mass = Annotated[str, BeforeValidator(_check_mass)]
-Place = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){2}$")]
-Box = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){5}$")]
+Place = Annotated[
+    str, matching(r"[-+.\de]+(,[-+.\de]+){2}", "a text of three numbers with commas between, such as 2.5,0,1")
+]
+Box = Annotated[str, matching(r"[-+.\de]+(,[-+.\de]+){5}", "a text of six numbers with commas between")]
 
 
 class FileSettings(StrictModel):
@@ -197,13 +201,11 @@ def parse_project(path: Path, text: str) -> Project:
     try:
         return Project.model_validate(parse_toml(path, text))
     except ValidationError as err:
-        first = err.errors(include_url=False, include_context=False)[0]
-        place = [str(key) for key in first["loc"] if key != "[key]"]
-        problem = f"{first['msg']}, got {str(first['input'])[:80]!r}"
-        if first["type"] == "extra_forbidden":
-            keys = (Project if len(place) == 1 else FileSettings).model_fields
-            problem = f"unknown key; keys are {', '.join(keys)}"
-        raise InputError(path, toml_place(path, place), problem) from err
+        keys, kind, problem = first_finding(err)
+        if kind == "extra_forbidden":
+            known = (Project if len(keys) == 1 else FileSettings).model_fields
+            problem = f"unknown key; keys are {', '.join(known)}"
+        raise InputError(path, toml_place(path, keys), problem) from err
 
 
 class ProjectCommand(TyperCommand):

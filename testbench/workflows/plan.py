@@ -52,9 +52,8 @@ from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
 from testbench.workflows.absolute import FREE_DEVIATION, FURTHER, Calibrated, unobservable
-from testbench.workflows.absolute_campaign import blocks_of, distances_of, names_of, touch
-from testbench.workflows.campaign_flags import Mounted, check_markers
 from testbench.workflows.cell import Cell
+from testbench.workflows.instruments import Mounted, blocks_of, check_markers, distances_of, names_of, touch
 from testbench.workflows.plan_input import (
     REASONS,
     Candidates,

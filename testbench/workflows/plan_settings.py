@@ -19,8 +19,8 @@ from testbench.model.vjm import WorkArea
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
-from testbench.workflows.campaign_flags import Mounted, mounted
 from testbench.workflows.cell import Cell
+from testbench.workflows.instruments import Mounted, mounted
 from testbench.workflows.models import ALL_UNKNOWNS, arm_model_names, canonical_name, named_models, plain_name
 from testbench.workflows.options import ArmName, MapFile, mass, payload_of
 from testbench.workflows.plan_input import (
@@ -58,7 +58,7 @@ class PlanSettings:
     #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
     pulls_n: tuple[Place, ...] = ()
     orientations: bool = False  #: Whether the orientation of one target is read.
-    #: Instruments of distances or heights instead of a tracker, as `campaign_flags.mounted` reads them.
+    #: Instruments of distances or heights instead of a tracker, as `instruments.mounted` reads them.
     instruments: tuple[str, ...] = ()
     #: Standard deviation of one reading along one axis [um]; of an orientation about one axis [urad].
     sigma_um: float = 50.0

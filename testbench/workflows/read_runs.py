@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import StrictModel, parse_toml
+from testbench.arm.document import StrictModel, first_finding, parse_toml, toml_place
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, split
 from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word
@@ -351,10 +351,9 @@ def read_frames(path: Path) -> dict[int, Frame]:
     try:
         given = _File.model_validate(content).frame
     except ValidationError as err:
-        first = err.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        hint = "expected [[frame]] with position_m and rotation_xyz_deg of the base in the tracker's frame"
-        raise InputError(path, place, f"{first['msg']}; {hint}") from err
+        keys, _, problem = first_finding(err)
+        form = "[[frame]] has position_m and rotation_xyz_deg of the base in the tracker's frame"
+        raise InputError(path, toml_place(path, keys), f"{problem}; {form}") from err
     stations = [one.station for one in given]
     if len(set(stations)) < len(stations):
         raise InputError(path, "frame", f"expected every station once, got {stations}")

@@ -312,7 +312,9 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     [by] = [own for own in entries if own.key == "rows"]
     assert by.value == 3
     assert by.why == "no names or times in common, but these counts agree"
-    assert "warning: robot.dat is joined by the order of rows: each row to 3 rows of readings" in found.notes
+    assert (
+        "warning: the rows of robot.dat are joined in their order, each to 3 rows of readings" in found.notes
+    )
     fewer = "".join(other.splitlines(keepends=True)[:-1])
     with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 11 rows"):
         read("", tmp_path, export, fewer)
@@ -754,11 +756,11 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
         ),
         (
             steps("before", "under load", "after"),
-            "column Stage: only this column, 'before', 'under load', 'after', tells readings of one point",
+            "column Stage: readings of one point differ only in this column .'before', 'under load', ",
         ),
         (
             states(FIVE.format("Stan"), "nieobciążony|obciążony").decode(),
-            "column Stan: only this column, 'nieobciążony', 'obciążony', tells readings",
+            "column Stan: readings of one point differ only in this column .'nieobciążony', ",
         ),
         (states(FIVE.format("Load [%]"), "0|100").decode(), "expected a unit of mass or force, got '%'"),
         (

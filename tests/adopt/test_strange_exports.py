@@ -88,6 +88,19 @@ READ = {
         ),
         log(DEG),
     ),
+    "GOM, rows of properties": (
+        table(
+            ["Element", "Property", "Nominal", "Actual", "Dev.", "Check"],
+            [
+                [NAMES[k], "XYZ"[i], *numbers([STATED[k, i], X[k, 0, i], X[k, 0, i] - STATED[k, i]]), "ok"]
+                for k in range(N)
+                for i in range(3)
+            ],
+            ";",
+        ),
+        log(DEG, key=("Element", NAMES)),
+    ),
+    "units with a full stop": (beside(place=[f"{x} (in.)" for x in "XYZ"], scale=1 / 25.4, digits=(9, 12)),),
     "FARO with coordinates": (
         "Vantage\nUnits,mm\n\n" + points([f"{x} Coord (mm)" for x in "XYZ"]),
         log(DEG),
@@ -305,10 +318,20 @@ PAIRED = {
     "pounds of force": weighs("lbf", WEIGHT / 4.4482216152605),
     "kiloponds": weighs("kp", WEIGHT / 9.80665, "Last"),
     "newtons in a word": weighs("newtons", WEIGHT),
+    "a payload beside its weight": by_state(
+        lambda loaded: [f"{100 * loaded}", f"{980 * loaded}"], ("Payload [kg]", "Weight [N]")
+    ),
+    "a weight beside its payload": by_state(
+        lambda loaded: [f"{981 * loaded}", f"{100 * loaded}"], ("Weight [N]", "Payload [kg]")
+    ),
     "tonnes in words": by_state(lambda loaded: [("none", "0.1 t")[loaded]], ("Load",)),
     "two weights in tonnes": by_state(lambda loaded: [("none", "2 x 0.05 t")[loaded]], ("Load",)),
     "a legend of a flange and a plate": "LA: empty flange\nLB: 100 kg plate\n\n"
     + by_state(lambda loaded: [("LA", "LB")[loaded]], ("Load",)),
+    "Y and N beside a mass": by_state(
+        lambda loaded: ["NY"[loaded], str(100 * loaded)], ("Loaded?", "Mass [kg]")
+    ),
+    "states shortened": both("{} unl. [mm]", "{} load. [mm]"),
     "yes and no beside a mass": by_state(
         lambda loaded: [("no", "yes")[loaded], str(100 * loaded)], ("Loaded", "Mass [kg]")
     ),
@@ -349,10 +372,59 @@ PAIRED = {
 }
 
 
+def in_names(between, loads):
+    """One row per pose, state and target; its name has three parts."""
+    return [
+        [between.join((NAMES[k], f"P{m + 1}", loads[n])), *numbers(X[k, m] + n * DOWN), *numbers(Q[k])]
+        for k in range(N)
+        for n in (0, 1)
+        for m in range(3)
+    ]
+
+
+def exchanged(header, rows):
+    """A column per point."""
+    first, *others = zip(header, *rows, strict=True)
+    return table(first, others)
+
+
+PAIRED |= {
+    "names with a mass in tonnes": table(["Name", *MM, *DEG], in_names("_", ("0t", "0.1t"))),
+    "names with a mass in kg": table(["Name", *MM, *DEG], in_names("-", ("0", "100.0kg"))),
+    "a column per point, without a heading": exchanged(["", *MM, *DEG], in_names("_", ("0t", "0.1t"))),
+}
+
+
 @pytest.mark.parametrize("name", PAIRED)
 def test_pairs_are_read_to_the_last_digit(name, tmp_path):
     (file := tmp_path / "export.csv").write_text(PAIRED[name])
     fits(pairs(file))
+
+
+EASTERN = {
+    "cp949": ("자세", "목표점", "하중 [kg]", "관절{}"),
+    "cp1251": ("Поза", "Мишень", "Нагрузка [kg]", "Ось{}"),
+    "cp932": ("姿勢", "測定点", "荷重 [kg]", "関節{}"),
+    "gb18030": ("姿态", "测点", "负载 [kg]", "关节{}"),
+}
+
+
+@pytest.mark.parametrize("encoding", EASTERN)
+def test_an_encoding_is_found_by_the_words_of_the_header(encoding, tmp_path):
+    pose, target, load, joint = EASTERN[encoding]
+    rows = [row[:2] + row[9:10] + row[3:9] + row[10:] for row in WHOLE]
+    rows = [[*row[:2], "0" if n % 6 < 3 else "100", *row[3:]] for n, row in enumerate(rows)]
+    text = table([pose, target, load, *six(joint), *MM], rows)
+    (file := tmp_path / "export.csv").write_bytes(text.encode(encoding))
+    fits(pairs(file))
+
+
+def test_joints_of_two_robots_are_said_as_a_guess(tmp_path):
+    rows = [[NAMES[k], *numbers(Q[k]), *numbers(Q[k] / 2), *numbers(X[k, 0])] for k in range(N)]
+    header = ["Point", *six("R1_J{} [deg]"), *six("R2_J{} [deg]"), *MM]
+    _, entries = read("", tmp_path, table(header, rows))
+    said = {own.key: (own.value, own.why) for own in entries}
+    assert said["joint_1"] == ("R1_J1 [deg]", "'R2_J1 [deg]' is not read")
 
 
 def test_what_x_and_dx_are_is_said_as_a_guess(tmp_path):
@@ -526,7 +598,17 @@ REFUSED = {
     "two weights side by side": (
         by_state(lambda loaded: [str(40 * loaded), str(60 * loaded)], ("Load 1 [kg]", "Load 2 [kg]")),
         None,
-        r"expected one column of loads, got 'Load 1 \[kg\]' and 'Load 2 \[kg\]'",
+        r"got '40' in 'Load 1 \[kg\]' \(40 kg\) and '60' in 'Load 2 \[kg\]' \(60 kg\); say in",
+    ),
+    "a payload beside another weight": (
+        by_state(lambda loaded: [str(100 * loaded), str(1500 * loaded)], ("Payload [kg]", "Weight [N]")),
+        None,
+        r"line 5: expected the same load in both, got '100' .* \(100 kg\) and '1500' .* \(152\.9 kg\)",
+    ),
+    "loads of which one has no unit": (
+        by_state(lambda loaded: [str(100 * loaded), str(981 * loaded)], ("Payload [kg]", "Load")),
+        None,
+        r"expected one column of loads, got 'Payload \[kg\]' and 'Load'; say in",
     ),
     "suffixes of nobody knows what": (both("{}_u", "{}_l"), None, "no column looks like a position"),
     "degrees, minutes and seconds": (
@@ -543,6 +625,31 @@ REFUSED = {
         table(["Frame", "Tool X", "Tool Y", "Tool Z", *DEG], [["1", "4", "2", "3", *"123456"]] * 3, "\t"),
         None,
         r"no column looks like a position; columns are \['Frame', 'Tool X'",
+    ),
+    "no header": (
+        "".join(";".join([NAMES[k], *numbers(X[k, 0]), *numbers(Q[k])]) + "\n" for k in range(N)),
+        None,
+        "line 1: expected a line with the names of the columns, got .* add a line of names above the table",
+    ),
+    "PC-DMIS, a report": (
+        "".join(
+            f"DIM LOC{k}= LOCATION OF POINT {NAMES[k]}  UNITS=MM\nAX    NOMINAL    MEAS    DEV\n"
+            + "".join(
+                f"{x}   {value:.3f}   {value:.3f}   0.000\n" for x, value in zip("XYZ", X[k, 0], strict=True)
+            )
+            for k in range(N)
+        ),
+        log(DEG),
+        r"export.csv: line 1: no column looks like a position; columns are \['DIM', 'LOC0='",
+    ),
+    "FANUC, current positions": (
+        points(),
+        "".join(
+            f"{NAMES[k]}\nCURRENT JOINT POSITION:\n"
+            + "".join(f" Joint  {j + 1}: {x}\n" for j, x in enumerate(numbers(Q[k])))
+            for k in range(N)
+        ),
+        "robot.dat: .*; save a table with a row for every pose: its name or time, and a column",
     ),
     "a list written by hand": (
         points(),

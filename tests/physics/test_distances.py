@@ -34,8 +34,8 @@ from testbench.report.readings import draw_calibration
 from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_distances, simulate_series
 from testbench.workflows.calibration_numbers import remaining_errors
-from testbench.workflows.campaign_flags import AXES, Mounted
 from testbench.workflows.cell import Cell
+from testbench.workflows.instruments import AXES, Mounted
 
 POINTS = (2.2, 0.0, 0.1), (0.5, 2.0, 0.8)
 PLANES = ("z", (1.9, 0.3, 0.6)), ("-x", (2.3, 0.0, 1.4)), ("-y", (1.5, 1.2, 1.4))
@@ -361,7 +361,7 @@ def test_every_fixed_point_of_a_workshops_table_is_a_series_of_its_own(kr500, tm
         [one.fixed for one in export.series], [(2.2, 0, 0.1), (2.3, 0, 0.1)], rtol=1e-12
     )
     assert [one.fixed_sigma for one in export.series] == [0.02, 0.02]
-    assert any("20 mm of a fixed point is assumed" in note for note in export.notes)
+    assert any("20 mm for the fixed point is assumed" in note for note in export.notes)
 
 
 FACES = f"""marker,{JOINTS},height_mm,fixed_x_mm,fixed_y_mm,fixed_z_mm,direction_x,direction_y,direction_z
@@ -379,7 +379,7 @@ def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_pa
     assert (plane.name, point.name) == ("d plane 1", "d point 2")
     assert (plane.normal, point.normal) == ((0.0, 0.0, 1.0), None)
     np.testing.assert_allclose(plane.distance, [[0], [-1.5e-3]])
-    assert any("in 2 rows: 0.5 deg of direction is assumed" in note for note in export.notes)
+    assert any("in 2 rows: 0.5 deg for the direction is assumed" in note for note in export.notes)
 
 
 @pytest.mark.parametrize(

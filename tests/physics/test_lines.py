@@ -25,8 +25,8 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import marker_points
 from testbench.plant.tracker import PRELOAD, DistanceMeter, Gauge, Tracker, face_travel
 from testbench.runs.rows import trial_rng
-from testbench.workflows.campaign import poses_with_weight
-from testbench.workflows.campaign_flags import Mounted, read_instruments
+from testbench.workflows.campaign import poses_with_weight, read_instruments
+from testbench.workflows.instruments import Mounted
 
 EXACT = Gauge(sigma=1e-9, tilt=0.0, resolution=0.0)
 WIRE = DistanceMeter(sigma=1e-9, fixed_point_sigma=0.0, travel=1.0)

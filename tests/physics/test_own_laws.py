@@ -21,8 +21,8 @@ from testbench.plant.true_arms import disturb, true_arms, true_plant
 from testbench.runs import manifest
 from testbench.runs.rows import trial_rng
 from testbench.runs.store import numeric_versions
+from testbench.studies.study import true_arm_name
 from testbench.workflows.campaign import Scenario, simulate, true_cell
-from testbench.workflows.campaign_flags import true_arm_name
 from testbench.workflows.models import named_models, with_priors
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

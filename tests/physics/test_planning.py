@@ -47,14 +47,9 @@ from testbench.plant.tracker import Gauge
 from testbench.runs.rows import trial_rng
 from testbench.workflows import predicted_error
 from testbench.workflows.absolute import quantities, unobservable
-from testbench.workflows.absolute_campaign import (
-    AbsoluteCampaign,
-    poses_on_planes,
-    simulate_series,
-    unit_normal,
-)
-from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight
-from testbench.workflows.campaign_flags import Mounted, mounted, read_instruments
+from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
+from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, read_instruments
+from testbench.workflows.instruments import Mounted, mounted, poses_on_planes, unit_normal
 from testbench.workflows.plan import plan_absolute, undetermined_by, union_after, union_of
 from testbench.workflows.plan_input import PoseConditions, build_checks, find
 from testbench.workflows.plan_numbers import joint_coverage, numbers

@@ -43,8 +43,8 @@ from testbench.report.scene import (
 )
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
-from testbench.workflows.campaign import poses_with_weight
-from testbench.workflows.campaign_flags import Mounted, read_instruments
+from testbench.workflows.campaign import poses_with_weight, read_instruments
+from testbench.workflows.instruments import Mounted
 
 
 @pytest.fixture(scope="module")

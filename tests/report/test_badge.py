@@ -92,6 +92,15 @@ def test_few_pairs_cannot_tell_and_the_less_error_is_named_first(n):
     assert (own.verdict, own.interval, own.winner, own.n) == ("too few", None, "theirs", n)
 
 
+def test_few_errors_are_called_the_same_only_if_their_numbers_are():
+    assert "the error of A is 1.01x lower than that of B in 1 pair of runs" in _of_two_runs(0.138, 0.136)
+    assert "B and A have the same error in 1 pair of runs" in _of_two_runs(0.138, 0.13801)
+
+
+def _of_two_runs(b, a):
+    return decide(("B", [b]), ("A", [a]), "pair of runs").words
+
+
 def test_six_of_six_are_enough_and_five_of_six_are_not():
     times = np.array([1.1, 1.2, 1.3, 1.4, 1.5, 1.6])
     assert decide(("a", np.ones(6)), ("b", times)).verdict == "holds"

@@ -182,11 +182,11 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
 TAMPERED = {
     "theta_0 [m, rad]: expected shape": lambda d: {"theta_0": d["theta_0"][:-1]},
     "root: expected shape": lambda d: {"columns": d["columns"][2:]},
-    "noise.factor.0: Input should be greater": lambda d: {"noise": {**d["noise"], "factor": [0.0] * 4}},
+    "noise.factor.0: expected more than 0": lambda d: {"noise": {**d["noise"], "factor": [0.0] * 4}},
     "expected a model of testbench calibrate": lambda d: {"noise": None},
     "orders: expected different": lambda d: {"errors": {**d["errors"], "orders": [2, 2]}},
     "open_position_m": lambda d: {"noise": {**d["noise"], "open_position_m": float("nan")}},
-    "is a model of format 2, this version reads 3": lambda d: {"format": 2},
+    "this version reads format 3, the model has format 2": lambda d: {"format": 2},
 }
 
 
@@ -204,7 +204,8 @@ def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_p
         (5, (), "part: 4 poses with a reading are too few"),
         (41, ("r_3.csv",), "expected new readings: 40 of its 40 are in another file too"),
         (41, ("--without", "springs"), "--without: no errors called springs"),
-        (41, ("--at-most", "1"), "--at-most work only with --score"),
+        (41, ("--at-most", "1"), "--at-most works only with --score"),
+        (41, ("--score",), "--out cannot be combined with --score, which writes nothing"),
     ],
 )
 def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(readings, lines, flags, words, tmp_path):

@@ -115,7 +115,7 @@ def test_poses_of_other_names_are_read_by_a_map(tmp_path):
     for file, flags in ((plain, ()), (named, ("--map", table))):
         fine("simulate", "kr500_l480", file, *flags, "--out", tmp_path / f"runs_{file.stem}.csv")
     assert (tmp_path / "runs_plain.csv").read_bytes() == (tmp_path / "runs_named.csv").read_bytes()
-    said = "no column is known, expected joint_1_deg, joint_2_deg"
+    said = "no column name is known: expected joint_1_deg, joint_2_deg"
     refused("simulate", "kr500_l480", named, "--out", tmp_path / "no.csv", said=said)
     asked = ("--task", named, "--map", table, "--out", tmp_path / "p", "--poses", 0)
     assert "Achse" not in refused("plan", "kr500_l480", *asked)  # what is wrong is the number of poses

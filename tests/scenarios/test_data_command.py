@@ -122,7 +122,7 @@ def test_both_examples_hold_the_same_loads_and_deflections():
     ("old", "new", "text"),
     [
         ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, log, loaded, controller, "),
-        ('"tracker"', '"moon"', "frame: Input should be 'base' or 'tracker', got 'moon'"),
+        ('"tracker"', '"moon"', "frame: expected 'base' or 'tracker', got 'moon'"),
         (
             '"Point"',
             '"Pint"',

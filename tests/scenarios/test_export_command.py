@@ -132,7 +132,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
             "--gears: expected turns of each motor",
         ),
         (("model", "--into", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
-        (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver: a checkout's tools/ur_kinematics.py"),
+        (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver: tools/ur_kinematics.py of a clone"),
         (("model", "--into", "in/ur.yaml", "--tip", "a"), "--tip is only for --urdf"),
         (("model", "--into", "in/robot.urdf"), "expected KUKA's $machine.dat or ABB's MOC.cfg"),
         (("model", "--into", "in/ours.yaml"), "testbench export wrote it; expected the robot's own file"),

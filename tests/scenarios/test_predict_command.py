@@ -158,7 +158,7 @@ HUNG = ["0,0,-900,0"] * 2
     ("rows", "flags", "said"),
     [
         (["0,0,nan,0"] * 2, (), "line 2, column force_z_N: expected a finite number, got 'nan'"),
-        (HUNG, ("--arm", "arm_6r"), "is a model of another arm, kr500_l480"),
+        (HUNG, ("--arm", "arm_6r"), "the model is of another arm, kr500_l480"),
         (HUNG, ("--box", "1,2"), "expected 6 numbers"),
     ],
 )

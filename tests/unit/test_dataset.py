@@ -145,7 +145,7 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path):
     ("content", "expected"),
     [
         (None, "cannot be read: No such file or directory"),
-        (b"\xff\xfe1\x002\x00", "line 1: no column is known, expected joint_1_deg"),
+        (b"\xff\xfe1\x002\x00", "line 1: no column name is known: expected joint_1_deg"),
         (b"\xff\xfe1\x002", "byte 5: expected text in utf-16-le: truncated data"),
         (b"run,pose\n1,\x81\n", "byte 12: expected text in utf-8 or cp1252"),
         (b'run,pose\n"1,2\n', "line 2: not a table: a quote is never closed"),
@@ -228,11 +228,11 @@ PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
     (without_column("force_z_N"), "line 1: missing columns ['force_z_N']\n"),
     (
         put("force_z_N", "force_z_kg", lines=[1]),
-        "line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']; testbench data check ",
+        "line 1: missing columns ['force_z_N']; not understood: ['force_z_kg']; understood: ['run', ",
     ),
     (
         lambda rows: [[*row, row[3]] for row in rows],
-        "line 1: expected every column once, got 'joint_1_rad' and 'joint_1_rad' for the same",
+        "line 1: expected one column for each quantity, got 'joint_1_rad' and 'joint_1_rad' for the same",
     ),
     (lambda rows: [*rows[:5], ["1"], *rows[5:]], "line 6: expected 25 fields, got 1\n"),
     *((put("after_y_m", x, lines=[5]), f"line 5, column after_y_m: {FINITE} {x!r}") for x in NUMBERS),
@@ -273,7 +273,10 @@ PRECISE = [
     (put(COVARIANCES[0], "nan", lines=[2]), f"line 2, column {COVARIANCES[0]}: expected a finite number"),
     (put(COVARIANCES[5], "", lines=[2]), f"line 2, column {COVARIANCES[5]}: expected a finite number"),
     (put("before_x_m", "", lines=[2]), "line 2, column before_x_m: expected a finite number"),
-    (put(COVARIANCES[3], "some", lines=[1]), f"line 1: missing columns ['{COVARIANCES[3]}'], ignored col"),
+    (
+        put(COVARIANCES[3], "some", lines=[1]),
+        f"line 1: missing columns ['{COVARIANCES[3]}']; not understood: [",
+    ),
 ]
 CASES = [(dataset(), *case) for case in PLAIN] + [(dataset(rotation=True), *case) for case in TURNED]
 CASES += [(precise(), *case) for case in PRECISE]

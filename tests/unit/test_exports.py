@@ -474,8 +474,14 @@ def test_the_sigma_of_file_or_map_counts_more_than_a_flag_and_that_is_said(tmp_p
 BETWEEN = {"spreadsheet": ";", "merged": ";", "rows_of_axes": "\t"}
 WRONG = [
     ("spreadsheet", 6, 3, "12.5", "line 6, column A2 [°]: expected a finite number, got '12.5'; the dec"),
-    ("spreadsheet", 4, 2, "A7 [°]", "line 4: missing columns ['joint_1_deg'], ignored columns ['A7"),
-    ("spreadsheet", 4, 2, "A1 [mm]", "line 4, column A1 [mm]: expected one unit, of _rad, got"),
+    ("spreadsheet", 4, 2, "A7 [°]", "line 4: missing columns ['joint_1_deg']; not understood: ['A7"),
+    (
+        "spreadsheet",
+        4,
+        2,
+        "A1 [mm]",
+        "line 4, column A1 [mm]: expected a unit of angle, such as _rad, got mm",
+    ),
     ("spreadsheet", 4, 10, "Ziel 1 x", "missing columns ['P1_before_y_m']"),
     ("spreadsheet", 7, 2, "", "line 7, column A1 [°]: expected a finite number, got ''; for merged cells"),
     ("spreadsheet", 7, 3, "90", "line 7, column A2 [°]: expected -130.0000 to 20.0000 deg, got 90"),
@@ -489,7 +495,7 @@ WRONG = [
     ("rows_of_axes", 8, 1, "R", "line 8, column Axis: no axis 'R'; axes are x, y, z"),
     ("rows_of_axes", 5, 0, "P2", "line 5, column Feature: expected 'P1' as in the other rows"),
     ("plain", 28, 10, "0\n36,points", "for a line after the table, write footer = 1"),
-    ("plain", 1, 9, f"x{' ' * 9000}in", "line 1: expected every column once"),
+    ("plain", 1, 9, f"x{' ' * 9000}in", "line 1: expected one column for each quantity"),
 ]
 """An export, the line, counted from 1, and the column, from 0, of another cell, and what is said."""
 

@@ -12,8 +12,8 @@ from testbench.files.write import write_csv
 from testbench.identify.base_frame import register_dataset
 from testbench.plant.tracker import DRAW_WIRE, Gauge, Tracker
 from testbench.runs.rows import trial_rng
-from testbench.workflows.campaign import poses_with_weight
-from testbench.workflows.campaign_flags import Mounted, mounted, read_instruments
+from testbench.workflows.campaign import poses_with_weight, read_instruments
+from testbench.workflows.instruments import Mounted, mounted
 from testbench.workflows.read_runs import contents
 
 HEAD = "run,marker,joint_1_deg,joint_2_deg,joint_3_deg,joint_4_deg,joint_5_deg,joint_6_deg,mass_kg"
@@ -94,7 +94,7 @@ def test_what_a_file_does_not_say_is_assumed_and_said(kr500, tmp_path):
     file = tmp_path / "gauges.csv"
     file.write_text("\n".join(",".join(line.split(",")[:-2]) for line in GAUGES.splitlines()) + "\n")
     export = read_export(file, kr500.arm)
-    assert any("0.5 deg of direction is assumed" in note for note in export.notes)
+    assert any("0.5 deg for the direction is assumed" in note for note in export.notes)
     np.testing.assert_allclose(np.rad2deg(export.data.tilt[0, 1]), 0.5)
 
 

@@ -61,7 +61,7 @@ def test_other_runs_links_files_and_inputs_are_refused(tmp_path):
     folder_refused(tmp_path / "file" / "below", "cannot be written")
     data = tmp_path / "run" / "data.csv"
     write_run(data.parent, "data.csv")
-    folder_refused(data.parent, "data.csv, which is read", force=True, inputs=[data])
+    folder_refused(data.parent, "data.csv, which the command reads", force=True, inputs=[data])
     check_folder(data.parent / "out", OURS, force=True, inputs=[data.parent])
     (tmp_path / "run" / "manifest.json").unlink()
     (tmp_path / "run" / "manifest.json").symlink_to(tmp_path / "plan" / "manifest.json")
@@ -94,7 +94,7 @@ def test_a_file_is_replaced_by_one_of_its_kind_only(tmp_path):
     check_file(old, PNG)
     check_file(new, PNG)
     new.write_text("my thesis")
-    refused(new, "expected a PNG picture where one is replaced")
+    refused(new, "exists and is not a PNG picture")
     check_file(new, PNG, force=True)
     link.symlink_to(old)
     refused(link, "is a symbolic link")

@@ -43,9 +43,15 @@ def cell():
         (lambda cell: tb.MODELS["MGCO56"](cell.arm), "cell: expected Cell, got Arm"),
         (lambda cell: tb.MODELS["MLS32"](cell.vjm), "cell: expected Cell, got Vjm"),
         (lambda cell: tb.true_cell(cell.arm, "cast", 1), "cell: expected Cell, got Arm"),
-        (lambda _: tb.Scenario(arm="kr500_l480", payload=-1), r"^Scenario: payload = -1: .* \(SI units\)"),
-        (lambda _: tb.Scenario(arm="kr500_l480", poses=3), "no field 'poses'; fields are arm, .*payload"),
-        (lambda _: tb.Scenario(), "Scenario: field 'arm' is missing"),
+        (
+            lambda _: tb.Scenario(arm="kr500_l480", payload=-1),
+            r"^Scenario: payload: expected .*, got -1 \(SI units\)",
+        ),
+        (
+            lambda _: tb.Scenario(arm="kr500_l480", poses=3),
+            "^Scenario: poses: no such field; fields are arm, .*payload",
+        ),
+        (lambda _: tb.Scenario(), "^Scenario: arm: this field is missing"),
         (lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")), "arm 'kr500_l480', got one of 'ur10'"),
         (lambda cell: tb.simulate(cell, seed=-1), "seed: expected an integer from 0 on, got -1"),
         (lambda _: tb.score(np.zeros((2, 3)), np.zeros((4, 3))), r"equal shapes, got \(2, 3\) and \(4, 3\)"),

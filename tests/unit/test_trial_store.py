@@ -196,7 +196,10 @@ def test_a_part_that_a_kill_cut_short_is_done_again(tmp_path):
 
 OTHERS = [
     (TrialPlan("other", TOY.scenario, TOY.seeds), "scenario: 'toy' in the stored trials"),
-    (TrialPlan("toy", {"load": {"mass": 2.0}}, TOY.seeds), "poses: \\[1, 2\\] in the stored trials, None in"),
+    (
+        TrialPlan("toy", {"load": {"mass": 2.0}}, TOY.seeds),
+        "poses: \\[1, 2\\] in the stored trials, not set in",
+    ),
     (TrialPlan("toy", TOY.scenario, range(8, 12)), "root seed: 7 in the stored trials, 8 in this run"),
 ]
 

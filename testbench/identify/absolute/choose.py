@@ -88,9 +88,10 @@ class SelectedModel:
     reduced: ReducedReadings  #: The reduced equations, in the basis of these unknowns.
     error_kinds: frozenset[str]  #: Kinds of errors among the unknowns.
     steps: tuple[SelectionStep, ...]  #: Trials of kinds of errors, in order.
-    #: Name of the simpler model for comparison: geometry, with joint springs if more was kept.
+    #: Name of the best simpler model, for comparison: geometry, perhaps with joint springs.
     simpler_model: str = ""
-    #: RMS errors of held-out positions along an axis, by the simpler and the selected model, (blocks,) [m].
+    #: Errors of held-out positions along an axis, by the simpler and the selected model, (blocks,) [m]; blocks
+    #: are weighted by their positions, so that the RMS over blocks is that over positions.
     held_out_rms: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
 
 
@@ -207,11 +208,8 @@ def select_errors(
             if not again.kept:
                 tried, kinds, steps[candidate.name] = other, kinds - candidate.kinds, again
     # Held-out errors of the simpler model, for comparison.
-    plain, other = [
-        (name, trial)
-        for name, trial in simpler_trials.items()
-        if trial is not tried or len(simpler_trials) == 1
-    ][-1]
+    simpler = {name: trial for name, trial in simpler_trials.items() if trial is not tried} or simpler_trials
+    plain, other = min(simpler.items(), key=lambda named: named[1].blocks[:, 2].sum())
     held = _by_block(other.blocks), _by_block(tried.blocks)
     return SelectedModel(tried.active, tried.scales, reduced, kinds, tuple(steps.values()), plain, held)
 
@@ -428,15 +426,17 @@ def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> Sel
     pays = blocks > max(MIN_GAIN, deviation) or gain > MIN_GAIN or tried.searches_pattern
     pays = pays and min(blocks, gain) > -MAX_LOSS
     every = (before.blocks, after.blocks, before.series, after.series)
-    rms = [float(_by_block(sums.sum(axis=0)[None])[0]) if len(sums) else math.nan for sums in every]
+    rms = [
+        math.sqrt(sums[:, 2].sum() / max(sums[:, 0].sum(), 1.0)) if len(sums) else math.nan for sums in every
+    ]
     return SelectionStep(
         tried.name, bool(pays or tried.always_kept), rms[0], rms[1], deviation, rms[2], rms[3]
     )
 
 
 def _by_block(sums: Array) -> Array:
-    """Compute the RMS error along an axis in every block, (blocks,) [m]."""
-    return np.asarray(np.sqrt(sums[:, 2] / np.maximum(sums[:, 0], 1.0)))
+    """Compute errors along an axis, (blocks,) [m], whose RMS is that over the positions of all blocks."""
+    return np.asarray(np.sqrt(sums[:, 2] * len(sums) / max(sums[:, 0].sum(), 1.0)))
 
 
 # --- Masses of the links from measured joint torques --------------------------------------------------------

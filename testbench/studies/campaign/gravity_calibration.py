@@ -19,6 +19,7 @@ from testbench.studies.campaign.trial import Fits, TrialCase, fitted
 from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, campaign_rows, distinct, told
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import (
+    CampaignOptions,
     Run,
     as_in_paper,
     calibration_scene,
@@ -27,7 +28,6 @@ from testbench.studies.study import (
     write_runs,
 )
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, simulate_at, true_cell
-from testbench.workflows.campaign_flags import CampaignOptions
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import IN_PAPER
 from testbench.workflows.models import DEFAULT, JOINTS, Model, named_models, with_priors, wrong_prior

@@ -39,9 +39,8 @@ from testbench.studies.intervals import (
     gco_stein,
     stein_parameters,
 )
-from testbench.studies.study import plain_models
+from testbench.studies.study import ArmFlag, plain_models
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, of_arm, simulate, simulate_at
-from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import JOINTS, SCALE, Model, named_models, wrong_prior
 from testbench.workflows.own_estimator import Models

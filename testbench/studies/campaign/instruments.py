@@ -22,9 +22,17 @@ from testbench.report.table import Trials
 from testbench.runs.rows import trial_rng
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable
 from testbench.studies.campaign.trial import CampaignFitRow, Cover, TrialCase, cover, fitted, score_cases
-from testbench.workflows.campaign import Scenario, draw_poses, measure_markers, poses_with_weight, true_cell
-from testbench.workflows.campaign_flags import CAMERA, PROBE, Mounted, TrueArmFlag, read_instruments
+from testbench.studies.study import TrueArmFlag
+from testbench.workflows.campaign import (
+    Scenario,
+    draw_poses,
+    measure_markers,
+    poses_with_weight,
+    read_instruments,
+    true_cell,
+)
 from testbench.workflows.cell import Cell
+from testbench.workflows.instruments import CAMERA, PROBE, Mounted
 from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
 

@@ -37,8 +37,8 @@ from testbench.studies.campaign.trial import (
     with_wrong_priors,
     worst_tenth,
 )
+from testbench.studies.study import ArmFlag, TrueArmFlag
 from testbench.workflows.campaign import Campaign, Scenario, simulate, true_cell
-from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import DEFAULT, JOINTS, Model

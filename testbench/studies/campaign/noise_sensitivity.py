@@ -32,7 +32,7 @@ from testbench.studies.campaign.trial import (
     score_cases,
     with_wrong_priors,
 )
-from testbench.studies.study import DEFAULT_WITHOUT_CONE
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, TrueArmFlag
 from testbench.workflows.campaign import (
     Campaign,
     FullPose,
@@ -42,7 +42,6 @@ from testbench.workflows.campaign import (
     simulate_full_pose,
     true_cell,
 )
-from testbench.workflows.campaign_flags import TrueArmFlag
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import CLIPPED, EQUAL_FIT
 from testbench.workflows.models import DEFAULT, JOINTS, Model

@@ -37,9 +37,8 @@ from testbench.studies.campaign.trial import (
     reread,
     score_cases,
 )
-from testbench.studies.study import plain_models, without_cone
+from testbench.studies.study import ArmFlag, plain_models, without_cone
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, simulate_at, true_cell
-from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
     JOINTS,

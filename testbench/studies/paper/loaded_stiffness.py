@@ -35,8 +35,7 @@ from testbench.runs.rows import trial_rng
 from testbench.studies import campaigns
 from testbench.studies.paper.verdicts import comparison, verdict_table
 from testbench.studies.run import READ, headline
-from testbench.studies.study import Run, Study
-from testbench.workflows.campaign_flags import ArmFlag
+from testbench.studies.study import ArmFlag, Run, Study
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.models import JOINTS
 from testbench.workflows.own_estimator import Models

@@ -31,9 +31,8 @@ from testbench.studies.paper.verdicts import (
     verdict_table,
 )
 from testbench.studies.run import READ, headline, warnings
-from testbench.studies.study import Run, Study, calibration_scene, plain_models, write_runs
+from testbench.studies.study import ArmFlag, Run, Study, calibration_scene, plain_models, write_runs
 from testbench.workflows.campaign import Campaign, FullPose, Truth, simulate_full_pose
-from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import EQUAL_FIT
 from testbench.workflows.models import JOINTS, Model, named_models
