@@ -37,8 +37,8 @@ from testbench.workflows.arm_models import load_model
 from testbench.workflows.options import Force, takes
 
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
-BESIDE = Kind("the JSON beside such a file", BEGINS)
-CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP.encode())
+BESIDE = Kind("a JSON file that testbench export wrote", BEGINS)
+CONTROLLER = Kind("a controller's file that testbench export wrote", rb"(?s).*?" + STAMP.encode())
 
 
 @dataclass(frozen=True)

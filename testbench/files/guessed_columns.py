@@ -247,7 +247,9 @@ def _unlike(table: TableCells, what: str) -> InputError:
         hint += f"one that never moves goes into [values], as {what}_deg = 0"
         return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
-    hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
+    hint = (
+        f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" and the words in [words]'
+    )
     for own in KNOWN_EXPORTS["unreadable"]:
         if any(re.fullmatch(own["names"], plain(name)) for name in table.names):
             hint = own["hint"]

@@ -268,7 +268,7 @@ def propose(chain: ImportedChain, wishes: UserInputs) -> Proposal:
     )
     low, high = PAYLOAD_RANGE
     if not low <= payload <= high:
-        got = f"got {payload:g} for the root of its {chain.mass:.4g} kg, times its reach in m"
+        got = f"got {payload:g} kg, estimated from its mass of {chain.mass:.4g} kg and its reach"
         raise BenchError(f"payload: expected {low:g} to {high:g} kg, {got}; state it by --payload-kg")
     ahead = _ahead(chain, tool, lines[-1], long)
     axes = tool[:3, :3].T @ lines[-1].frame  # beam axes in the tool's frame, as columns

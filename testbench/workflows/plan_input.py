@@ -59,7 +59,7 @@ def read_loads(path: Path) -> tuple[Array | None, Array | None]:
     pulled = np.zeros(table.rows, dtype=bool) if pulls is None else pulls.any(axis=1)
     beside = pulled & (np.nan_to_num(mass) != 0)
     table.refuse(beside, LOAD, lambda row: f"expected no mass beside a force, got {mass[row]:g} kg")
-    else_ = "" if pulls is None else " where no force pulls"
+    else_ = "" if pulls is None else " if no force acts"
     off = ~(pulled | ((mass >= low) & (mass <= high)))
     table.refuse(off, LOAD, lambda row: f"expected {low:g} to {high:g}{else_}, got {mass[row]:g}")
     return np.where(pulled, 0.0, mass), pulls
@@ -176,7 +176,7 @@ def _read_load(columns: Columns, hung: Load) -> Load:
         if point is None:
             return hung
         given = "point_x_m, point_y_m, point_z_m are given"
-        raise table.header_error(f"expected force_x_N, force_y_N, force_z_N where {given}")
+        raise table.header_error(f"expected force_x_N, force_y_N, force_z_N if {given}")
     table.refuse(np.asarray(~acts.any(axis=1)), "", "expected a load, got zero force and moment")
     return Load(acts, np.tile(hung.point, (table.rows, 1)) if point is None else point)
 

@@ -7,7 +7,7 @@ import pytest
 from testbench.report.recording import stream as viewer
 
 HEAD, NOISE = b"RRF2\0\x29\0\0\x02\0\0\0", bytes(range(256)) * 20
-NONE, HALF = "no recording", "no whole recording"
+NONE, HALF = "not a Rerun recording", "not a complete Rerun recording"
 JUNK = {
     "nothing": (b"", NONE),
     "text": (b"hello\n" * 1000, NONE),

@@ -44,7 +44,7 @@ def test_loads_of_the_process_act_where_they_are_said_to(kr500, file):
 BROKEN = [
     (DEG, [], "line 2: expected 1 to 1000 tasks, got 0"),
     (DEG, np.tile(POSES, (501, 1)), "line 1002: expected 1 to 1000 tasks, got 1002"),
-    (DEG + POINT, np.c_[POSES, np.ones((2, 3))], "expected force_x_N, force_y_N, force_z_N where point_x"),
+    (DEG + POINT, np.c_[POSES, np.ones((2, 3))], "expected force_x_N, force_y_N, force_z_N if point_x"),
     (DEG, [POSES[0], [0, 60, 90, 0, 20, 0]], "joint_2_deg: expected -130.0000 to 20.0000 deg, got 60"),
     (DEG, [POSES[0], [0, 20, 60, 0, 0, 0]], "line 3: link_3 collides with world in this pose"),
     (DEG + FORCE, np.c_[POSES, np.zeros((2, 3))], "line 2: expected a load, got zero force and moment"),
@@ -84,7 +84,7 @@ LOADS = ["load_kg", *FORCE]
 PULLS = [
     (["load_kg"], ["0.0"], "line 2, column load_kg: expected 0.001 to 10000, got 0"),
     (LOADS, ["460", 0, 5, 0], "line 2, column load_kg: expected no mass beside a force, got 460 kg"),
-    (LOADS, ["", "", 0, ""], "line 2, column load_kg: expected 0.001 to 10000 where no force pulls, got nan"),
+    (LOADS, ["", "", 0, ""], "line 2, column load_kg: expected 0.001 to 10000 if no force acts, got nan"),
     (LOADS, ["", 0, 1e6, 0], "line 2: expected a force of 0.00981 to 98100 N, got 1e+06"),
     (["load_kg", *FORCE[:2]], ["", 0, 5], "line 1: expected force_z_N too"),
     (FORCE + POINT, [0, 5, 0, 0, 0, 1], "they act at the arm's load point, got point_x_m, point_y_m, point"),

@@ -200,7 +200,7 @@ def newest(folder: Path) -> Path:
     file = max(paths, key=lambda file: file.stat().st_mtime).absolute()
     with file.open("rb") as opened:
         if opened.read(len(BEGINS)) != BEGINS:
-            raise InputError(file, "", "is no recording of Rerun; run its scenario or command again")
+            raise InputError(file, "", "is not a Rerun recording; run the study or the command again")
     return file
 
 
@@ -215,7 +215,7 @@ def check_whole(file: Path) -> None:
         ended = ENDS in opened.read(LAST)
     command = [program(), "rrd", "verify", str(file)]
     if not ended or VERIFIED not in subprocess.run(command, check=False, capture_output=True).stderr:
-        raise InputError(file, "", "is no whole recording of Rerun; run its scenario or command again")
+        raise InputError(file, "", "is not a complete Rerun recording; run the study or the command again")
 
 
 def has_display() -> bool:
