@@ -566,8 +566,8 @@ def _misfit(x: Array, R: Array, position: Array, C: Array) -> tuple[float, float
 
 def _nearest(matrix: Array) -> Array:
     """The rotation nearest to a multiple of a matrix, whose sign is free."""
-    U, _, V = np.linalg.svd(matrix if np.linalg.det(matrix) > 0 else -matrix)
-    return np.asarray(U @ V)
+    U, _, V = np.linalg.svd(matrix)
+    return np.asarray(np.linalg.det(U @ V).round() * (U @ V))
 
 
 def clear_fit(fits: Sequence[OrientationFit]) -> OrientationFit | None:

@@ -16,7 +16,7 @@ import numpy as np
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Series
-from testbench.errors import BenchError, InputError, Mask
+from testbench.errors import InputError, Mask
 from testbench.files.beside import (
     MIN_POSES,
     NOTATIONS,
@@ -81,6 +81,7 @@ from testbench.files.rearranged import (
     with_loaded,
 )
 from testbench.files.table import TableCells
+from testbench.files.text import UnevenRows
 
 # --- The log of a robot, joined to the readings of an instrument by names, by times or by the order of rows
 
@@ -300,8 +301,10 @@ def _joined(
     """
     try:
         read = read_unknown(log, arm)
-    except InputError as err:
-        raise BenchError(f"{err}; {ASKED}") from err
+    except UnevenRows as err:
+        raise InputError(
+            log, "", f"expected a table with columns of the joints, got no table; {ASKED}"
+        ) from err
     ordered = read.fits is not None and read.fits.layout.joints is not None
     if not ordered and not any(has_joints(own, arm) for own in (read.table, table)):
         got = f"got columns {listed(read.table.names)}" if read.table.names else "got none"

@@ -140,7 +140,7 @@ class TableCells:
         """Describe a place in the file.
 
         Args:
-            line: Line in the file, or row of the sheet, from 1.
+            line: Line in the file, or row of the sheet, from 1; 0 for the header of a file without one.
             column: Name of the column; "" for the whole line.
 
         Returns:
@@ -149,7 +149,8 @@ class TableCells:
         sheet, (row, cell) = f"sheet {self.sheet}, " * bool(self.sheet), ("line", "column")
         row = "row" if self.sheet else row
         row, cell = ("column", "row") if self.transposed else (row, cell)
-        return f"{sheet}{row} {line}, {cell} {column}" if column else f"{sheet}{row} {line}"
+        where = f"{row} {line}" if line else "no header"
+        return f"{sheet}{where}, {cell} {column}" if column else f"{sheet}{where}"
 
     def refuse(self, bad: Mask, columns: str | Sequence[str], problem: str | Callable[..., str]) -> None:
         """Raise an InputError at the first marked row or cell, if there is any.

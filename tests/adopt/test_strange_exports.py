@@ -171,6 +171,10 @@ READ = {
     ),
     # logs of robots
     "Kawasaki": (points(), log(six("JT{} [deg]"))),
+    "orientations that never turn": (
+        table(["Point", *MM, "RX", "RY", "RZ"], [[NAMES[k], *numbers(X[k, 0]), *"123"] for k in range(N)]),
+        log(DEG),
+    ),
     "KUKA, trace": (points(), log(six("AxisAct[{}]"))),
     "KUKA, measured axes": (points(), log(six("$AXIS_ACT_MEAS.A{}"))),
     "ABB, robax": (points(), log(six("robax.rax_{}"))),
@@ -627,20 +631,14 @@ REFUSED = {
         r"no column looks like a position; columns are \['Frame', 'Tool X'",
     ),
     "no header": (
-        "".join(";".join([NAMES[k], *numbers(X[k, 0]), *numbers(Q[k])]) + "\n" for k in range(N)),
+        "".join(";".join([*numbers(Q[k]), "0.5", *numbers(X[k, 0])]) + "\n" for k in range(N)),
         None,
         "line 1: expected a line with the names of the columns, got .* add a line of names above the table",
     ),
-    "PC-DMIS, a report": (
-        "".join(
-            f"DIM LOC{k}= LOCATION OF POINT {NAMES[k]}  UNITS=MM\nAX    NOMINAL    MEAS    DEV\n"
-            + "".join(
-                f"{x}   {value:.3f}   {value:.3f}   0.000\n" for x, value in zip("XYZ", X[k, 0], strict=True)
-            )
-            for k in range(N)
-        ),
-        log(DEG),
-        r"export.csv: line 1: no column looks like a position; columns are \['DIM', 'LOC0='",
+    "no header, known cells": (
+        "".join(";".join([NAMES[k], "ok", *numbers(X[k, 0]), "-", *numbers(Q[k])]) + "\n" for k in range(N)),
+        None,
+        "export.csv: no header: no column looks like joint_1; columns are .'Group', 'Point'",
     ),
     "FANUC, current positions": (
         points(),
@@ -649,7 +647,7 @@ REFUSED = {
             + "".join(f" Joint  {j + 1}: {x}\n" for j, x in enumerate(numbers(Q[k])))
             for k in range(N)
         ),
-        "robot.dat: .*; save a table with a row for every pose: its name or time, and a column",
+        "robot.dat: expected a table with columns of the joints, got no table; save a table with a row for",
     ),
     "a list written by hand": (
         points(),

@@ -90,8 +90,8 @@ class SelectedModel:
     steps: tuple[SelectionStep, ...]  #: Trials of kinds of errors, in order.
     #: Name of the best simpler model, for comparison: geometry, perhaps with joint springs.
     simpler_model: str = ""
-    #: Errors of held-out positions along an axis, by the simpler and the selected model, (blocks,) [m]; blocks
-    #: are weighted by their positions, so that the RMS over blocks is that over positions.
+    #: Errors of held-out positions along an axis, by the simpler and the selected model, (blocks,) [m].
+    #: Blocks are weighted by their positions, so that the RMS over blocks is that over positions.
     held_out_rms: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
 
 
