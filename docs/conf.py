@@ -1,10 +1,12 @@
 """The documentation site: `make docs` builds it and fails on a dead link or an undocumented public name."""
 
+import atexit
 import json
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -103,8 +105,8 @@ def run_tutorials_by_wheel(app: Any) -> None:
     """Let tutorials use the installed wheel, not the checkout, in Python and in the shell."""
     if app.builder.name != "html" or app.config.nb_execution_mode == "off":
         return
-    folder = HERE / "_build" / "wheel"
-    shutil.rmtree(folder, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(prefix="testbench-wheel-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     python = install_wheel(build_wheel(HERE.parent, folder), folder / "venv")
     kernel = folder / "kernels" / "python3"
     kernel.mkdir(parents=True)
