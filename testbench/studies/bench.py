@@ -233,7 +233,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     linearised_readings = linearise_readings(cell.vjm, (train,), prior, ELASTIC)
     known = select_and_solve(linearised_readings, ELASTIC)
     assert known.active.compliance_prior
-    T = triangular_factor(known.active, linearised_readings.reduced, known.selection.scales)
+    T = triangular_factor(known.active, linearised_readings.reduced, known.selection.error_scales)
     judge = select_rows(a, np.arange(0, a.rows, 6))
     register = evenly_spaced_rows(judge, FRAME_POSES)
     rest = select_rows(judge, np.setdiff1d(np.arange(judge.rows), register))

@@ -20,7 +20,7 @@ from testbench.data.dataset import Series, numbers_per_target, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
-from testbench.identify.absolute.evidence import DEFAULT_SCALES, WIDE_PRIOR, ActiveUnknowns
+from testbench.identify.absolute.evidence import DEFAULT_ERROR_SCALES, WIDE_PRIOR, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration, posterior_of_calibration
 from testbench.identify.absolute.posterior import further_information
@@ -500,7 +500,7 @@ def _values(calibration: Calibration, part: Part) -> list[Row]:
 
 def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
     """The largest error of geometry where no arm has it, and what may hide in it; empty where it is usual."""
-    most = MM * MOST_OF_USUAL * DEFAULT_SCALES["geometry turn"]
+    most = MM * MOST_OF_USUAL * DEFAULT_ERROR_SCALES["geometry turn"]
     worst = max(geometry, key=lambda row: abs(row.value), default=None)
     if worst is None or abs(worst.value) <= most:
         return ""
@@ -544,7 +544,7 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
     active, unknowns = calibration.active, calibration.active.unknowns
     few, columns = _slow(active)
     deviation = np.zeros(unknowns.size)
-    deviation[active.columns[: active.n_rigid]] = calibration.selection.scales.deviation[
+    deviation[active.columns[: active.n_rigid]] = calibration.selection.error_scales.deviation[
         active.columns[: active.n_rigid]
     ]
     loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]

@@ -46,10 +46,10 @@ from testbench.identify.absolute.state import (
     moved_frame,
     nominal_state,
     pattern_basis,
+    pattern_coefficients,
     series_equilibrium,
-    shift_waves,
+    shift_fourier_coefficients,
     unknowns_of,
-    wave_columns,
 )
 from testbench.identify.equations import series_rows
 from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, solve_normal_equations
@@ -137,12 +137,12 @@ def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_t
     )
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
     # Or nothing would tell it from its square.
-    assert np.abs(found.selection.scales.noise_factor - 1).max() > 0.02
+    assert np.abs(found.selection.error_scales.noise_factor - 1).max() > 0.02
     own, root = found.active, posterior_of_calibration(found).root
     precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
-    expected = np.diag((found.selection.scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
+    expected = np.diag((found.selection.error_scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
     np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
 
@@ -206,8 +206,8 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     """A linear problem of two kinds of equations, and of three groups of unknowns beside free ones."""
     count, play, band = (
         free + small + 2 * large,
-        sizes.DEFAULT_SCALES["play"],
-        sizes.DEFAULT_SCALES["harmonics"],
+        sizes.DEFAULT_ERROR_SCALES["play"],
+        sizes.DEFAULT_ERROR_SCALES["harmonics"],
     )
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
@@ -231,8 +231,8 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     own, A, y = drawn_at_random(rng)
     groups, counts = own.unknowns.prior_groups, np.array([len(a) for a in A])
     lines = [np.column_stack(pair) for pair in zip(A, y, strict=True)]
-    S, learnt = np.array([one.T @ one for one in lines]), sizes.default_scales(own.unknowns, 2)
-    learnt = sizes.learn_scales(own, S, counts, learnt)
+    S, learnt = np.array([one.T @ one for one in lines]), sizes.default_error_scales(own.unknowns, 2)
+    learnt = sizes.learn_error_scales(own, S, counts, learnt)
     a, b = np.vstack(A), np.concatenate(y)
 
     def loss(h):
@@ -241,7 +241,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
         found = sizes.PSEUDO_EQUATIONS * (np.log(factor) + 1 / (2 * factor**2)).sum()
         for d, (kind, at) in zip(size, groups, strict=True):
             large = len(at) > sizes.MAX_SMALL_GROUP
-            usual = sizes.DEFAULT_SCALES[kind] * (sizes.LARGE_GROUP_SIZE_RATIO if large else 1.0)
+            usual = sizes.DEFAULT_ERROR_SCALES[kind] * (sizes.LARGE_GROUP_SIZE_RATIO if large else 1.0)
             found += (1.0 if large else sizes.PSEUDO_OBSERVATIONS) * (np.log(d) + usual**2 / (2 * d**2))
             deviation[at] = d
         found += (
@@ -388,17 +388,17 @@ def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_t
     first, size = 7, 7 + 4 * ERRORS.size + 5
     B, z = pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
-    at = first + ERRORS.size * np.arange(4)[:, None] + wave_columns(ERRORS)
+    at = first + ERRORS.size * np.arange(4)[:, None] + pattern_coefficients(ERRORS)
     x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
     np.testing.assert_allclose(x[rest], z[rest])
     # its inverse is its transpose
-    off = [shift_waves(np.eye(2 * K), *PLACED[j], HIGH) @ x[at[j]] for j in PLACED]
+    off = [shift_fourier_coefficients(np.eye(2 * K), *PLACED[j], HIGH) @ x[at[j]] for j in PLACED]
     np.testing.assert_allclose(np.mean(off, axis=0), z[at[0]], atol=1e-12)
     assert np.sum((off - z[at[0]]) ** 2) == pytest.approx(np.sum(z[at[[2, 3]]] ** 2))
     f, q = rng.normal(size=2 * K), rng.uniform(-3, 3, 30)
     for turn, sense in PLACED.values():
         np.testing.assert_allclose(
-            phi(q) @ shift_waves(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f
+            phi(q) @ shift_fourier_coefficients(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f
         )
 
 
@@ -421,7 +421,8 @@ def test_joints_that_share_a_pattern_are_found_with_their_turns_and_no_others(se
     rng = np.random.default_rng(seed)
     f = SIZE * rng.standard_normal(2 * K)
     errors = [
-        shift_waves(f, *PLACED.get(j, (1.0, 1)), HIGH) + OWN * rng.standard_normal(2 * K) for j in range(5)
+        shift_fourier_coefficients(f, *PLACED.get(j, (1.0, 1)), HIGH) + OWN * rng.standard_normal(2 * K)
+        for j in range(5)
     ]
     errors[1] = SIZE * rng.standard_normal(2 * K)
     pattern = sought(told(errors, [(-2.5, 2.5), (-2.5, 2.5), (-1.5, 3.5), (-3.5, 1.5), (0.5, 0.6)], rng))

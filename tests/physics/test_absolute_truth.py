@@ -10,7 +10,7 @@ from testbench import BenchError, cad_prior
 from testbench.data.dataset import select_rows
 from testbench.identify.absolute import choose
 from testbench.identify.absolute import state as absolute
-from testbench.identify.absolute.evidence import WIDE_PRIOR, ErrorScales, solve_active
+from testbench.identify.absolute.evidence import WIDE_PRIOR, ErrorScales, solve_active_unknowns
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.state import nominal_state, series_equilibrium
 from testbench.model.kinematics import JointErrors
@@ -203,10 +203,10 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     part = SimpleNamespace(gram=T[None], counts=np.array([30]))
     learnt = ErrorScales(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)
-    whole = solve_active(own, S[None], learnt, WIDE_PRIOR).variances(np.arange(1))
+    whole = solve_active_unknowns(own, S[None], learnt, WIDE_PRIOR).variances(np.arange(1))
     rules = choose.SelectionRules(np.ones(1))
     [left], _ = choose._held_out(own, S[None], [part], (learnt, rules), whole, faces=False)
-    [_, second] = solve_active(own, (S - T)[None], learnt, WIDE_PRIOR).x
+    [_, second] = solve_active_unknowns(own, (S - T)[None], learnt, WIDE_PRIOR).x
     rest = block[:, 2] - block[:, 1] * second
     first = block[:, :1]
     assert left == pytest.approx(np.sum((rest - first @ np.linalg.lstsq(first, rest, rcond=None)[0]) ** 2))

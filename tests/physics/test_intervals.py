@@ -121,7 +121,7 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
         true, found = unknowns.values(true_state(own.state, truth))[columns], posterior_of_calibration(own)
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
         some = np.isin(columns, rigid) & (true != 0)
-        prior = own.selection.scales.deviation[columns[some]]
+        prior = own.selection.error_scales.deviation[columns[some]]
         W, off = found.root[:, some] / prior, (true - found.x)[some] / prior
         left, V = np.linalg.eigh(W.T @ W)
         z.extend(V.T @ off / np.sqrt(left))

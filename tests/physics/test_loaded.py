@@ -14,7 +14,7 @@ from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.identify.absolute.choose import (
     CENTRE_DEVIATION,
     MASS_DEVIATION,
-    MAX_DEVIATIONS,
+    MAX_MASS_DEVIATIONS,
     fit_link_masses,
 )
 from testbench.identify.regression import non_redundant, rank
@@ -251,7 +251,7 @@ def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_b
         return fit_link_masses(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
 
     found = fit(250.0)
-    assert (np.abs(found.weights.mass / weights.mass - 1) < MAX_DEVIATIONS * MASS_DEVIATION + 1e-9).all()
+    assert (np.abs(found.weights.mass / weights.mass - 1) < MAX_MASS_DEVIATIONS * MASS_DEVIATION + 1e-9).all()
     assert "by the largest allowed amount: link_" in of_masses(found)
     found = fit(1000.0)
     assert found.weights is weights

@@ -12,7 +12,12 @@ from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute import evidence
 from testbench.identify.absolute.align import residuals
-from testbench.identify.absolute.evidence import WIDE_PRIOR, ActiveUnknowns, ErrorScales, solve_active
+from testbench.identify.absolute.evidence import (
+    WIDE_PRIOR,
+    ActiveUnknowns,
+    ErrorScales,
+    solve_active_unknowns,
+)
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.prior import cad_prior, scale_by_prior
@@ -43,10 +48,12 @@ def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
     r, e = 4, len(elastic.expected_x)
     own = ActiveUnknowns(None, np.arange(r + e), elastic)
     learnt, S = ErrorScales(np.full(r + e, 2.0), np.ones(1)), square(rng, 3 * e, r + e)
-    H, (P, b) = S[0].copy(), evidence.active_prior(own, learnt, WIDE_PRIOR)
+    H, (P, b) = S[0].copy(), evidence.prior_precision(own, learnt, WIDE_PRIOR)
     H[:-1, :-1] += P
     H[:-1, -1] += b
-    free, found = (solve_active(own, S, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd"))
+    free, found = (
+        solve_active_unknowns(own, S, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd")
+    )
     assert min(np.linalg.eigvalsh(X)[0] for X in elastic.block_matrices(free[r:])) < -0.01
     gradient = H[:-1, :-1] @ found - H[:-1, -1]
     np.testing.assert_allclose(gradient[:r], 0, atol=1e-6 * np.abs(H[:-1, -1]).max())
@@ -58,7 +65,7 @@ def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
     inside = S.copy()  # readings of the expected arm: no block leaves its cone, and no digit may change
     inside[0, :-1, -1] = inside[0, -1, :-1] = S[0, :-1, :-1] @ np.r_[np.zeros(r), elastic.expected_x]
     one, other = (
-        solve_active(own, inside, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd")
+        solve_active_unknowns(own, inside, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd")
     )
     assert np.array_equal(one, other)
 

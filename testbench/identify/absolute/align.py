@@ -342,7 +342,7 @@ def find_outliers(state: ArmState, series: Sequence[Series], weights: Sequence[A
 
 MAX_ALIGNED_ROWS = 300
 """Most rows that the alignment of a series uses, evenly spaced."""
-MIN_HALF_ROWS = 12
+MIN_ROWS_OF_HALF_SERIES = 12
 """Fewest rows of half a series for an alignment of this half."""
 MIN_MOVING_JOINTS, MIN_MOVING_JOINTS_ORIENTED = 3, 2
 """Fewest joints that move in a series, without and with orientations, to determine frame and targets."""
@@ -462,7 +462,7 @@ def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -
     if aligned_series is None or not aligned_series.fits:
         # Something may have moved in mid-series: the frame and mount of its first half.
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
-        parts = [select_rows(series, half) for half in halves if len(half) >= MIN_HALF_ROWS]
+        parts = [select_rows(series, half) for half in halves if len(half) >= MIN_ROWS_OF_HALF_SERIES]
         placed = [part for half in parts if (part := _register_subset(state, half)) and part.fits]
         if len(placed) < 2:
             raise _misfit(state, series, aligned_series)

@@ -26,13 +26,13 @@ from testbench.identify.absolute.evidence import (
     WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
-    activate,
-    default_scales,
+    activate_unknowns,
+    default_error_scales,
     gram_of_active,
-    learn_scales,
-    solve_active,
+    learn_error_scales,
+    solve_active_unknowns,
 )
-from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
+from testbench.identify.absolute.state import Unknowns, find_pattern, pattern_coefficients
 from testbench.identify.estimate import Constraint
 from testbench.identify.hierarchy import NormalEquationsSolution
 from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
@@ -48,9 +48,9 @@ MAX_BLOCKS = 16
 """Most blocks of joint space, over all series, that are held out in turn."""
 MIN_BLOCK_POSES = 6
 """Fewest poses of a block of joint space: fewer determine a frame too poorly."""
-MIN_GAIN = 0.1
+MIN_HELD_OUT_DECREASE = 0.1
 """Least relative decrease of the held-out mean square by a kind of error that is kept [1]: 5 % of the RMS."""
-MAX_LOSS = 0.01
+MAX_HELD_OUT_INCREASE = 0.01
 """Largest relative increase of the held-out mean square, in blocks or series, by a kind that is kept [1]."""
 REFIT_VARIANCE_RATIO = 100.0
 """Variance of a frame or mount without the held-out readings, over that with them, above which the held-out
@@ -59,7 +59,7 @@ INDIVIDUAL_WAVE_SHARE = 0.2
 """Share of the variance of periodic errors that is individual to each joint while a pattern is sought [1]."""
 MIN_EQUATIONS_SHARE = 0.2
 """Least share of all equations that must remain when a series is held out [1]."""
-LOAD_DISTANCE = 2.0
+LOAD_WEIGHT_IN_BLOCKS = 2.0
 """Distance between the largest load and no load in the space of sines and cosines of the joints, in which
 blocks are formed [1]: very different loads are in different blocks."""
 
@@ -84,7 +84,7 @@ class SelectedModel:
     """Hold the unknowns that a calibration estimates, selected by `select_errors` or stated by the user."""
 
     active: ActiveUnknowns  #: The selected unknowns.
-    scales: ErrorScales  #: Their prior deviations, and noise factors.
+    error_scales: ErrorScales  #: Their prior deviations, and noise factors.
     reduced: ReducedReadings  #: The reduced equations, in the basis of these unknowns.
     error_kinds: frozenset[str]  #: Kinds of errors among the unknowns.
     steps: tuple[SelectionStep, ...]  #: Trials of kinds of errors, in order.
@@ -131,7 +131,7 @@ def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
         k = max(1, min(max(2, share), len(first) // MIN_BLOCK_POSES))
         load = np.linalg.norm(readings.wrench[:, :3], axis=1)
         place = np.column_stack(
-            [np.sin(readings.q), np.cos(readings.q), LOAD_DISTANCE * load / (load.max() or 1.0)]
+            [np.sin(readings.q), np.cos(readings.q), LOAD_WEIGHT_IN_BLOCKS * load / (load.max() or 1.0)]
         )
         label = np.zeros(readings.rows, dtype=int)
         if k > 1:
@@ -170,9 +170,9 @@ def select_errors(
     """
     kinds, compliance_prior = GEOMETRY, None
     tried = _evaluate(
-        activate(unknowns, kinds, compliance_prior),
+        activate_unknowns(unknowns, kinds, compliance_prior),
         reduced,
-        default_scales(unknowns, len(reduced.kinds)),
+        default_error_scales(unknowns, len(reduced.kinds)),
         rules,
     )
     # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
@@ -187,7 +187,7 @@ def select_errors(
         )
         if candidate.searches_pattern and shared is None:
             continue
-        active, equations = shared or (activate(unknowns, *more), reduced)
+        active, equations = shared or (activate_unknowns(unknowns, *more), reduced)
         other = _evaluate(active, equations, tried.scales, rules)
         steps[candidate.name] = _selection_step(candidate, tried, other)
         if steps[candidate.name].kept:
@@ -202,7 +202,7 @@ def select_errors(
             and not candidate.always_kept
             and not ("pattern" in kinds and candidate.kinds & {"harmonics", "pattern"})
         ):
-            fewer = activate(unknowns, kinds - candidate.kinds, compliance_prior)
+            fewer = activate_unknowns(unknowns, kinds - candidate.kinds, compliance_prior)
             other = _evaluate(fewer, reduced, tried.scales, rules)
             again = _selection_step(candidate, other, tried)
             if not again.kept:
@@ -230,14 +230,14 @@ def with_shared_pattern(
         pattern.
     """
     unknowns, errors, joints = active.unknowns, active.unknowns.errors, active.unknowns.vjm.arm.joints
-    waves = wave_columns(errors)
+    waves = pattern_coefficients(errors)
     if "harmonics" not in kinds or not len(waves):
         return None
     at = unknowns.first_columns["errors"] + errors.size * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
-        solve_active(active, gram_of_active(active, reduced.gram), scales, WIDE_PRIOR),
+        solve_active_unknowns(active, gram_of_active(active, reduced.gram), scales, WIDE_PRIOR),
         [],
     )
     V = solved.covariance
@@ -255,7 +255,7 @@ def with_shared_pattern(
     )
     if unknowns.equation_basis is None:
         return None
-    return activate(unknowns, kinds | {"pattern"}, active.compliance_prior), reduced.in_basis(
+    return activate_unknowns(unknowns, kinds | {"pattern"}, active.compliance_prior), reduced.in_basis(
         unknowns.equation_basis
     )
 
@@ -278,7 +278,7 @@ def _evaluate(
 ) -> _Trial:
     """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
     S = gram_of_active(active, reduced.gram)
-    scales = learn_scales(active, S, reduced.counts, start, rules.constraint)
+    scales = learn_error_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
     most = (1 - MIN_EQUATIONS_SHARE) * reduced.counts.sum()
     # A face is no repetition of the others: only its own heights show motion along its normal.
@@ -311,7 +311,7 @@ def _held_out_sums(
     S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
     faces = any(part.face for part in reduced.parts)
     first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
-    whole = solve_active(active, S, scales, rules.prior_uncertainty).variances(np.arange(first))
+    whole = solve_active_unknowns(active, S, scales, rules.prior_uncertainty).variances(np.arange(first))
     for parts in held:
         n = sum(part.counts[positions].sum() for part in parts)
         every, deviance = _held_out(active, S, parts, (scales, rules), whole, faces=faces)
@@ -340,7 +340,9 @@ def with_final_prior(
         replace(chosen.active, compliance_prior=weighted_prior.scaling),
         replace(rules, prior_uncertainty=weighted_prior.uncertainty),
     )
-    blocks = _held_out_sums(active, chosen.reduced, chosen.scales, rules, _blocks_to_hold_out(chosen.reduced))
+    blocks = _held_out_sums(
+        active, chosen.reduced, chosen.error_scales, rules, _blocks_to_hold_out(chosen.reduced)
+    )
     return replace(chosen, held_out_rms=(plain, _by_block(blocks)))
 
 
@@ -367,7 +369,7 @@ def _held_out(
     rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
     if len(alone):
         others = others[:, at][:, :, at]
-    normal = solve_active(
+    normal = solve_active_unknowns(
         ActiveUnknowns(active.unknowns, active.columns[rest], active.compliance_prior),
         others,
         scales,
@@ -423,8 +425,12 @@ def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> Sel
     if after.faces:  # one block may be all that shows a direction: its prediction is then uncertain
         saved = (before.blocks[:, 3] - after.blocks[:, 3]) / count
         blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * mean_and_standard_error(saved)[1]
-    pays = blocks > max(MIN_GAIN, deviation) or gain > MIN_GAIN or tried.searches_pattern
-    pays = pays and min(blocks, gain) > -MAX_LOSS
+    pays = (
+        blocks > max(MIN_HELD_OUT_DECREASE, deviation)
+        or gain > MIN_HELD_OUT_DECREASE
+        or tried.searches_pattern
+    )
+    pays = pays and min(blocks, gain) > -MAX_HELD_OUT_INCREASE
     every = (before.blocks, after.blocks, before.series, after.series)
     rms = [
         math.sqrt(sums[:, 2].sum() / max(sums[:, 0].sum(), 1.0)) if len(sums) else math.nan for sums in every
@@ -443,13 +449,13 @@ def _by_block(sums: Array) -> Array:
 
 MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to that of rigid.xml [1].
 CENTRE_DEVIATION = 0.1  #: Prior standard deviation of each coordinate of a centre of mass [m].
-MAX_DEVIATIONS = 3.0
+MAX_MASS_DEVIATIONS = 3.0
 """Bound on each parameter of the masses, in prior standard deviations [1]: no mass falls below a tenth."""
-MAX_UNEXPLAINED = 0.3
+MAX_UNEXPLAINED_TORQUE = 0.3
 """Largest residual of the torques, over their standard deviation, with which fitted masses are used [1]."""
 HUBER_THRESHOLD = 1.345
 """Threshold of Huber's loss in standard deviations [1]: 95 % efficiency for normal errors."""
-MIN_NOISE_SHARE = 1e-4
+MIN_TORQUE_NOISE_SHARE = 1e-4
 """Least noise of the torques of a joint, over their standard deviation [1]."""
 REWEIGHTINGS = 10  #: Reweighted solutions of the robust least squares.
 POSES_AT_ONCE = 1000  #: Most poses whose columns of all virtual joints are in memory together.
@@ -473,7 +479,7 @@ class MassFit:
     @property
     def explained(self) -> bool:
         """Tell whether gravity with the fitted masses explains the measured torques."""
-        return self.residual <= MAX_UNEXPLAINED * self.torque_deviation
+        return self.residual <= MAX_UNEXPLAINED_TORQUE * self.torque_deviation
 
 
 def fit_link_masses(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
@@ -529,12 +535,12 @@ def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
     spread, left = _scatter(_off_mean(y, ones)), _off_mean(y_0, ones)
     before, x = _scatter(left), np.zeros_like(sd)
     for _ in range(REWEIGHTINGS):
-        sigma = np.maximum(_scatter(left), MIN_NOISE_SHARE * spread)[:, None]
+        sigma = np.maximum(_scatter(left), MIN_TORQUE_NOISE_SHARE * spread)[:, None]
         sigma = np.where(sigma > 0, sigma, 1.0)  # a joint without torques
         w = np.minimum(1, HUBER_THRESHOLD * sigma / np.maximum(np.abs(left), 1e-300)) / sigma**2
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
         left = _off_mean(y_0 - A @ x, w)
-    at_bound = (np.abs(x) > MAX_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
+    at_bound = (np.abs(x) > MAX_MASS_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
     p = np.vstack([weights.parameters[:1], (prior + sd * x).reshape(-1, 4)])
     return MassFit(
         weights=Weights(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
@@ -553,7 +559,9 @@ def _step(A: Array, y: Array, w: Array) -> Array:
     size = A.shape[2]
     rows = np.column_stack([A.reshape(-1, size), y.ravel()]) * np.sqrt(w).reshape(-1, 1)
     R: Array = np.asarray(np.linalg.qr(np.vstack([rows, np.eye(size, size + 1)]), mode="r"))
-    return np.asarray(lsq_linear(R[:, :-1], R[:, -1], (-MAX_DEVIATIONS, MAX_DEVIATIONS), method="bvls").x)
+    return np.asarray(
+        lsq_linear(R[:, :-1], R[:, -1], (-MAX_MASS_DEVIATIONS, MAX_MASS_DEVIATIONS), method="bvls").x
+    )
 
 
 def _off_mean(x: Array, w: Array) -> Array:

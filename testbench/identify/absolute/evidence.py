@@ -60,7 +60,7 @@ from testbench.model.vjm import rotation_matrices
 
 # --- Sizes of all kinds of errors, learnt from the readings by type-II maximum likelihood -------------------
 
-DEFAULT_SCALES: Mapping[str, float] = {
+DEFAULT_ERROR_SCALES: Mapping[str, float] = {
     "geometry shift": 1e-3,
     "geometry turn": 1e-3,
     "harmonics": 3e-5,
@@ -87,7 +87,7 @@ PSEUDO_EQUATIONS = 2.0
 """Number of pseudo-equations of each kind with noise as stated: the unknowns may use up all real ones."""
 WIDE_PRIOR = PriorUncertainty(3.0)
 """Uncertainty of the expected compliances while the prior deviations of all other unknowns are learnt."""
-MAX_ROUNDS, SETTLED_CHANGE = 8, 0.01
+MAX_NOISE_FACTOR_ROUNDS, MAX_NOISE_FACTOR_CHANGE = 8, 0.01
 """Most alternations between noise factors and constrained compliances, and the relative change at which they
 stop."""
 
@@ -107,14 +107,14 @@ class ActiveUnknowns:
         return len(self.columns) - compliances
 
 
-def activate(
+def activate_unknowns(
     unknowns: Unknowns, kinds: frozenset[str], compliance_prior: PriorScaling | None
 ) -> ActiveUnknowns:
     """Select unknowns: all frames and mounts, some kinds of errors, and the compliances of a prior.
 
     Args:
         unknowns: All unknowns of a calibration.
-        kinds: Names of the kinds of errors, as in `DEFAULT_SCALES`.
+        kinds: Names of the kinds of errors, as in `DEFAULT_ERROR_SCALES`.
         compliance_prior: Prior of the compliances; None for a rigid arm.
 
     Raises:
@@ -142,7 +142,7 @@ class ErrorScales:
     noise_factor: Array  #: Estimated over stated noise for each kind of equations, (kinds,) [1].
 
 
-def default_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
+def default_error_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
     """Make the usual prior deviations of all unknowns, with noise as stated for the readings.
 
     Args:
@@ -150,7 +150,7 @@ def default_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
         n_kinds: Number of kinds of equations.
 
     Returns:
-        Prior deviations from `DEFAULT_SCALES`, and noise factors of 1.
+        Prior deviations from `DEFAULT_ERROR_SCALES`, and noise factors of 1.
     """
     deviation = np.full(unknowns.size, np.inf)
     for name in unknowns.undetermined:
@@ -163,7 +163,7 @@ def default_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
     for name, sizes in unknowns.frame_deviations.items():
         deviation[unknowns.columns(f"frame {name}")] = [size or LEVEL_DEVIATION for size in sizes]
     for kind, columns in unknowns.prior_groups:
-        deviation[columns] = DEFAULT_SCALES[kind]
+        deviation[columns] = DEFAULT_ERROR_SCALES[kind]
     return ErrorScales(deviation, np.ones(n_kinds))
 
 
@@ -186,7 +186,7 @@ def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
     return np.asarray(selected)
 
 
-def active_prior(
+def prior_precision(
     active: ActiveUnknowns, scales: ErrorScales, uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
     """Compute the prior precision P of the selected unknowns, and its product with the prior mean.
@@ -209,7 +209,7 @@ def active_prior(
     return P, b
 
 
-def solve_active(
+def solve_active_unknowns(
     active: ActiveUnknowns,
     gram: Array,
     scales: ErrorScales,
@@ -233,7 +233,7 @@ def solve_active(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    H, (P, b) = np.tensordot(scales.noise_factor**-2.0, gram, 1), active_prior(active, scales, uncertainty)
+    H, (P, b) = np.tensordot(scales.noise_factor**-2.0, gram, 1), prior_precision(active, scales, uncertainty)
     H[:-1, :-1] += P
     H[:-1, -1] += b
     optimum = solve_normal_equations(H)
@@ -266,7 +266,7 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: Pri
     return np.concatenate([others, e])
 
 
-def learn_scales(
+def learn_error_scales(
     active: ActiveUnknowns,
     gram: Array,
     equation_counts: Array,
@@ -293,8 +293,8 @@ def learn_scales(
     scales = _maximise_scales(active, gram, equation_counts, start)
     if active.compliance_prior is None or constraint == "none":
         return scales
-    for _ in range(MAX_ROUNDS):
-        free = solve_active(active, gram, scales, WIDE_PRIOR)
+    for _ in range(MAX_NOISE_FACTOR_ROUNDS):
+        free = solve_active_unknowns(active, gram, scales, WIDE_PRIOR)
         x = _in_cone(free, active.n_rigid, active.compliance_prior)
         if x is free.x:
             return scales
@@ -305,7 +305,7 @@ def learn_scales(
             (left @ v + PSEUDO_EQUATIONS)
             / np.maximum(equation_counts - spent + PSEUDO_EQUATIONS, PSEUDO_EQUATIONS)
         )
-        settled = np.abs(np.log(factor / scales.noise_factor)).max() < SETTLED_CHANGE
+        settled = np.abs(np.log(factor / scales.noise_factor)).max() < MAX_NOISE_FACTOR_CHANGE
         scales = replace(scales, noise_factor=factor)
         if settled:
             break
@@ -332,7 +332,7 @@ def _maximise_scales(
     placed = active.columns[:first]  # frames and mounts
     known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
     times = MAX_SCALE_FACTOR_UNDETERMINED if active.unknowns.undetermined else MAX_SCALE_FACTOR
-    most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(equation_counts)
+    most = [times * DEFAULT_ERROR_SCALES[kind] for kind, _ in groups] + [np.inf] * len(equation_counts)
     problem = EvidenceModel(
         gram=gram,
         equation_counts=equation_counts,
@@ -356,7 +356,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
     count, usual_ = np.full(m, PSEUDO_EQUATIONS), np.ones(m)
     count[: len(groups)] = np.where(large, 1.0, PSEUDO_OBSERVATIONS)
     usual_[: len(groups)] = np.where(large, LARGE_GROUP_SIZE_RATIO, 1.0) * [
-        DEFAULT_SCALES[kind] for kind, _ in groups
+        DEFAULT_ERROR_SCALES[kind] for kind, _ in groups
     ]
 
     def pseudo_observations(z: Array) -> tuple[Array, Array, Array]:
@@ -624,7 +624,9 @@ def gauss_newton_step(
     state, noise = linearisation_point
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
     S, counts = gram_of_active(active, reduced.gram), reduced.counts
-    scales = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
+    scales = learn_error_scales(
+        active, S, counts, default_error_scales(active.unknowns, len(counts)), constraint
+    )
     solved = solve_step(active, reduced, scales, constraint)
     return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())
 
@@ -644,7 +646,7 @@ def fit_geometry_and_springs(
         The fitted arm, and the noise of the readings about it.
     """
     first = unknowns_of(state.vjm, series, JointErrors(), joint_prior.structure)
-    active, noise = activate(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)
+    active, noise = activate_unknowns(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)
     for _ in range(2):
         state, share = gauss_newton_step(active, series, (state, noise), constraint)
         noise = estimate_model_error(state, series, share)

@@ -39,13 +39,13 @@ from testbench.identify.absolute.evidence import (
     GEOMETRY,
     ActiveUnknowns,
     ErrorScales,
-    activate,
+    activate_unknowns,
     apply_step,
-    default_scales,
+    default_error_scales,
     fit_geometry_and_springs,
     gauss_newton_step,
     gram_of_active,
-    learn_scales,
+    learn_error_scales,
     solve_step,
 )
 from testbench.identify.absolute.posterior import covariance_root
@@ -287,7 +287,7 @@ def linearise_readings(
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     # One step with periodic errors, for the noise and the point of linearisation.
-    active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), thin_series(series)
+    active, few = activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, joints), thin_series(series)
     state, share = gauss_newton_step(active, few, (state, noise), options.constraint)
     noise = estimate_model_error(state, series, share)
     # Reduce all equations once, by blocks of joint space if errors are selected.
@@ -367,26 +367,25 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     # Select the errors, then solve for the selected unknowns.
     chosen = _select_errors(linearised_readings, options, rules)
     solved = solve_step(
-        chosen.active, chosen.reduced, chosen.scales, options.constraint, options.prior_uncertainty
+        chosen.active, chosen.reduced, chosen.error_scales, options.constraint, options.prior_uncertainty
     )
     chosen = with_final_prior(chosen, rules, solved.weighted_prior)
     after = apply_step(linearised_readings.state, chosen.active, solved.x)
     # Noise of single readings about the result.
     factor = linearised_readings.noise.factor.copy()
-    factor[list(reduced.kinds)] = chosen.scales.noise_factor
+    factor[list(reduced.kinds)] = chosen.error_scales.noise_factor
     combined = replace(linearised_readings.noise, factor=factor)
     noise = single_reading_noise(combined, variance, repetitions)
-    pulls = tuple(robust_weights(after, readings, noise) for readings in series)
     return Calibration(
         state=after,
         active=chosen.active,
-        information=np.tensordot(chosen.scales.noise_factor**-2.0, reduced.gram, 1)[:-1, :-1],
+        information=np.tensordot(chosen.error_scales.noise_factor**-2.0, reduced.gram, 1)[:-1, :-1],
         precision_root=solved.precision_root,
         noise=noise,
         selection=chosen,
         estimate=solved.estimate,
         constraint_chi2=solved.constraint_chi2,
-        robust_weights=pulls,
+        robust_weights=tuple(robust_weights(after, readings, noise) for readings in series),
         series=series,
         issues=linearised_readings.issues,
     )
@@ -417,7 +416,7 @@ def _select_errors(
     # Chosen by hand: all of them at once, and then the pattern if joints share one.
     kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
     priors = [candidate.compliance_prior for candidate in on if candidate.compliance_prior is not None]
-    active = activate(unknowns, kinds - {"pattern"}, priors[-1] if priors else None)
+    active = activate_unknowns(unknowns, kinds - {"pattern"}, priors[-1] if priors else None)
 
     def scales(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
         """Learn the sizes of errors and noise from the reduced equations.
@@ -427,11 +426,11 @@ def _select_errors(
             reduced: The equations of all unknowns.
             start: Scales to start from.
         """
-        return learn_scales(
+        return learn_error_scales(
             selected, gram_of_active(selected, reduced.gram), reduced.counts, start, options.constraint
         )
 
-    sizes = scales(active, reduced, default_scales(unknowns, len(reduced.kinds)))
+    sizes = scales(active, reduced, default_error_scales(unknowns, len(reduced.kinds)))
     if COMMON_PATTERN in options.selectable and (
         shared := with_shared_pattern(active, kinds, sizes, reduced)
     ):

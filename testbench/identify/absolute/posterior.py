@@ -25,7 +25,7 @@ from testbench.identify.absolute.align import (
     underdetermined_reason,
     whitening_matrices,
 )
-from testbench.identify.absolute.evidence import default_scales, moved_mount
+from testbench.identify.absolute.evidence import default_error_scales, moved_mount
 from testbench.identify.absolute.state import ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame, unknowns_of
 from testbench.identify.equations import series_rows
 from testbench.identify.posterior import ArmModel, Posterior
@@ -195,8 +195,8 @@ def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, A
 def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array, Array]:
     """Whiten the equations: columns of frame and mount, (e, f), of the arm, (e, a), and residuals, (e,)."""
     A, left = _columns(model, state, series)
-    W, pull = robust_whitening(series, _noise(model), state.frame(series).rotation, left)
-    W *= np.sqrt(pull)[..., None, None]
+    W, weights = robust_whitening(series, _noise(model), state.frame(series).rotation, left)
+    W *= np.sqrt(weights)[..., None, None]
     rows = np.concatenate([A, left[:, :, None]], axis=2)
     lines = np.einsum("srxy,sycr->srxc", W, rows, optimize=True).reshape(-1, rows.shape[2])
     F, M, y = np.split(lines, [A.shape[2] - len(model.columns), -1], axis=1)
@@ -206,9 +206,8 @@ def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, 
 def _root(model: ArmModel, F: Array, series: Series) -> Array:
     """Factorise the columns of frame and mount, with their prior where these rows leave them undetermined."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
-    B = np.diag(
-        1 / default_scales(unknowns, len(EQUATION_KINDS)).deviation[: unknowns.first_columns["geometry"]]
-    )
+    usual = default_error_scales(unknowns, len(EQUATION_KINDS))
+    B = np.diag(1 / usual.deviation[: unknowns.first_columns["geometry"]])
     B = B[B.any(axis=1) & (not underdetermined_reason(model.vjm, series))]
     R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()
@@ -234,7 +233,7 @@ STRUCTURAL_INFORMATION = 1e-3
 structural [1]."""
 ZERO_INFORMATION = 1e-10
 """Eigenvalue of an information matrix with unit diagonal below which it counts as zero [1]."""
-UNUSED_INFORMATION = 1.0
+INFORMATION_OF_FIXED_UNKNOWNS = 1.0
 """Information assumed for unknowns without prior deviation, so that they are not structural [1]."""
 MIN_SINGULAR_VALUE = 0.1
 """Singular value of two joined sets of directions below which a direction counts as common to both [1]."""
@@ -276,6 +275,7 @@ def further_information(
     information_for = information_of or (lambda readings: information_of_series(unknowns, state, readings))
 
     def turned(j: int) -> Array:
+        """Compute the information of the series' poses with joint j turned through its range, (size, size)."""
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
             count = min(readings.rows, -(-POSES_PER_TURNED_JOINT // len(series)))
@@ -339,20 +339,23 @@ class StructuralDirections:
     n_elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
-def structural_directions(unknowns: Unknowns, L: Array, further: AddedInformation) -> StructuralDirections:
+def structural_directions(
+    unknowns: Unknowns, L: Array, added_information: AddedInformation
+) -> StructuralDirections:
     """Find the structural directions: combinations of unknowns that move no target in any pose.
 
     Args:
         unknowns: The unknowns of a calibration.
         L: Root of the prior covariance L L^T of the unknowns, (size, size).
-        further: Information of poses in the whole joint space.
+        added_information: Information of poses in the whole joint space.
 
     Returns:
         The directions, and how many of them concern geometry, joints and compliances.
     """
     # Directions with hardly any information, in units of the prior.
-    M, drawn = L.T @ further.whole_space @ L, L.T @ further.whole_space_rigid @ L
-    M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, UNUSED_INFORMATION)) for part in (M, drawn))
+    of_fixed = np.diag(np.where(np.diag(L) > 0, 0.0, INFORMATION_OF_FIXED_UNKNOWNS))
+    M = L.T @ added_information.whole_space @ L + of_fixed
+    drawn = L.T @ added_information.whole_space_rigid @ L + of_fixed
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.first_columns["errors"])
     # Structural directions of geometry, exactly, by the rigid nominal arm.

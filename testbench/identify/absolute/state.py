@@ -278,7 +278,7 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
 
 MAX_EVALUATED_ROWS = 300
 """Most rows of a series that are evaluated, evenly spaced."""
-PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
+WIDE_PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
 """Wide prior standard deviations of a target [m], of rotations [rad], and of the origin of a frame [m]."""
 LEVEL_DEVIATION = 0.05
 """Standard deviation of a tracker's tilt from upright, and largest standard deviation of a frame's rotation
@@ -318,16 +318,16 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
         J = _rows(vjm, readings)
         M[np.ix_(at, at)] += J.T @ J / ASSUMED_NOISE**2
     # Posterior covariance with wide priors.
-    before = np.full(len(M), PRIOR_DEVIATIONS[0])
+    before = np.full(len(M), WIDE_PRIOR_DEVIATIONS[0])
     for k in range(len(frames)):
-        before[6 * k : 6 * k + 6] = np.repeat(PRIOR_DEVIATIONS[1:], 3)
+        before[6 * k : 6 * k + 6] = np.repeat(WIDE_PRIOR_DEVIATIONS[1:], 3)
     for readings in series:
         if (sizes := readings.frame_deviation) is not None:  # its prior holds what readings leave open
             f = 6 * frames.index(readings.frame)
             turn = min(sizes[3] or LEVEL_DEVIATION, LEVEL_DEVIATION / 2)
             before[f : f + 6] = np.repeat([turn, sizes[0]], 3)
     for name, m in mounts.items():
-        before[first[name] + 3 * m :][:3] = PRIOR_DEVIATIONS[1]
+        before[first[name] + 3 * m :][:3] = WIDE_PRIOR_DEVIATIONS[1]
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
     turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
     undetermined = {
@@ -412,12 +412,12 @@ class ErrorPattern:
     signs: tuple[int, ...]  #: Sign s of each of these joints, 1 or -1.
 
 
-def wave_columns(errors: JointErrors) -> Ids:
+def pattern_coefficients(errors: JointErrors) -> Ids:
     """List the indices of a joint's Fourier coefficients that a pattern may have, k sines first, (2 k,)."""
     return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
 
 
-def shift_waves(coefficients: Array, shift: Array | float, sign: int, orders: Ids) -> Array:
+def shift_fourier_coefficients(coefficients: Array, shift: Array | float, sign: int, orders: Ids) -> Array:
     """Compute the Fourier coefficients of s f(s q + phi) from those of a periodic function f(q).
 
     Mathematics: `abs-11`.
@@ -455,7 +455,7 @@ def pattern_basis(
     from scipy.linalg import helmert  # here: see above
     from scipy.sparse import coo_array, csr_array
 
-    n, waves, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
+    n, waves, k = len(pattern.joints), pattern_coefficients(errors), len(pattern_coefficients(errors)) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
@@ -465,7 +465,7 @@ def pattern_basis(
     orders = np.array(errors.orders)[waves[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
-        R = shift_waves(np.eye(2 * k), pattern.shifts[i], pattern.signs[i], orders).T
+        R = shift_fourier_coefficients(np.eye(2 * k), pattern.shifts[i], pattern.signs[i], orders).T
         row, column = np.nonzero(R)
         for j in np.flatnonzero(mix[i]):
             entries.append(mix[i, j] * R[row, column])
@@ -483,7 +483,7 @@ class _PatternInformation:
 
 
 def find_pattern(
-    wave_information: Sequence[tuple[Array, Array]],
+    joint_information: Sequence[tuple[Array, Array]],
     individual_variance: Array,
     shared_variance: Array,
     orders: Ids,
@@ -496,7 +496,7 @@ def find_pattern(
     Mathematics: `abs-11`.
 
     Args:
-        wave_information: For every joint the precision of its Fourier coefficients from the readings,
+        joint_information: For every joint the precision of its Fourier coefficients from the readings,
             (2 k, 2 k), and its product with the most probable coefficients, (2 k,); zero for a joint without
             readings.
         individual_variance: Prior variance of the coefficients that are individual to a joint, (2 k,).
@@ -508,7 +508,7 @@ def find_pattern(
     """
     every = [
         _pattern_information(*candidate, individual_variance, individual_variance + shared_variance)
-        for candidate in wave_information
+        for candidate in joint_information
     ]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
@@ -523,7 +523,7 @@ def find_pattern(
         """
         P, b = np.diag(1 / shared_variance), np.zeros(len(shared_variance))
         for i, (turn, sense) in others.items():
-            R = shift_waves(np.eye(len(b)), turn, sense, orders)
+            R = shift_fourier_coefficients(np.eye(len(b)), turn, sense, orders)
             P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
         return (*_best_shift(every[j], P, b, orders), j)
 
@@ -590,7 +590,7 @@ def _best_shift(
         Returns:
             Log-likelihoods, (shifts,) [nats].
         """
-        x = shift_waves(f, turns, sense, orders)
+        x = shift_fourier_coefficients(f, turns, sense, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
     every = np.stack([likely(TRIED_SHIFTS, sense) for sense in PATTERN_SIGNS])
@@ -602,7 +602,7 @@ def _best_shift(
     )
     # Evidence of each, the pattern integrated out.
     for way, k in rivals:
-        R = shift_waves(np.eye(len(f)), TRIED_SHIFTS[k], PATTERN_SIGNS[way], orders)
+        R = shift_fourier_coefficients(np.eye(len(f)), TRIED_SHIFTS[k], PATTERN_SIGNS[way], orders)
         odds.append(
             _log_integral(P + R @ pattern_information.W @ R.T, b + R @ pattern_information.g) - before
         )

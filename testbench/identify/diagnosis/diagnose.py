@@ -21,9 +21,9 @@ from testbench.identify.diagnosis.gravity import (
     DOWN,
     MIN_REVERSED_ANGLE,
     angle_between,
+    bends_like_hanging_arm,
     gravity_by_tracker,
     mounting_issue,
-    sags_as_hanging,
     suspected_gravity,
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
@@ -201,7 +201,7 @@ def _mounting_issue(loads: LoadedRuns, observations: Observations) -> list[Issue
     if angle_between(gravity.g, DOWN) > MIN_REVERSED_ANGLE and not gravity.confirmed_by_tracker:
         model = loads.scaling
         pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected_x)
-        if not sags_as_hanging(
+        if not bends_like_hanging_arm(
             observations, _observations(vjm, data, data.after), model.structure.matrix(pi)
         ):
             return []
@@ -294,13 +294,13 @@ def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
         )
     except BenchError:  # too few readings to determine arm and targets: no step can be found
         return []
-    linear = nuisance_model(
+    nuisance = nuisance_model(
         state, series, noise, scale_by_prior(prior, vjm, all153(vjm.arm)), MAX_PERIODIC_ORDER
     )
     clear = MAX_P_VALUE / (2 * sum(map(len, steps)))
     moves = [
-        with_rms_shift(linear, readings, step)
-        for readings, step in most_significant_step(linear, series, steps)
+        with_rms_shift(nuisance, readings, step)
+        for readings, step in most_significant_step(nuisance, series, steps)
         if p_value(step) < clear
     ]
     moves = [replace(step, numbers={**step.numbers, "pairs": True}) for step in moves]

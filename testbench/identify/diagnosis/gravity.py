@@ -350,7 +350,7 @@ def _tilted_gravity(by: Array) -> Array:
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
 
 
-def sags_as_hanging(unloaded: Observations, loaded: Observations, C_theta: Array) -> bool:
+def bends_like_hanging_arm(unloaded: Observations, loaded: Observations, C_theta: Array) -> bool:
     """Tell whether own weight bends the arm in its unloaded readings like a hanging arm, not an upright one.
 
     This matters when targets move against stated weights. Three mistakes do that: the arm hangs, readings

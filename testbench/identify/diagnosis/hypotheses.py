@@ -60,7 +60,7 @@ CHOICE_PARAMETERS = 2  #: Number of free parameters that a choice among many alt
 MIN_FRAME_TURN, MIN_FRAME_SHIFT, MIN_TARGET_SHIFT = np.deg2rad(0.3), 15e-3, 25e-3
 """Least rotation of a frame [rad], shift of a frame or link [m], and shift of a target [m] of an issue."""
 #: Differences between usual conventions of the zero of a revolute joint [rad].
-QUARTER_TURNS = (np.pi / 2, -np.pi / 2, np.pi)
+ZERO_CONVENTIONS = (np.pi / 2, -np.pi / 2, np.pi)
 MIN_JOINT_ZERO_ERROR, LAST_JOINT_FACTOR = (np.deg2rad(0.5), 5e-3), 4.0
 """Least error of a joint's zero of an issue, revolute and prismatic [rad, m], and factor on it for the last
 joint [1]: errors of targets look like one."""
@@ -75,19 +75,19 @@ MAX_LOAD_POINT_DISTANCE = 1.0
 #: Share of loaded readings equal to unloaded ones above which the sentence lists no runs [1].
 MIN_UNMOVED_SHARE = 0.5
 MIN_AGAINST_FORCE_SHARE = 0.8  #: Least share of runs whose targets move against the force [1].
-FORCE_OFFSET_SHARE, MIN_FORCE_OFFSET_SHARE = 0.1, 0.045
+PRIOR_FORCE_OFFSET_SHARE, MIN_FORCE_OFFSET_SHARE = 0.1, 0.045
 """Prior deviation, and least size, of a constant force that is missing in all loads, over the largest [1]."""
-LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR = 0.1, 0.05
+PRIOR_LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR = 0.1, 0.05
 """Prior deviation, and least size, of the error of a load point [m]."""
-TRACKER_SHIFT, MIN_TRACKER_SHIFT = 1e-3, 4e-4
+PRIOR_TRACKER_SHIFT, MIN_TRACKER_SHIFT = 1e-3, 4e-4
 """Prior deviation, and least size, of the move of a tracker between two readings [m, rad]."""
-LOAD_FACTOR_ERROR, MIN_LEVEL_ERROR, MIN_RUN_LOAD_ERROR = 0.3, 0.08, 0.4
+PRIOR_LOAD_ERROR, MIN_LEVEL_ERROR, MIN_RUN_LOAD_ERROR = 0.3, 0.08, 0.4
 """Prior deviation of the relative error of a load [1], and least size in a load level and in a single run."""
-TARGET_SHIFT = 3e-3  #: Prior deviation of the shift of a target that was touched or misread [m].
+PRIOR_TARGET_SHIFT = 3e-3  #: Prior deviation of the shift of a target that was touched or misread [m].
 MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS = 4e-4, 8.0
 """Least error of a wrong reading [m], and the same in standard deviations of the readings [1]."""
-Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
-ORIENTATION_NOTATIONS: Mapping[str, Axes] = {
+EulerAxes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
+ORIENTATION_NOTATIONS: Mapping[str, EulerAxes] = {
     "intrinsic xyz": "XYZ",
     "extrinsic xyz": "xyz",
     "intrinsic zyx": "ZYX",
@@ -272,7 +272,7 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
             parameter_count=1,
             is_large=is_large,
         )
-        for turn in () if joint.prismatic else QUARTER_TURNS:
+        for turn in () if joint.prismatic else ZERO_CONVENTIONS:
             corrected = replace(observations, q=observations.q + turn * np.eye(len(joints))[k])
             yield Correction(
                 (joint.name,), np.array([turn]), corrected=corrected, parameter_count=CHOICE_PARAMETERS + 1
@@ -573,7 +573,7 @@ def _sized_correction(
 
 def _force_offset(loads: LoadedRuns) -> LoadCorrections:
     if loads.model is not None and loads.largest_force > 0:
-        data, size = loads.data, FORCE_OFFSET_SHARE * loads.largest_force
+        data, size = loads.data, PRIOR_FORCE_OFFSET_SHARE * loads.largest_force
         corrected = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
         yield _sized_correction(loads, size, MIN_FORCE_OFFSET_SHARE * loads.largest_force, corrected)
 
@@ -581,8 +581,8 @@ def _force_offset(loads: LoadedRuns) -> LoadCorrections:
 def _load_point(loads: LoadedRuns) -> LoadCorrections:
     if loads.model is not None:
         data = loads.data
-        corrected = [replace(data, point=data.point + LOAD_POINT_ERROR * e) for e in np.eye(3)]
-        yield _sized_correction(loads, LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR, corrected)
+        corrected = [replace(data, point=data.point + PRIOR_LOAD_POINT_ERROR * e) for e in np.eye(3)]
+        yield _sized_correction(loads, PRIOR_LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR, corrected)
 
 
 def _load_point_sentence(issue: Issue, _: Arm) -> str:
@@ -602,9 +602,9 @@ def _touched_tracker(loads: LoadedRuns) -> LoadCorrections:
     data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
     for name in (station_number(series.frame) for series in unloaded_series(data)):
-        here = TRACKER_SHIFT * runs_of_station(data, name)[:, None, None]
+        here = PRIOR_TRACKER_SHIFT * runs_of_station(data, name)[:, None, None]
         corrected = [replace(data, after=y - here * move) for move in moves]
-        correction = _sized_correction(loads, TRACKER_SHIFT, MIN_TRACKER_SHIFT, corrected)
+        correction = _sized_correction(loads, PRIOR_TRACKER_SHIFT, MIN_TRACKER_SHIFT, corrected)
         yield replace(correction, where=() if data.station is None else (str(name),))
 
 
@@ -615,8 +615,8 @@ def _level(loads: LoadedRuns) -> LoadCorrections:
         return
     for level in levels:
         force = float(np.linalg.norm(data.wrench[level, :3], axis=1).mean())
-        corrected = replace(data, wrench=data.wrench * (1 + LOAD_FACTOR_ERROR * level)[:, None])
-        correction = _sized_correction(loads, LOAD_FACTOR_ERROR, MIN_LEVEL_ERROR, [corrected])
+        corrected = replace(data, wrench=data.wrench * (1 + PRIOR_LOAD_ERROR * level)[:, None])
+        correction = _sized_correction(loads, PRIOR_LOAD_ERROR, MIN_LEVEL_ERROR, [corrected])
         yield replace(correction, numbers={"force": force})
 
 
@@ -672,9 +672,9 @@ def _run_load(loads: LoadedRuns) -> LoadCorrections:
     for name, equations in _equations_of_runs(loads):
         yield Correction(
             (name,),
-            jacobian=LOAD_FACTOR_ERROR * deflections[slice(*equations), None],
+            jacobian=PRIOR_LOAD_ERROR * deflections[slice(*equations), None],
             equations=equations,
-            prior_deviation=LOAD_FACTOR_ERROR,
+            prior_deviation=PRIOR_LOAD_ERROR,
             is_large=any_above(MIN_RUN_LOAD_ERROR),
         )
 
@@ -683,7 +683,7 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
     """Try displaced targets of one run, each displaced independently: all of them, or one."""
     if (model := loads.model) is None:
         return
-    size = TARGET_SHIFT / np.repeat(model.readings.unit, 3)
+    size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.unit, 3)
     least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * loads.data.sigma * model.misfit]))
 
     def is_large(b: Array) -> bool:
@@ -697,7 +697,7 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
                 (name, *label),
                 jacobian=np.diag(size[slice(*equations)]),
                 equations=equations,
-                prior_deviation=TARGET_SHIFT,
+                prior_deviation=PRIOR_TARGET_SHIFT,
                 is_large=is_large,
             )
 

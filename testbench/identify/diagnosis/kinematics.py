@@ -128,11 +128,11 @@ class Submission:
         return with_markers(self.registered.vjm, nominal)
 
 
-def issues_without_fit(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
+def issues_without_fit(data: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
     """List the mistakes that are certain without a fit.
 
     Args:
-        case: Data that the hypotheses examine, such as the submitted runs.
+        data: Data that the hypotheses examine, such as the submitted runs.
         hypotheses: Kinds of mistakes whose corrections have neither corrected data nor a Jacobian.
 
     Returns:
@@ -141,7 +141,7 @@ def issues_without_fit(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> li
     return [
         Issue(row.name, correction.where, correction.size, correction.numbers)
         for row in hypotheses
-        for correction in row.corrections(case)
+        for correction in row.corrections(data)
     ]
 
 

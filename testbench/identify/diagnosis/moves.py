@@ -25,9 +25,9 @@ from testbench.identify.absolute.evidence import (
     WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
-    activate,
-    active_prior,
-    default_scales,
+    activate_unknowns,
+    default_error_scales,
+    prior_precision,
 )
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
@@ -42,7 +42,7 @@ NUISANCE_SCALE_FACTOR = 3.0
 MAX_NUMBERS_IN_MEMORY = 3_000_000  #: Most numbers of the equations that are in memory together.
 EQUATIONS_PER_POSE = 6
 """Most independent equations of a pose: its targets and loads share the model's errors in this pose."""
-AMBIGUOUS_CHI2 = 10.0
+MAX_AMBIGUOUS_CHI2 = 10.0
 """Difference of chi squared below which moves of targets and of the tracker explain readings equally well."""
 
 
@@ -81,10 +81,10 @@ def nuisance_model(
     state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
     unknowns = unknowns_of(state.vjm, series, errors, compliance_prior.structure)
     active, size = (
-        activate(unknowns, GEOMETRY | {"harmonics"}, compliance_prior),
-        default_scales(unknowns, len(noise.factor)),
+        activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, compliance_prior),
+        default_error_scales(unknowns, len(noise.factor)),
     )
-    P, _ = active_prior(
+    P, _ = prior_precision(
         active, ErrorScales(NUISANCE_SCALE_FACTOR * size.deviation, size.noise_factor), WIDE_PRIOR
     )
     return NuisanceModel(active, P, state, noise)
@@ -100,11 +100,11 @@ def p_value(step: Issue) -> float:
     return float(fdtrc(z, step.numbers["free"], 2 * (step.log_likelihood_gain or 0.0) / z))
 
 
-def best_step(linear: NuisanceModel, series: Series, candidates: Ids) -> Issue:
+def best_step(nuisance: NuisanceModel, series: Series, candidates: Ids) -> Issue:
     """Find the move of targets or tracker in a series that explains most of the residuals.
 
     Args:
-        linear: The linear model of all other errors.
+        nuisance: The linear model of all other errors.
         series: The readings, in order of time.
         candidates: Index of the first row after each candidate step, ascending, (steps,).
 
@@ -119,27 +119,27 @@ def best_step(linear: NuisanceModel, series: Series, candidates: Ids) -> Issue:
         - `share`: fraction of the sum of squares that the step explains [1];
         - `free`: number of independent equations less the fitted unknowns.
     """
-    sums = _sums(linear, series, candidates)
-    return _greatest_step(_unexplained(linear, (series,), [sums]), series, sums, candidates, turns=True)
+    sums = _sums(nuisance, series, candidates)
+    return _greatest_step(_unexplained(nuisance, (series,), [sums]), series, sums, candidates, turns=True)
 
 
 def most_significant_step(
-    linear: NuisanceModel, series: Sequence[Series], candidates: Sequence[Ids]
+    nuisance: NuisanceModel, series: Sequence[Series], candidates: Sequence[Ids]
 ) -> Iterator[tuple[Series, Issue]]:
     """Find the step with the smallest p-value in every series, with or without a rotation.
 
     A series is skipped when a single wrong row or pose explains its readings as well.
 
     Args:
-        linear: The linear model of all errors other than steps.
+        nuisance: The linear model of all errors other than steps.
         series: The readings, in order of time; all of them determine the arm.
         candidates: Index of the first row after each candidate step, ascending, (steps,) per series.
 
     Yields:
         A series and its step, with numbers as in `best_step`.
     """
-    sums = [_sums(linear, readings, np.arange(1, readings.rows)) for readings in series]
-    rest = _unexplained(linear, series, sums)
+    sums = [_sums(nuisance, readings, np.arange(1, readings.rows)) for readings in series]
+    rest = _unexplained(nuisance, series, sums)
     for readings, series_sums, steps in zip(series, sums, candidates, strict=True):
         if not len(steps):
             continue
@@ -198,13 +198,13 @@ class _Unexplained:
         )
 
 
-def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence[_Sums]) -> _Unexplained:
+def _unexplained(nuisance: NuisanceModel, series: Sequence[Series], sums: Sequence[_Sums]) -> _Unexplained:
     """Factorise the precision of all possible errors, and project the residuals on the rest."""
-    AA, c = np.sum([part.AA for part in sums], axis=0), len(linear.active.columns)
-    H = AA[:c, :c] + linear.prior
+    AA, c = np.sum([part.AA for part in sums], axis=0), len(nuisance.active.columns)
+    H = AA[:c, :c] + nuisance.prior
     size = np.sqrt(np.diag(H))
     L = cholesky(H / size / size[:, None], lower=True)
-    spent = c - float(np.trace(cho_solve((L, True), linear.prior / size / size[:, None])))
+    spent = c - float(np.trace(cho_solve((L, True), nuisance.prior / size / size[:, None])))
     e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(part.count for part in sums)
     poses = sum(len(np.unique(part.pose)) for part in series)
     shared = max(1.0, count / (EQUATIONS_PER_POSE * poses))
@@ -225,7 +225,7 @@ def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, 
     s2 = max(rest.before - decrease, 1e-300) / rest.count
     gain = decrease / s2 / rest.shared / 2
     numbers = {
-        "alike": bool(decrease - rival < AMBIGUOUS_CHI2 * s2),
+        "alike": bool(decrease - rival < MAX_AMBIGUOUS_CHI2 * s2),
         "share": decrease / rest.before,
         "free": rest.count / rest.shared,
         "place": place,
@@ -237,16 +237,16 @@ def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, 
     return Issue(kind, (series.name, series.frame), score.expected_size[k], numbers, gain)
 
 
-def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
+def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     """Sum the whitened equations of a series between the places of possible steps."""
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
-    numbers = 3 * series.rows * (len(series.markers) + 1) * linear.active.unknowns.size
+    numbers = 3 * series.rows * (len(series.markers) + 1) * nuisance.active.unknowns.size
     batches = min(
         len(edges) - 1, 1 + numbers // MAX_NUMBERS_IN_MEMORY
     )  # of cells that are in memory together
     for part in np.array_split(np.arange(len(edges) - 1), batches):
-        A, Z = _equations(linear, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
+        A, Z = _equations(nuisance, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
         per_row = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
         for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
@@ -255,13 +255,15 @@ def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.oriented.sum()))
 
 
-def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
+def _equations(nuisance: NuisanceModel, series: Series) -> tuple[Array, Array]:
     """Whiten [A e], (c + 1, equations), and Z, (z, equations); equations are ordered by row."""
-    active, rows = linear.active, series_rows(linear.active.unknowns, linear.state, series)
-    W, pull = robust_whitening(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
-    W = W * np.sqrt(pull)[..., None, None]
+    active, rows = nuisance.active, series_rows(nuisance.active.unknowns, nuisance.state, series)
+    rotation = nuisance.state.frame(series).rotation
+    W, weights = robust_whitening(series, nuisance.noise, rotation, rows[:, :, -1])
+    W = W * np.sqrt(weights)[..., None, None]
     A = rows[:, :, np.r_[active.columns, -1]]
-    Z = np.concatenate([move_columns(linear, series, rows, moved) for moved in ("target", "tracker")], axis=2)
+    moves = [move_columns(nuisance, series, rows, moved) for moved in ("target", "tracker")]
+    Z = np.concatenate(moves, axis=2)
     whitened = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if active.compliance_prior is not None:
         e = slice(active.n_rigid, len(active.columns))
@@ -270,11 +272,11 @@ def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     return lines[: A.shape[2]], lines[A.shape[2] :]
 
 
-def move_columns(linear: NuisanceModel, series: Series, A: Array, moved: str) -> Array:
+def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved: str) -> Array:
     """Compute the columns of a rigid move of the tracker or of the targets in the equations of a series.
 
     Args:
-        linear: The linear model, whose unknowns name the columns.
+        nuisance: The linear model, whose unknowns name the columns.
         series: The readings.
         A: Columns of all unknowns, then the residuals, (s, 3, unknowns + 1, rows) [m, rad].
         moved: "tracker" or "target".
@@ -284,20 +286,20 @@ def move_columns(linear: NuisanceModel, series: Series, A: Array, moved: str) ->
         mount of one target without orientation.
     """
     if moved == "tracker":
-        return A[:, :, linear.active.unknowns.columns(f"frame {series.frame}")]
-    mount = A[:, :, linear.active.unknowns.columns(f"mount {series.target}")]
-    points = linear.state.mount(series).points
+        return A[:, :, nuisance.active.unknowns.columns(f"frame {series.frame}")]
+    mount = A[:, :, nuisance.active.unknowns.columns(f"mount {series.target}")]
+    points = nuisance.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
     T[: 3 * len(points)] = marker_motion(points)
     T[3 * len(points) :, 3:] = np.eye(3)[: max(0, len(T) - 3 * len(points))]
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def with_rms_shift(linear: NuisanceModel, series: Series, step: Issue) -> Issue:
+def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issue:
     """Add the RMS distance by which a step moves the targets to the numbers of its issue.
 
     Args:
-        linear: The linear model of all errors other than the step.
+        nuisance: The linear model of all errors other than the step.
         series: The readings.
         step: The issue of the step.
 
@@ -305,7 +307,7 @@ def with_rms_shift(linear: NuisanceModel, series: Series, step: Issue) -> Issue:
         The issue; its number `shift` is the RMS distance over all readings [m].
     """
     moved = step.name.removesuffix("_moved")
-    Z = move_columns(linear, series, series_rows(linear.active.unknowns, linear.state, series), moved)
+    Z = move_columns(nuisance, series, series_rows(nuisance.active.unknowns, nuisance.state, series), moved)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, numbers={**step.numbers, "shift": shift})
@@ -354,18 +356,18 @@ def _clear_step(
     """
     ordered = without_unread_targets(sort_by_time(series))
     steps = candidate_rows(ordered, MIN_POSES_OF_PART)
-    linear = nuisance_model(state, (ordered,), noise, compliance_prior)
+    nuisance = nuisance_model(state, (ordered,), noise, compliance_prior)
     thin = evenly_spaced(ordered.rows, MAX_SCREENED_ROWS)
     tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
-    if not len(place) or not _is_sure(issue := best_step(linear, select_rows(ordered, thin), place)):
+    if not len(place) or not _is_sure(issue := best_step(nuisance, select_rows(ordered, thin), place)):
         return None
     if len(tried) < len(steps) or len(thin) < ordered.rows:
         middle = np.searchsorted(tried, thin[int(issue.numbers["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
-        issue = best_step(linear, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return with_rms_shift(linear, ordered, issue) if _is_sure(issue) else None
+        issue = best_step(nuisance, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
+    return with_rms_shift(nuisance, ordered, issue) if _is_sure(issue) else None
 
 
 def _is_sure(step: Issue) -> bool:

@@ -16,7 +16,12 @@ from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.files.write import series_text
 from testbench.identify.absolute import evidence
 from testbench.identify.absolute.align import Noise
-from testbench.identify.absolute.evidence import ErrorScales, activate, gram_of_active, solve_active
+from testbench.identify.absolute.evidence import (
+    ErrorScales,
+    activate_unknowns,
+    gram_of_active,
+    solve_active_unknowns,
+)
 from testbench.identify.absolute.fit import (
     Calibration,
     LinearisedReadings,
@@ -179,7 +184,9 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     errors = JointErrors(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
     kinds = evidence.GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
-    active = activate(unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure))
+    active = activate_unknowns(
+        unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure)
+    )
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
     reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARED_LOSS), found.series)
@@ -194,7 +201,9 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     for kind, own in unknowns.prior_groups:
         deviation[own] = sizes[kind]
     known = ErrorScales(deviation, np.ones(len(reduced.kinds)))
-    V = solve_active(active, gram_of_active(active, reduced.gram), known, PriorUncertainty(SHAPE)).covariance
+    V = solve_active_unknowns(
+        active, gram_of_active(active, reduced.gram), known, PriorUncertainty(SHAPE)
+    ).covariance
     assert active.compliance_prior is not None
     lines = series_rows(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(active.columns))
