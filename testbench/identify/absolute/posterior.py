@@ -275,7 +275,7 @@ def further_information(
     information_for = information_of or (lambda readings: information_of_series(unknowns, state, readings))
 
     def turned(j: int) -> Array:
-        """Compute the information of the series' poses with joint j turned through its range, (size, size)."""
+        """Compute the information with joint j turned through its range, (size, size)."""
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
             count = min(readings.rows, -(-POSES_PER_TURNED_JOINT // len(series)))
