@@ -97,6 +97,8 @@ def fit_frame_and_mount(model: ArmModel, series: Series, rows: Ids) -> Registere
 def register_with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
     """Compute the joint posterior of the arm and of a frame and mount that the calibration has determined.
 
+    Readings count as independent: repeated readings of a pose do not share the model error.
+
     Args:
         model: The calibrated arm, with the frame and the mount.
         series: Readings with this frame and mount; up to `ROWS_IN_MEMORY` of them, evenly spaced, give the

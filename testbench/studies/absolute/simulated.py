@@ -30,9 +30,10 @@ from testbench.identify.absolute.fit import (
     select_and_solve,
 )
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
-from testbench.identify.absolute.posterior import inside_ellipsoid, predict_series, register_with_known_frame
+from testbench.identify.absolute.posterior import RegisteredSeries, inside_ellipsoid, predict_series
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.equations import series_rows
+from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.registration import SQUARED_LOSS
 from testbench.identify.regression import Linearisation, reduce_series
@@ -209,6 +210,24 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     A = lines.reshape(-1, len(active.columns))
     A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.compliance_prior.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
+
+
+def _with_frame_of(calibration: Calibration, series: Series) -> RegisteredSeries:
+    """Take the joint posterior of arm, frame and mount of a series from a calibration.
+
+    `register_with_known_frame`, for a model without these, approximates it: there, repeated readings of a
+    pose do not share the model error.
+    """
+    unknowns, every = calibration.active.unknowns, np.arange(calibration.active.unknowns.size)
+    names = f"frame {series.frame}", f"mount {series.target}"
+    at = np.concatenate(
+        [every[unknowns.columns(name)] for name in names]
+    )  # the first of the selected columns
+    at = np.r_[at, np.flatnonzero(calibration.active.columns >= unknowns.first_columns["geometry"])]
+    whole = posterior_of_calibration(calibration)
+    return RegisteredSeries(
+        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
+    )
 
 
 # --- Absolute readings of simulated arms: which errors hide behind which, how many poses, what pairs add ----
@@ -507,9 +526,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
         ellipsoid, (rows, m).
     """
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
-    model, place = calibration.model(), (true.frame, true.target)
-    fitted = next(series for series in calibration.series if (series.frame, series.target) == place)
-    left, covariance = predict_series(model, register_with_known_frame(model, fitted), read)
+    left, covariance = predict_series(calibration.model(), _with_frame_of(calibration, read), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
 
