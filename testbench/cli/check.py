@@ -12,7 +12,6 @@ from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, shell_word
-from testbench.files.robot.write import write_elastic
 from testbench.model.vjm import tool_points, tool_pose
 from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, NOMINAL
@@ -66,6 +65,8 @@ def command(asked: CheckOptions) -> None:
             f"{max(1, ceil(1e9 * checked.apart))} nm",
         ]
         if springs is not None:
+            from testbench.files.robot.write import write_elastic  # here: it is rarely asked for
+
             write_elastic(checked.cell.arm, springs)
             lines.append(
                 f"springs    {springs}; open it with: python -m mujoco.viewer --mjcf={shell_word(springs)}"

@@ -1,6 +1,7 @@
 """Shared parts of figures: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
 import copy
+import functools
 import io
 import itertools
 import math
@@ -16,6 +17,7 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
@@ -23,9 +25,11 @@ from matplotlib.figure import SubFigure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.transforms import ScaledTranslation
+from matplotlib.ticker import FixedLocator
+from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
+from testbench.errors import Array
 from testbench.model.structure import JOINTS
 from testbench.report.colours import GREY, SCALE, Look, hexadecimal
 from testbench.report.markdown import capital, ended
@@ -115,15 +119,63 @@ def save(figure: Figure, path: Path | IO[bytes]) -> None:
         _print(figure, path)
 
 
+def _lay_out(figure: Figure) -> None:
+    """Lay a figure out once, and keep it so.
+
+    Constrained layout measures what is around every axes twice, and color bars once more for each of their
+    axes, which takes most of its time. What stands beside an upright axis with chosen ticks is as wide the
+    second time; other numbers, and limits of equal scales, follow from the size of the axes.
+    """
+    figure.set_layout_engine("constrained")
+    engine = figure.get_layout_engine()
+    assert engine is not None  # just set
+    steady = [axes for axes in figure.axes if _is_steady(axes)]
+    for axes in steady:
+        axes.get_tightbbox = functools.partial(_around, axes, [])  # type: ignore[method-assign]
+    engine.execute(figure)
+    for axes in steady:
+        del axes.get_tightbbox
+    figure.set_layout_engine("none")
+
+
+def _is_steady(axes: Axes) -> bool:
+    """Tell whether what is around an axes does not depend on its size."""
+    chosen = isinstance(axes.yaxis.get_major_locator(), FixedLocator)
+    return axes.get_visible() and axes.get_aspect() == "auto" and chosen
+
+
+def _around(axes: Axes, measured: list[Array], renderer: RendererBase, *, for_layout_only: bool) -> Bbox:
+    """Return the box of an axes, with its words as far around it as they were measured first, and its key.
+
+    Args:
+        axes: The axes.
+        measured: What was measured first, (4,) [pixel]; empty the first time.
+        renderer: As matplotlib gives it.
+        for_layout_only: The same: names along an axis count only across it.
+
+    Returns:
+        The box [pixel].
+    """
+    key, locator = axes.get_legend(), axes.get_axes_locator()
+    if not measured:
+        if key is not None:  # it may stand beside the axes, at a share of their size
+            key.set_in_layout(False)
+        whole = type(axes).get_tightbbox(axes, renderer, for_layout_only=for_layout_only)
+        assert whole is not None  # it is visible
+        measured.append(np.subtract(whole.extents, axes.bbox.extents))
+    axes.apply_aspect(None if locator is None else locator(axes, renderer))  # to where it stands now
+    box = Bbox.from_extents(*(axes.bbox.extents + measured[0]))
+    beside = None if key is None else key.get_tightbbox(renderer)
+    return box if beside is None else Bbox.union([box, beside])
+
+
 def _write_png(figure: Figure, path: Path | IO[bytes]) -> None:
     """Draw a figure in few colours, but where it holds an image."""
     canvas = FigureCanvasAgg(figure)
-    engine = figure.get_layout_engine()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
-        if figure.axes and engine is not None:
-            engine.execute(figure)
-            figure.set_layout_engine("none")
+        if figure.axes and figure.get_layout_engine() is not None:
+            _lay_out(figure)
         canvas.draw()  # type: ignore[no-untyped-call]
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
     if any(axes.images for axes in figure.axes):  # a ramp has more colours than are kept of others
@@ -674,15 +726,6 @@ def one_column(figure: Figure) -> Figure:
             _place_below(axes, legend)
     _lay_out(narrow)
     return narrow
-
-
-def _lay_out(figure: Figure) -> None:
-    """Lay a figure out once, and keep it so."""
-    figure.set_layout_engine("constrained")
-    engine = figure.get_layout_engine()
-    assert engine is not None  # just set
-    engine.execute(figure)
-    figure.set_layout_engine("none")
 
 
 def _leaves(part: Figure | SubFigure) -> Iterator[Figure | SubFigure]:

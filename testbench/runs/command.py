@@ -44,6 +44,7 @@ def undisturbed() -> None:
     for name in [name for name in os.environ if name == "RERUN" or name.startswith(RECORDINGS)]:
         del os.environ[name]
     os.environ["MPLBACKEND"] = "agg"
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # of any package that is installed beside this one
     os.environ["MUJOCO_GL"] = "disable"  # nothing is drawn by MuJoCo; a driver that lacks is an error
     np.__all__ = [name for name in np.__all__ if name not in UNUSED]
     getattr(np, "__numpy_submodules__", set()).difference_update(UNUSED)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from reports import check_forest
 from testbench.plant.shapes import corners, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
-from testbench.report.figure import SOFT, forest, headed, labelled, log_ticks, page, say
+from testbench.report.figure import SOFT, _lay_out, forest, headed, labelled, log_ticks, page, say
 from testbench.report.run_figure import outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
@@ -32,6 +33,27 @@ def seen(arm_6r):
 @pytest.fixture(scope="module")
 def figure(seen):
     return overview(REPORT, seen)
+
+
+def test_the_layout_measures_models_once_and_places_all_as_if_all_were_measured_again(seen, monkeypatch):
+    table, whole = Table(COLUMNS, MODELS), Axes.get_tightbbox
+    for draw, times in (
+        (lambda: forest(table, {"error": "all"}, "Who wins", ""), 1),
+        (lambda: overview(REPORT, seen), 2),
+    ):
+        own, other, measured = draw(), draw(), []
+
+        def counted(axes, *args, measured=measured, **named):
+            measured.append(axes)
+            return whole(axes, *args, **named)
+
+        other.get_layout_engine().execute(other)
+        with monkeypatch.context() as patched:
+            patched.setattr(Axes, "get_tightbbox", counted)
+            _lay_out(own)
+        assert measured.count(own.axes[0]) == times
+        for a, b in zip(own.axes, other.axes, strict=True):
+            np.testing.assert_allclose(a.get_position().bounds, b.get_position().bounds, atol=2e-3)
 
 
 @pytest.mark.parametrize(("pane", "plane"), [(0, [0, 2]), (1, [0, 1])])
