@@ -74,9 +74,7 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
     Raises:
         InputError: When no column looks like joints or positions.
     """
-    known = dict[str, list[int]]()
-    for k, name in enumerate(table.names):
-        known.setdefault(column_meaning(name), []).append(k)
+    known = _by_meaning(table)
     if "joint" not in said:
         yield from _joints(table, arm)
     if "reading" not in said:
@@ -93,6 +91,14 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
     if "temperature" in known and "temperature" not in said:
         k, *others = known["temperature"]
         yield Entry("columns", "temperature", table.names[k], not_these(table, others))
+
+
+def _by_meaning(table: TableCells) -> dict[str, list[int]]:
+    """Places of the columns of each quantity, by their names alone."""
+    known = dict[str, list[int]]()
+    for k, name in enumerate(table.names):
+        known.setdefault(column_meaning(name), []).append(k)
+    return known
 
 
 def _readings(table: TableCells, arm: Arm, length: str, known: Mapping[str, list[int]]) -> Iterator[Entry]:
@@ -437,11 +443,7 @@ def require_positions(table: TableCells, arm: Arm) -> None:
     Raises:
         InputError: If no column looks like positions, gauges or distances.
     """
-    known = dict[str, list[int]]()
-    for k, name in enumerate(table.names):
-        known.setdefault(column_meaning(name), []).append(k)
-    for _ in _readings(table, arm, "", known):
-        pass
+    list(_readings(table, arm, "", _by_meaning(table)))
 
 
 def place_columns(table: TableCells, arm: Arm) -> list[int]:
