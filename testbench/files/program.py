@@ -568,7 +568,7 @@ def read_program(
     table, rows = columns.table, columns.table.rows
     if not 1 <= rows <= MAX_POINTS:
         raise table.error(min(rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {rows}")
-    q, (position, rotation) = _joints(columns, arm), _poses(columns)
+    q, (position, rotation) = _joints(columns, arm), _poses(columns, len(arm.file_joints))
     if q is not None and not jumps:
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
@@ -674,7 +674,7 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
     raise columns.lack(missing, hint + numbered_joints(columns.ignored, len(missing)))
 
 
-def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
+def _poses(columns: Columns, joints: int) -> tuple[Array, Array] | tuple[None, None]:
     """Read positions and orientations of the tool; None if the table has only joints."""
     rotation = read_rotations(columns)
     found = columns.complete_set(wanted := columns_of("set_point"))
@@ -687,7 +687,7 @@ def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
             "rotation_1_deg ... in [columns] of a map for three angles, with their order in [series] rotation"
         )
         hint = f"; or rotation_x_deg ... of a rotation vector, rotation_11 ..., or {angles}"
-        raise columns.lack(list(columns_of("quaternion")), hint)
+        raise columns.lack(list(columns_of("quaternion")), hint + numbered_joints(columns.ignored, joints))
     name, blank = columns.all_of(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")

@@ -144,6 +144,8 @@ def _wrong_word(err: TyperException, words: Sequence[str]) -> str:
     """What is wrong with a word of the command line: its flag, what was expected, what was got."""
     param = getattr(err, "param", None)
     problem = str(getattr(err, "message", "")).rstrip(".")
+    if isinstance(err.__cause__, ValidationError):
+        problem, _, _ = first_finding(err.__cause__).problem.partition(", got ")
     for flag in getattr(param, "opts", ()):
         for k, word in enumerate(words):
             name, _, value = word.partition("=")

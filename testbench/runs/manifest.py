@@ -85,8 +85,11 @@ def read_run(folder: Path) -> Finished:
     """Read the folder of a finished run.
 
     Raises:
-        InputError: When manifest.json or report.json is missing or is none; names the file and the place.
+        InputError: When it is no folder, or manifest.json or report.json is missing or wrong; names the file
+            and the place.
     """
+    if not folder.is_dir():
+        raise InputError(folder, "", f"expected the folder of a run, with {NAME}")
     about, files = folder / NAME, [folder / name for name in REPORTS]
     report = next(filter(Path.is_file, files), files[0])
     data = read_plain(about)

@@ -329,3 +329,8 @@ def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):
     refused(*asked, said=said, below=tmp_path)
     with numbers_alone():
         fine(*asked, "--anyway")
+
+
+def test_a_file_in_place_of_a_folder_is_no_run(one, tmp_path):
+    said = "report.json: expected the folder of a run, with manifest.json"
+    refused("compare", one, one / "report.json", "--out", tmp_path / "out", said=said, below=tmp_path)
