@@ -305,7 +305,7 @@ def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], l
         raise table.header_error(f"{problem}; {hint}")
     if moved := _unloaded_and_moved(table, found):
         return moved, [], MOVED
-    return found, [], "numbers count the axes x, y, z" if by_number else ""
+    return found, [], "the numbers stand for the axes x, y, z" if by_number else ""
 
 
 def _names_of_targets(targets: Sequence[str], arm: Arm) -> tuple[dict[str, str], list[Entry]]:

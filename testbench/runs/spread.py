@@ -247,7 +247,7 @@ def spans(values: Iterable[object]) -> str:
     spreads = [own for own in values if isinstance(own, Spread) and own.ends[0] < own.ends[1]]
     counts, few = sorted({own.trials for own in spreads}), {own.too_few for own in spreads}
     if len(few) == 2:
-        return f"5 to 95 %, of fewer than {MIN_PERCENTILE_TRIALS} trials their range"
+        return f"5 to 95 %, or the range of fewer than {MIN_PERCENTILE_TRIALS} trials"
     number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
     told = f" of {number} {'trial' if number == '1' else 'trials'}" if counts and counts[0] else ""
     return ("range" if True in few else "5 to 95 %") + told if spreads else ""

@@ -42,7 +42,7 @@ WRONG = [
     (f"{ABSOLUTE} --series 2", "--series is only for --absolute"),
     (
         f"{ABSOLUTE} --absolute --series 2",
-        "o_2.csv: expected a file of absolute readings where one is repl",
+        "o_2.csv: exists and is not a file of absolute readings; choose",
     ),
     (f"{ABSOLUTE} --absolute --tracker 1,2", "--tracker x,y,z [m]: expected 3 numbers with commas"),
     (f"{TASKED} --box 10,10,10,11,11,11", "most were refused by 'tool outside the work area'"),

@@ -199,7 +199,7 @@ def test_of_few_trials_the_ends_are_the_range_and_of_twenty_percentiles():
     assert (few.ends, few.trials, few.least, few.most) == ((1.0, 9.0), 3, 1.0, 9.0)
     assert many.ends == (many.p05, many.p95) == (pytest.approx(0.95), pytest.approx(18.05))
     assert few.scaled(2.0).ends == (2.0, 18.0)
-    assert spans([few, many, 1.0]) == "5 to 95 %, of fewer than 20 trials their range"
+    assert spans([few, many, 1.0]) == "5 to 95 %, or the range of fewer than 20 trials"
     assert (spans([few]), spans([many]), spans([1.0])) == ("range of 3 trials", "5 to 95 % of 20 trials", "")
 
 
