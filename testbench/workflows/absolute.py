@@ -21,8 +21,8 @@ from testbench.identify.absolute.align import (
     Outliers,
     align_all,
     deviation_from_stated,
+    distance_from_known_frame,
     find_outliers,
-    misplacement,
     residuals,
     underdetermined_reason,
 )
@@ -415,7 +415,7 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
         mount = state.mounts.get(one.target)
         seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
         if frame_poses is None and seen_before:
-            if off := misplacement(state, one):
+            if off := distance_from_known_frame(state, one):
                 raise BenchError(
                     f"{one.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from frame "
                     f"{one.frame!r} of the calibration; --frame-poses fits a frame of its own"

@@ -748,7 +748,7 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
         others = [other for other in series if other is not readings]
         what = [f"frame {readings.frame!r}"] * any(other.frame == readings.frame for other in others)
         what += [f"mount {readings.target!r}"] * any(other.target == readings.target for other in others)
-        off = misplacement(state, readings) if what else 0.0
+        off = distance_from_known_frame(state, readings) if what else 0.0
         if off:
             raise BenchError(
                 f"{readings.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from the "
@@ -778,7 +778,7 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
             raise Misfit(f"{words}nine tenths) after its geometry and springs are fitted", readings)
 
 
-def misplacement(state: ArmState, series: Series) -> float:
+def distance_from_known_frame(state: ArmState, series: Series) -> float:
     """Compute by how much a series does not fit the frame and mount that the model has for it.
 
     It is the 25th percentile of the residuals: if targets or tracker moved in mid-series, a quarter may still

@@ -357,8 +357,8 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         options: Method and errors that are tried.
 
     Raises:
-        BenchError: When the readings leave a frame or target undetermined, or were gathered without the
-            links.
+        BenchError: When the readings leave a frame or target undetermined, or the options use link
+            compliances that the reduced equations lack.
     """
     series, reduced = linearised_readings.series, linearised_readings.reduced
     variance, repetitions = mean_variances(series)

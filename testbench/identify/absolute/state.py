@@ -664,7 +664,10 @@ class Unknowns:
 
     @cached_property
     def first_columns(self) -> dict[str, int]:
-        """Return the first column of each kind of unknowns, by the names that `columns` takes, and "end"."""
+        """Return the first column of each frame, each mount, geometry, joint errors and compliances, by name.
+
+        Names are those of `columns`; "end" is the number of unknowns.
+        """
         sizes = {f"frame {name}": len(self.frame_deviations.get(name, range(6))) for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
@@ -725,7 +728,7 @@ class Unknowns:
 
     @cached_property
     def equation_basis(self) -> "csr_array | None":
-        """Return the matrix B with x = B y, for x in SI units and y of the equations; None if x = y."""
+        """Return the basis B of the equations, (size, size): unknowns x = B y in SI units; None if x = y."""
         if self.pattern is None:
             return None
         return pattern_basis(self.pattern, self.errors, self.first_columns["errors"], self.size)

@@ -139,7 +139,7 @@ class GravityDirection:
 
     @property
     def is_certain(self) -> bool:
-        """Tell whether gravity is certainly not along -z, because no other mistake has this effect.
+        """Tell whether no mistake other than the mounting explains this direction.
 
         Its angle from -z is above MIN_CERTAIN_ANGLE, and it explains over MIN_EXPLAINED_SHARE of the sag.
         """

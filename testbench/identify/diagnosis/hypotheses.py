@@ -61,7 +61,7 @@ MIN_FRAME_TURN, MIN_FRAME_SHIFT, MIN_TARGET_SHIFT = np.deg2rad(0.3), 15e-3, 25e-
 """Least rotation of a frame [rad], shift of a frame or link [m], and shift of a target [m] of an issue."""
 #: Differences between usual conventions of the zero of a revolute joint [rad].
 ZERO_CONVENTIONS = (np.pi / 2, -np.pi / 2, np.pi)
-MIN_JOINT_ZERO_ERROR, LAST_JOINT_FACTOR = (np.deg2rad(0.5), 5e-3), 4.0
+MIN_JOINT_ZERO_ERROR, LAST_JOINT_ZERO_FACTOR = (np.deg2rad(0.5), 5e-3), 4.0
 """Least error of a joint's zero of an issue, revolute and prismatic [rad, m], and factor on it for the last
 joint [1]: errors of targets look like one."""
 #: Most targets of which every order of names is tried; of more, the best exchange of two.
@@ -262,7 +262,7 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
     joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
         is_large = any_above(
-            (LAST_JOINT_FACTOR if k == len(joints) - 1 else 1.0) * MIN_JOINT_ZERO_ERROR[joint.prismatic]
+            (LAST_JOINT_ZERO_FACTOR if k == len(joints) - 1 else 1.0) * MIN_JOINT_ZERO_ERROR[joint.prismatic]
         )
         free = replace(observations.free_parameters, theta=(links + k,))
         yield Correction(
@@ -908,7 +908,7 @@ def _scale_sentence(issue: Issue, arm: Arm) -> str:
     return f"{words}{issue.numbers['force']:,.5g} N{stated}: {hint}"
 
 
-OTHER_SENTENCES: Mapping[str, Callable[[Issue, Arm], str]] = {
+SENTENCES_WITHOUT_HYPOTHESIS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda issue, _: (
         f"the {_readings_text(issue)} lie {length_text(issue.numbers['now'])} (median) from the "
         "arm's kinematics, and no single mistake explains that: is this the arm?"
@@ -952,10 +952,12 @@ def describe(
         The issue's name, sentence and log-likelihood gain.
 
     Raises:
-        KeyError: When neither the table nor OTHER_SENTENCES has a sentence for the issue.
+        KeyError: When neither the table nor SENTENCES_WITHOUT_HYPOTHESIS has a sentence for the issue.
     """
-    if issue.name in OTHER_SENTENCES:
-        return Doubt(issue.name, OTHER_SENTENCES[issue.name](issue, arm), issue.log_likelihood_gain)
+    if issue.name in SENTENCES_WITHOUT_HYPOTHESIS:
+        return Doubt(
+            issue.name, SENTENCES_WITHOUT_HYPOTHESIS[issue.name](issue, arm), issue.log_likelihood_gain
+        )
     sentence, remedy = hypotheses.sentences[issue.name]
     words = sentence(issue, arm) + (f": {remedy}" if remedy else "")
     if "was" in issue.numbers:

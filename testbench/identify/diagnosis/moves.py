@@ -322,7 +322,7 @@ MIN_STEP_CHI2 = 80.0
 robot whose frame drifts by 10 um reach 80."""
 #: Least share of the sum of squares that such a step explains [1]; the drift of a robot explains 1 %.
 MIN_EXPLAINED_SHARE = 0.05
-PART_SUFFIX = " from row "  #: Text between the name of a divided series and the first row of its part.
+SERIES_PART_SUFFIX = " from row "  #: Text between the name of a divided series and the first row of its part.
 
 
 def candidate_rows(series: Series, min_poses: int) -> Ids:
@@ -455,7 +455,7 @@ def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesPa
 
 def _undivided_name(part: Series) -> str:
     """Return the name of the series that a part belongs to."""
-    return part.name.partition(PART_SUFFIX)[0]
+    return part.name.partition(SERIES_PART_SUFFIX)[0]
 
 
 def _moved_name(series: Series, step: Issue) -> str:
@@ -474,7 +474,7 @@ def _halves(series: Series, step: Issue | None) -> SeriesParts:
     """Divide a series at a step; without a step it stays whole."""
     if step is None:
         return (series,)
-    ordered, words = sort_by_time(series), f"{PART_SUFFIX}{step.numbers['after']}"
+    ordered, words = sort_by_time(series), f"{SERIES_PART_SUFFIX}{step.numbers['after']}"
     behind = np.arange(series.rows) >= step.numbers["place"]
     second = _rename_moved(select_rows(ordered, behind), step, _moved_name(series, step) + words)
     return select_rows(ordered, ~behind), replace(second, name=series.name + words)
