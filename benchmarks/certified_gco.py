@@ -61,7 +61,7 @@ def entry_by_entry(s: Structure, blocks: list[Any]) -> Any:
     """Parameters as the paper writes them: every one an entry of its block."""
     place = {int(row): (k, i) for k, block in enumerate(s.blocks) for i, row in enumerate(block)}
     picked = []
-    for a, b in zip(s.a, s.b, strict=True):
+    for a, b in zip(s.rows, s.columns, strict=True):
         (k, i), (_, j) = place[int(a)], place[int(b)]
         picked.append(blocks[k][i, j])
     return cvxpy(SOLVER).hstack(picked)
@@ -118,7 +118,8 @@ def rows_of(arm: Cell) -> list[Row]:
     )
     own = np.array(solver[1:])
     both = f"GCO {spread(wall, 1e3, 0)} ms, Clarabel {spread(own, 1e3, 0)} ms"
-    title = f"(c) {name}: certified GCO over Clarabel's own time, {structure.n} unknowns, {data.runs} runs"
+    size = f"{structure.n_parameters} unknowns, {data.runs} runs"
+    title = f"(c) {name}: certified GCO over Clarabel's own time, {size}"
     ratio = wall / np.median(own)
     reducing = [seconds(lambda: reduce(arm.vjm, structure, data)) for _ in range(REPEATS)]
     text = "a part of GCO's time, none of cvxpy's"

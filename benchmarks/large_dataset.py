@@ -25,7 +25,7 @@ from testbench.identify.method import paper_gco
 from testbench.identify.regression import reduce
 from testbench.model.kinematics import build_vjm
 from testbench.model.structure import Structure, mgco147
-from testbench.model.vjm import Vjm, chain, observation
+from testbench.model.vjm import Vjm, evaluate_chain, observation_matrix
 
 RUNS = (10_000, 30_000, 100_000)
 FEW_RUNS = 100
@@ -61,7 +61,9 @@ def synthetic(vjm: Vjm, structure: Structure, runs: int, seed: int = 3) -> Datas
     after = SIGMA * rng.standard_normal(before.shape)
     for first in range(0, runs, BLOCK):
         k = slice(first, first + BLOCK)
-        after[k] += observation(chain(vjm, q[k]), structure, wrench[k], point[k], vjm.markers) @ truth
+        after[k] += (
+            observation_matrix(evaluate_chain(vjm, q[k]), structure, wrench[k], point[k], vjm.markers) @ truth
+        )
     ids = np.arange(runs) + 1
     return Dataset(vjm.arm.markers, ids, ids, q, wrench, point, before, after, SIGMA)
 
@@ -90,7 +92,7 @@ def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
     *times, factorised, multiplied = interleave(
         5,
         *[partial(reduce_often, part, count) for part, count in zip(parts, times_each, strict=True)],
-        *references(structure.n + 1),
+        *references(structure.n_parameters + 1),
     )
     each = 1e6 * np.array(times) / (np.array(RUNS) * times_each)[:, None]
     least = each.min(axis=1)  # what the rest of the machine does only adds to a time
@@ -98,7 +100,7 @@ def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
     reference = 1e6 * factorised / REFERENCE_RUNS
     speed = 2e-9 * SQUARE**3 * PRODUCTS / multiplied
     at_nominal = each[-1] * speed / NOMINAL_GFLOPS
-    name = f"reducing {data.runs} runs of {len(data.markers)} markers to {structure.n} unknowns"
+    name = f"reducing {data.runs} runs of {len(data.markers)} markers to {structure.n_parameters} unknowns"
     return [
         at_most(
             f"(d) {name}, on a core of {NOMINAL_GFLOPS:g} GFlop/s",

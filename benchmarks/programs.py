@@ -43,7 +43,7 @@ def random_regression(kind: str, rng: np.random.Generator) -> Regression:
     for block in structure.blocks:
         V = rng.standard_normal((rng.integers(1, len(block) + 1), len(block)))
         C[np.ix_(block, block)] = V.T @ V / len(block)
-    pi, n = structure.entries(C), structure.n
+    pi, n = structure.entries(C), structure.n_parameters
     rows = n + 2 + int(rng.integers(n + 1))
     if kind == "fewer rows than unknowns":
         rows = max(2, n // 2)
@@ -78,9 +78,11 @@ def with_random_prior(
 ) -> RegressionWithPrior:
     """A prior that has nothing to do with the truth."""
     s = regression.structure
-    row, column = s.triangles
-    L = np.zeros((s.n, s.n))
-    L[s.parameter, np.arange(s.n)] = np.where(row == column, 1.0, math.sqrt(0.5)) * 10 ** rng.uniform(-1, 1)
+    row, column = s.upper_triangles
+    L = np.zeros((s.n_parameters, s.n_parameters))
+    L[s.parameter_of_entry, np.arange(s.n_parameters)] = np.where(
+        row == column, 1.0, math.sqrt(0.5)
+    ) * 10 ** rng.uniform(-1, 1)
     one = np.where(row == column, 1.0, 0.0)
     scaling = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
     return RegressionWithPrior(regression, WeightedPrior(scaling, PriorUncertainty(uncertainty)))

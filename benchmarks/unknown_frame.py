@@ -25,7 +25,7 @@ from testbench.identify.method import gco, with_prior
 from testbench.identify.prior import PriorUncertainty, cad_prior, perturb_prior
 from testbench.identify.registration import Frame, kabsch, register
 from testbench.model.structure import mgco68
-from testbench.model.vjm import Vjm, tool_pose
+from testbench.model.vjm import Vjm, tool_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
@@ -76,7 +76,7 @@ def of_frame(cell: Cell, seed: int) -> float:
     rng, vjm, stations = np.random.default_rng(seed), cell.vjm, np.arange(3 * POSES) % 2
     lower, upper = cell.arm.limits
     q = rng.uniform(lower, upper, (len(stations), cell.arm.n_joints))
-    p, tool = tool_pose(vjm, q)
+    p, tool = tool_poses(vjm, q)
     R, t = Rotation.random(2, rng=rng).as_matrix(), 5 * rng.standard_normal((2, 3))
     x = p[:, None] + vjm.markers @ tool.transpose(0, 2, 1)
     y = np.einsum("rxy,rmy->rmx", R[stations], x) + t[stations][:, None]

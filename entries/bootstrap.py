@@ -16,7 +16,7 @@ def estimate(kinematics, structure, data, prior):
     moved = A @ expected
     expected = expected * (moved @ y) / (moved @ moved)
     d = np.sqrt(np.diag(structure.matrix(expected)))
-    size = UNCERTAINTY * d[structure.a] * d[structure.b]
+    size = UNCERTAINTY * d[structure.rows] * d[structure.columns]
     U, s, Vt = np.linalg.svd(A * size, full_matrices=False)
     gain = size[:, None] * Vt.T * (s / (s**2 + 1)) @ U.T
     pi = expected + gain @ (y - A @ expected)

@@ -15,8 +15,10 @@ def estimate(kinematics, structure, data, prior):
     regression = tb.reduce(kinematics, structure, data)
     A, y = regression.rows
     d = np.sqrt(np.diag(prior.C_theta))
-    size = d[structure.a] * d[structure.b]  # pi = size x, and of block b x ~ N(scale_b expected, scatter_b)
-    expected, block = structure.entries(prior.C_theta) / size, structure.block_of[structure.a]
+    size = (
+        d[structure.rows] * d[structure.columns]
+    )  # pi = size x, and of block b x ~ N(scale_b expected, scatter_b)
+    expected, block = structure.entries(prior.C_theta) / size, structure.block_of_row[structure.rows]
     blocks = np.arange(block.max() + 1)[:, None] == block
     H, g = size[:, None] * (A.T @ A) * size, size * (A.T @ y)
     total = y @ y + sum(term.equations / 3 * term.unexplained for term in regression.terms)

@@ -11,4 +11,4 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     found = tb.with_prior(tb.gco, prior)(kinematics, structure, data)
-    return found.pi, posterior_of_estimate(found).covariance(np.eye(structure.n))
+    return found.pi, posterior_of_estimate(found).covariance(np.eye(structure.n_parameters))

@@ -14,8 +14,8 @@ def estimate(kinematics, structure, data, prior):
     A, y = tb.reduce(kinematics, structure, data).rows
     expected = structure.entries(prior.C_theta)
     d = np.sqrt(np.diag(prior.C_theta))
-    size = d[structure.a] * d[structure.b]  # pi = size (s e + x)
-    e, n, rng = expected / size, structure.n, np.random.default_rng(0)
+    size = d[structure.rows] * d[structure.columns]  # pi = size (s e + x)
+    e, n, rng = expected / size, structure.n_parameters, np.random.default_rng(0)
     U, w, Vt = np.linalg.svd(A * size, full_matrices=False)
     z, spare, s = U.T @ y, max(len(y) - len(w), 1), 0.5
     noise, width, kept = 1.0, 0.1, []

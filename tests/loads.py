@@ -7,7 +7,7 @@ from testbench.data.dataset import Dataset
 from testbench.identify.posterior import elastic_state
 from testbench.model.load import Load, no_weights
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, generalised_load, observation, parameter_rows
+from testbench.model.vjm import evaluate_chain, generalised_load, observation_matrix, observation_rows
 
 GRAVITY = 9.81
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].
@@ -31,14 +31,14 @@ def hung(cell, runs, mass=460.3):
 
 def rows_of(cell, structure, where, targets=None):
     """Deflections of targets, or of the first marker, as functionals of parameters, (3 runs m, n)."""
-    args = chain(cell.vjm, where.q), structure, where.wrench, where.point
+    args = evaluate_chain(cell.vjm, where.q), structure, where.wrench, where.point
     targets = cell.vjm.markers[:1] if targets is None else targets
-    return observation(*args, targets).reshape(-1, structure.n)
+    return observation_matrix(*args, targets).reshape(-1, structure.n_parameters)
 
 
 def rotation_observation(where, structure, wrench, point):
     """How the tool turns with parameters, (runs, 1, 3, n)."""
-    A = np.stack([*parameter_rows(structure, where.J_theta[3:], generalised_load(where, wrench, point))])
+    A = np.stack([*observation_rows(structure, where.J_theta[3:], generalised_load(where, wrench, point))])
     return A.transpose(2, 0, 1)[:, None]
 
 
@@ -47,7 +47,7 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
     q = np.repeat(rng.uniform(*cell.arm.limits, (poses, cell.arm.n_joints)), 6, axis=0)
     runs, targets, s = len(q), cell.vjm.markers, all153(cell.arm)
     wrench, point, C = np.tile(1000 * np.eye(6), (poses, 1)), np.zeros((runs, 3)), s.entries(cell.arm.C_theta)
-    args = (chain(cell.vjm, q), s, wrench, point)
+    args = (evaluate_chain(cell.vjm, q), s, wrench, point)
     before, after = noise * SIGMA * rng.standard_normal((2, runs, len(targets), 3))
     turned, again = noise * SIGMA_ROTATION * rng.standard_normal((2, runs, 3))
     return Dataset(
@@ -58,7 +58,7 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
         wrench=wrench,
         point=point,
         before=before,
-        after=observation(*args, targets) @ C + after,
+        after=observation_matrix(*args, targets) @ C + after,
         sigma=SIGMA,
         rotation_before=turned,
         rotation_after=(rotation_observation(*args) @ C)[:, 0] + again,

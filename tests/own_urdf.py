@@ -49,8 +49,8 @@ def own_urdf(vjm, rng, *, tip=True, digits=17):
     """The text, the pose of its first link in the model's world, and of its tip in the model's tool."""
     model, arm = nominal_rigid(vjm), vjm.arm
     root = some_pose(rng, 2.0)
-    frames, parts, link = [relative_pose(vjm.base, root)], ['  <link name="base"/>'], "base"
-    for k, (step, axis, joint) in enumerate(zip(model.steps, vjm.axes, arm.joints, strict=True)):
+    frames, parts, link = [relative_pose(vjm.base_pose, root)], ['  <link name="base"/>'], "base"
+    for k, (step, axis, joint) in enumerate(zip(model.steps, vjm.joint_axes, arm.joints, strict=True)):
         theirs = np.eye(3)[k % 3] if k != 1 else np.array([0.6, 0.0, -0.8])
         frames.append(onto(axis, theirs, rng.uniform(-0.2, 0.2)))
         whole = relative_pose(frames[-2], step @ frames[-1])

@@ -12,7 +12,7 @@ import pytest
 from testbench.identify.regression import generic_rows, rank
 from testbench.model import structure as structures
 from testbench.model.load import displacement, secant, weight
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import evaluate_chain, observation_matrix
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in (ROOT / "docs/mathematics").glob("*.md")}
@@ -89,17 +89,21 @@ def test_coverage_by_kind_is_that_of_the_study():
 def test_ranks_of_the_page_are_those_of_the_arm(kr500, rng):
     """They do not depend on the draw: of the full load, of a weight in many poses, in eight."""
     q = kr500.arm.draw_poses(rng, 40)
-    load, where = weight(kr500.vjm, 460.3).for_poses(len(q)), chain(kr500.vjm, q)
+    load, where = weight(kr500.vjm, 460.3).for_poses(len(q)), evaluate_chain(kr500.vjm, q)
     for name, *numbers in rows("observation", "structure"):
         s = next(own for own in (getattr(structures, own)(kr500.arm) for own in BUILDERS) if own.name == name)
-        A = observation(where, s, load.wrench, load.point, kr500.vjm.markers)
-        found = [s.n, rank(generic_rows(kr500.vjm, s)), *(rank(A[:k].reshape(-1, s.n)) for k in (40, 8))]
+        A = observation_matrix(where, s, load.wrench, load.point, kr500.vjm.markers)
+        found = [
+            s.n_parameters,
+            rank(generic_rows(kr500.vjm, s)),
+            *(rank(A[:k].reshape(-1, s.n_parameters)) for k in (40, 8)),
+        ]
         assert found == [int(x) for x in numbers], name
 
 
 def test_the_worked_example_sinks_by_what_the_page_says(kr500):
     q, load = np.radians([[0.0, -60, 80, 0, 40, 0]]), weight(kr500.vjm, 460.3).for_poses(1)
-    where = chain(kr500.vjm, q)
+    where = evaluate_chain(kr500.vjm, q)
     sunk = -1e3 * displacement(
         where, secant(where, kr500.arm.C_theta, load.wrench, load.point), kr500.vjm.markers
     )

@@ -42,7 +42,7 @@ from testbench.studies.intervals import ridge
 from testbench.studies.study import without_cone
 from testbench.workflows.campaign import Scenario, draw_poses, simulate_at, true_cell
 from testbench.workflows.cell import build_cell
-from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models, with_priors, wrong_prior
+from testbench.workflows.models import ALL_UNKNOWNS, JOINTS_ONLY, named_models, with_priors, wrong_prior
 
 ARM, SIGMA, POSES = "kr500_l480", 50e-6, 50  #: The arm; noise of a reading [m]; poses of the workspace.
 DISTURBED = "disturbed"
@@ -79,7 +79,7 @@ def judge(cell, poses, kind, seed):
     """Errors of the default and of its rivals [mm], and how well its intervals cover, as a line."""
     readings, truth = measured(cell, poses, kind, seed)
     prior, template = wrong_prior(cell, seed), template56(cell.arm)
-    [joints] = named_models(cell, (JOINTS,))
+    [joints] = named_models(cell, (JOINTS_ONLY,))
     plain = [*named_models(cell, (ALL_UNKNOWNS,)), without_cone(cell)]
     default, squares = with_priors(cell.arm, plain, prior)
     rivals = {"joints": fit(cell, joints, readings), "squares": fit(cell, squares, readings)}

@@ -27,7 +27,7 @@ from testbench.cli.demo import Demo
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.model.laws import model_for
-from testbench.model.vjm import chain, generalised_load, joint_law_rotations
+from testbench.model.vjm import add_law_deflections, evaluate_chain, generalised_load
 from testbench.plant.shapes import body_origins, elastic_frames
 from testbench.report.colours import CHOICE, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.report.colours import JOINTS as BLUE
@@ -38,10 +38,10 @@ from testbench.runs.whole import whole_file
 from testbench.studies.campaign import gravity_calibration as trial
 from testbench.workflows.campaign import Campaign, settle_both
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.models import DEFAULT, JOINTS
+from testbench.workflows.models import DEFAULT, JOINTS_ONLY
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {
-    JOINTS: ("Joints-only\nmodel", BLUE),
+    JOINTS_ONLY: ("Joints-only\nmodel", BLUE),
     "MLS56": ("Least\nsquares", LEAST_SQUARES),
     DEFAULT: ("testbench's\ndefault", CHOICE.colour),
 }
@@ -160,7 +160,7 @@ def _rms_mm(moved: Array) -> Array:
 def _bent(cell: Cell, model: Estimate, q: Array, load: tuple[Array, Array]) -> Array:
     """Links and joints as a model bends them, its laws of the joints included, (loads, n_theta) [m, rad]."""
     vjm = model_for(cell.vjm, model.structure)
-    return joint_law_rotations(vjm, (model.C_theta @ generalised_load(chain(vjm, q), *load)).T)
+    return add_law_deflections(vjm, (model.C_theta @ generalised_load(evaluate_chain(vjm, q), *load)).T)
 
 
 def _points(cell: Cell, names: Sequence[str], q: Array, theta: Array) -> Array:

@@ -12,7 +12,7 @@ from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, shell_word
-from testbench.model.vjm import tool_points, tool_pose
+from testbench.model.vjm import tool_points, tool_poses
 from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, NOMINAL
 from testbench.report.markdown import Markdown, ended
@@ -93,7 +93,7 @@ def report(checked: Checked) -> Report:
         payload_kg=arm.payload,
         what=f"{arm.payload:g} kg" if arm.payload else "1 kg",
         sag_mm=Row(low=low, median=middle, high=high, most=float(per[-1])),
-        place_m=tool_pose(checked.vjm, sag.q[checked.worst][None])[0][0].tolist(),
+        place_m=tool_poses(checked.vjm, sag.q[checked.worst][None])[0][0].tolist(),
         joints=arm.pose_text(sag.q[checked.worst]) if arm.joints else "",
         softest=max(parts, key=lambda part: part.sag_share_percent),
         doubts=[doubt.sentence for doubt in checked.doubts],
@@ -147,7 +147,7 @@ def contents(checked: Checked) -> list[str]:
         lines.append("  payload: not stated")
     else:
         lines.append(f"  payload: {elastic.payload.value:g} kg, {elastic.payload.origin}")
-    lines.append(f"  base: at {_place(vjm.base[:3, 3])} m; reach {vjm.reach:.3g} m")
+    lines.append(f"  base: at {_place(vjm.base_pose[:3, 3])} m; reach {vjm.reach:.3g} m")
     for k, link in enumerate(elastic.link):
         lines.append(f"  {link.name}: {_link(link)}")
         if k < arm.n_joints:
@@ -162,7 +162,7 @@ def contents(checked: Checked) -> list[str]:
         ]
     names = f"load point {arm.load_point}", *(f"marker {name}" for name in arm.markers)
     points = zip(names, (vjm.load_point, *vjm.markers), strict=True)
-    lines.append(f"  {arm.tool}: {_place(vjm.tool[:3, 3])} m in the frame of {arm.links[-1].name}")
+    lines.append(f"  {arm.tool}: {_place(vjm.tool_placement[:3, 3])} m in the frame of {arm.links[-1].name}")
     return lines + [f"  {name}: {_place(place)} m in the tool's frame" for name, place in points]
 
 
@@ -232,7 +232,7 @@ def _tool(checked: Checked, bent: BodyFrames) -> list[Layer]:
     """Markers, the payload on the bent arm, and the axes of the base."""
     cell, reach = checked.cell, checked.vjm.reach
     hook = on_tool(cell, bent, np.tile(cell.vjm.load_point, (len(checked.poses), 1)))
-    base, out = cell.vjm.base[:3, 3], AXIS * reach * cell.vjm.base[:3, :3].T
+    base, out = cell.vjm.base_pose[:3, 3], AXIS * reach * cell.vjm.base_pose[:3, :3].T
     force = np.tile([0, 0, -GRAVITY * (cell.arm.payload or 0.0)], (len(hook), 1))
     markers = tool_points(cell.vjm, checked.poses, cell.vjm.markers)
     return [

@@ -39,7 +39,7 @@ from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, rotation_vectors_between, tool_motion
+from testbench.model.vjm import Vjm, rotation_vectors_between, tool_pose_and_jacobian
 from testbench.plant.site import Site, collisions
 
 # --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
@@ -116,7 +116,7 @@ def _square(e: Array) -> Array:
 
 def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Array]:
     """Compute the pose's error, rotation times lever, (poses, 6) [m], and its Jacobian, (poses, 6, n)."""
-    p, R, J = tool_motion(vjm, q)
+    p, R, J = tool_pose_and_jacobian(vjm, q)
     J[:, 3:] *= lever
     if vjm.arm.dependence_matrix is not None:  # joints that follow others have no column of their own
         J = J @ vjm.arm.dependence_matrix

@@ -38,13 +38,13 @@ from testbench.identify.absolute.state import (
 )
 from testbench.model.load import Load
 from testbench.model.vjm import (
-    Chain,
-    chain,
+    ChainState,
     cross,
-    points_on_tool,
+    evaluate_chain,
     rotation_vectors_between,
     rotation_vectors_between_axes,
-    tool_pose,
+    tool_poses,
+    transform_tool_points,
 )
 from testbench.progress import stepwise
 
@@ -114,7 +114,7 @@ class RestPoses:
         Returns:
             World positions, (poses, k, 3) [m].
         """
-        return points_on_tool((self.position, self.rotation), points)
+        return transform_tool_points((self.position, self.rotation), points)
 
 
 def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPoses:
@@ -143,7 +143,9 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPo
         joint_equilibrium(state, q[batch], [load.select(batch) for load in loads])
         for batch in batches(len(q))
     )
-    return join_rows([RestPoses(part.theta, part.chain.position, part.chain.rotation) for part in parts])
+    return join_rows(
+        [RestPoses(part.theta, part.chain.tool_position, part.chain.tool_rotation) for part in parts]
+    )
 
 
 CorrectedPart = Literal["pose", "axis", "position"]
@@ -268,7 +270,7 @@ def target_of(state: ArmState, q: Array, reference: JointMeaning, point: Array) 
         NoEquilibrium: When the unloaded arm has no equilibrium; the message names the pose.
     """
     if reference == "drawn":
-        position, rotation = tool_pose(state.vjm, q)
+        position, rotation = tool_poses(state.vjm, q)
         return Target(position + rotation @ point, rotation)
     rest_poses = equilibrium(state, q)
     return Target(rest_poses.at(point), rest_poses.rotation)
@@ -320,7 +322,7 @@ class InverseStatics:
 class _Errors:
     """Hold how far points are from their targets and from equilibrium."""
 
-    chain: Chain  #: Tool and Jacobian of the deflected arm.
+    chain: ChainState  #: Tool and Jacobian of the deflected arm.
     position_error: Array  #: Asked minus predicted position, (points, 3) [m].
     rotation_error: Array  #: Remaining rotation, (points, 3) [rad].
     spring_error: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
@@ -329,11 +331,11 @@ class _Errors:
 def _errors(points: InverseStatics, q: Array, theta: Array) -> _Errors:
     """Evaluate the deflected arm once."""
     state = points.state
-    where = chain(state.vjm, q, theta)
+    where = evaluate_chain(state.vjm, q, theta)
     u = generalised_loads_at(state, where, points.loads)
     springs = theta_without_springs(state, q, points.loads) + (state.C_theta @ u).T - theta
-    position = where.position + where.rotation @ np.array(points.aim.point)
-    turned = _rotation_error(points, where.rotation)
+    position = where.tool_position + where.tool_rotation @ np.array(points.aim.point)
+    turned = _rotation_error(points, where.tool_rotation)
     return _Errors(where, points.target.position - position, turned, springs)
 
 
@@ -403,7 +405,7 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
         )
         # the operator of this step; a joint that is held has no column
         if step == 0 or renewed:
-            J = _jacobian(now.aim, off.chain, now.state.vjm.joint_slice)
+            J = _jacobian(now.aim, off.chain, now.state.vjm.joint_spring_slice)
             J = (J if moves is None else J @ moves) * now.may_move[:, None]
             G = newton_operator(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
@@ -420,17 +422,17 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
     return corrected
 
 
-def _jacobian(aim: Aim, chain: Chain, columns: slice) -> Array:
+def _jacobian(aim: Aim, chain: ChainState, columns: slice) -> Array:
     """Compute the Jacobian of some virtual joints at the tool point, translation first, (points, 6, k)."""
     v, omega = chain.J_theta[:3, columns], chain.J_theta[3:, columns]
-    arm = (chain.rotation @ np.array(aim.point)).T[:, None]
+    arm = (chain.tool_rotation @ np.array(aim.point)).T[:, None]
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
 def _joint_step(points: InverseStatics, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
     """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
     # the errors that remain once theta has followed its springs, to first order
-    arm = (errors.chain.rotation @ np.array(points.aim.point)).T
+    arm = (errors.chain.tool_rotation @ np.array(points.aim.point)).T
     v, omega = np.einsum("xtr,rt->xr", errors.chain.J_theta, errors.spring_error).reshape(2, 3, -1)
     left = np.hstack([errors.position_error - (v + cross(omega, arm)).T, errors.rotation_error - omega.T])
     # the whole motion from the start solves the start's linear equations: q = start + G (errors + J gone)

@@ -44,7 +44,13 @@ from testbench.model.load import (
     own_weight,
     resultant,
 )
-from testbench.model.vjm import chain, marker_motion, rotation_matrices, rotation_vectors_between, tool_pose
+from testbench.model.vjm import (
+    evaluate_chain,
+    rigid_motion_matrix,
+    rotation_matrices,
+    rotation_vectors_between,
+    tool_poses,
+)
 
 # --- Intervals of predicted positions and deflections, and the part of a model that widens them most --------
 
@@ -175,7 +181,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     x = end.rest_poses(model.state).at(point)
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
-    F = marker_motion(x)
+    F = rigid_motion_matrix(x)
     # rows without the part that the best rigid motion explains
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
@@ -218,12 +224,12 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     state, at_rest = model.state, nominal_chain(model.vjm, poses.q, poses.loads)
     if model.absolute:
         theta = poses.rest_poses(state).theta
-        where = chain(model.vjm, poses.q, theta)
+        where = evaluate_chain(model.vjm, poses.q, theta)
         at_rest = replace(at_rest, theta=theta, chain=where, u=on_joints(where, poses.loads))
     if model.absolute or poses.with_own_weight:
         at_rest = replace(at_rest, u=own_weight(at_rest.chain, state.weights) + at_rest.u)
     phi = joint_error_basis(
-        state.errors, model.arm, poses.q, at_rest.u[model.vjm.joint_slice], state.torque_scale
+        state.errors, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
     )
     A = jacobian(model.unknowns, replace(at_rest, phi=phi), points, rotations=False)
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
@@ -249,10 +255,10 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     state, loads = model.state, poses.loads
-    where, after = chain(model.vjm, poses.q), poses.rest_poses(state)
+    where, after = evaluate_chain(model.vjm, poses.q), poses.rest_poses(state)
     u = on_joints(where, loads)
     if poses.with_own_weight:
-        (position, rotation), u = tool_pose(model.vjm, poses.q), u + own_weight(where, state.weights)
+        (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight(where, state.weights)
     else:
         before = free.rest_poses(state)
         position, rotation = before.position, before.rotation
@@ -329,10 +335,10 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
         yield name, np.flatnonzero(np.isin(model.columns, inside))
     first, links = unknowns.first_columns["elastic"], [link.name for link in model.arm.links]
     joints = [joint.name for joint in model.arm.joints]
-    laws = model.vjm.laws
+    laws = model.vjm.joint_laws
     of_laws = [] if laws is None else [joints[k] for k in laws.joints]  # they count as their joint's
     names = [*np.repeat(links, 6), *joints, *of_laws]
-    owner = np.array(names)[structure.a]
+    owner = np.array(names)[structure.rows]
     for name in dict.fromkeys(owner.tolist()):
         inside = first + np.flatnonzero(owner == name)
         yield name, np.flatnonzero(np.isin(model.columns, inside))
@@ -437,7 +443,7 @@ def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) 
 def _linear(model: ArmModel, stand: LoadedPoses, points: Array) -> tuple[Array, Array]:
     """Compute deflections and rotations to first order, Eq. (6), of the arm that no load has deflected."""
     state = model.state
-    where = chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))
+    where = evaluate_chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))
     theta = (state.C_theta @ on_joints(where, stand.loads)).T
     return displacement(where, theta, points), np.einsum("xtr,rt->rx", where.J_theta[3:], theta)
 
@@ -469,7 +475,7 @@ def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
     Raises:
         BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
     """
-    total = resultant(tool_pose(model.vjm, q)[1], loads)
+    total = resultant(tool_poses(model.vjm, q)[1], loads)
     largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in np.hsplit(total, 2)]
     known = (model.origin.largest_force, model.origin.largest_moment)
     ratios = [_over(value, most) for value, most in zip(largest, known, strict=True)]
@@ -640,8 +646,8 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
 
 def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:
     vjm, n = state.vjm, state.vjm.arm.n_theta
-    lawful = chain(vjm, poses.q, theta)
-    where = replace(lawful, J_theta=lawful.J_theta[:, :n], laws=None)
+    lawful = evaluate_chain(vjm, poses.q, theta)
+    where = replace(lawful, J_theta=lawful.J_theta[:, :n], joint_laws=None)
     # K_w of all loads together, and the tangent compliance of the springs, laws included
     K_w = np.zeros((len(poses.q), n, n))
     for load in poses.loads:

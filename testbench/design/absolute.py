@@ -22,7 +22,7 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
 from testbench.identify.equations import beams, series_rows
 from testbench.identify.prior import PriorScaling, PriorUncertainty, prior_rows
-from testbench.model.vjm import chain, translation_rows
+from testbench.model.vjm import evaluate_chain, translational_jacobian
 
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
 FRAME_DEVIATION = 1.0
@@ -163,7 +163,7 @@ def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float
         Scale, (r,) [m/m], and the RMS distance of a position from the middle of all [m].
     """
     series = series_at(setup.pose, q)
-    at = series_equilibrium(setup.state, series).chain.points(setup.state.mount(series).points)
+    at = series_equilibrium(setup.state, series).chain.tool_points_in_world(setup.state.mount(series).points)
     off = at - at.reshape(-1, 3).mean(axis=0)
     return off.ravel() @ rows.reshape(-1, rows.shape[2]) / (off**2).sum(), float(
         np.sqrt((off**2).sum(axis=2).mean())
@@ -229,7 +229,8 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
     bent, straight = (
-        series_equilibrium(arm_state, series).chain.points(points) for arm_state in (state, rigid)
+        series_equilibrium(arm_state, series).chain.tool_points_in_world(points)
+        for arm_state in (state, rigid)
     )
     moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
@@ -334,8 +335,8 @@ def _joint_rows(setup: AbsoluteSetup, pose: Series, q: Array) -> Array:
     The arm is rigid: they do not depend on the load.
     """
     n, state = setup.unknowns.vjm.arm.n_joints, setup.state
-    where = chain(state.vjm, q)
-    J = translation_rows(where, state.mount(pose).points)[:, -n:]
+    where = evaluate_chain(state.vjm, q)
+    J = translational_jacobian(where, state.mount(pose).points)[:, -n:]
     if pose.rotation is not None:
         J = np.concatenate([J, where.J_theta[3:, -n:]])
     return np.asarray(J.transpose(2, 0, 1) * setup.unmodelled)

@@ -52,7 +52,7 @@ from testbench.design.rows import (
     sum_information,
 )
 from testbench.errors import Array, BenchError, Ids, Mask
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.progress import stepwise
 
 # --- The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses ------
@@ -554,7 +554,7 @@ def _motions(spec: Specification, q: Array, load: Ids) -> Array:
     """Compute motions of all markers per unit of x along world axes, (poses, m, 3, n) [m]."""
     D = deflection_rows(spec.experiment, q, loads_of(spec, load))  # tool axes
     D = D.reshape(len(q), len(spec.experiment.targets), 3, -1)
-    return np.asarray(np.einsum("pxy,pmyn->pmxn", tool_pose(spec.experiment.vjm, q)[1], D))
+    return np.asarray(np.einsum("pxy,pmyn->pmxn", tool_poses(spec.experiment.vjm, q)[1], D))
 
 
 def _deviations(d: Array, gauges: Gauges) -> Array:

@@ -16,7 +16,7 @@ from testbench.identify.equations import jacobian, nominal_chain
 from testbench.identify.prior import PriorScaling, PriorUncertainty, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, marker_motion
+from testbench.model.vjm import Vjm, rigid_motion_matrix
 
 SCALE_UNCERTAINTY = 10.0
 """Relative uncertainty of the scale common to all compliances [1]: finite, but so large that data decide."""
@@ -104,7 +104,7 @@ def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, basis: Arra
     Raises:
         BenchError: When the load has rows for another number of poses.
     """
-    G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
+    G: Array = np.asarray(np.linalg.qr(rigid_motion_matrix(experiment.targets), mode="r"))
     return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma), basis)
 
 
@@ -122,7 +122,7 @@ def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array
     Raises:
         BenchError: When the load has rows for another number of poses.
     """
-    return _rows(experiment, q, load, marker_motion(experiment.targets))
+    return _rows(experiment, q, load, rigid_motion_matrix(experiment.targets))
 
 
 def task_rows(spec: Specification) -> Array:
@@ -178,7 +178,7 @@ def _rows(
     A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
     # twist in world axes, pose by pose, then the motion of its turned translation and rotation
     twist = np.ascontiguousarray(A.transpose(3, 0, 1, 2)).reshape(len(q), 6, -1)
-    turned = np.einsum("ksy,rxy->rksx", motion.reshape(-1, 2, 3), equilibrium.chain.rotation)
+    turned = np.einsum("ksy,rxy->rksx", motion.reshape(-1, 2, 3), equilibrium.chain.tool_rotation)
     X = scaling.L if basis is None else scaling.L @ basis
     return np.asarray(turned.reshape(len(q), -1, 6) @ row_products(twist, X))
 

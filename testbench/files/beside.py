@@ -27,7 +27,7 @@ from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
 from testbench.files.rearranged import clock, seconds
 from testbench.model.kinematics import build_vjm
-from testbench.model.vjm import marker_points, rotation_matrices, tool_points, tool_pose
+from testbench.model.vjm import marker_positions, rotation_matrices, tool_points, tool_poses
 
 # --- Readings other than positions: orientations in any notation, joint torques, temperature, time ----------
 
@@ -463,7 +463,7 @@ def place_lines(
     tilt[at] = lines.tilt
     if lines.meter.any():
         vjm = build_vjm(arm)
-        beam = tool_points(vjm, q, marker_points(vjm, names))[at] - lines.fixed
+        beam = tool_points(vjm, q, marker_positions(vjm, names))[at] - lines.fixed
         length = np.linalg.norm(beam, axis=1)
         own = lines.meter
         runs, markers = at[0][own], at[1][own]
@@ -538,7 +538,7 @@ def fits_of(arm: Arm, q: Array, position: Array, tried: Mapping[str, Array]) -> 
     """
     vjm = build_vjm(replace(arm, markers=()))
     some = select_evenly(np.arange(len(q)), LOOKED_AT)
-    x, R = tool_pose(vjm, q[some])
+    x, R = tool_poses(vjm, q[some])
     fits = []
     for notation, rotation in tried.items():
         angle, distance = _misfit(x, R, position[some], rotation[some])

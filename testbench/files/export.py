@@ -44,7 +44,7 @@ from testbench.files.export_own import (
     words,
 )
 from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
-from testbench.model.kinematics import body_pose, urdf_poses
+from testbench.model.kinematics import body_pose, urdf_link_poses
 from testbench.model.laws import UNIT_COMPENSATOR, joint_laws, law_sizes
 from testbench.model.load import Load, weight
 from testbench.runs import manifest as files
@@ -75,8 +75,8 @@ def displacements(state: ArmState, q: Array) -> dict[str, Array]:
     rigid, still = tool_poses(state.vjm, q, state.theta_0)[:, :3, 3], replace(state, n=0 * state.n)
     sagged, payload = _rest(still, q), state.vjm.arm.payload
     found = {GEOMETRY: rigid - tool_poses(state.vjm, q)[:, :3, 3], WEIGHT: sagged - rigid}
-    for kind in dict.fromkeys(state.errors.kinds):
-        own = state.n * np.array([name == kind for name in state.errors.kinds])
+    for kind in dict.fromkeys(state.errors.coefficient_kinds):
+        own = state.n * np.array([name == kind for name in state.errors.coefficient_kinds])
         if own.any():
             found[ERRORS.get(kind, kind)] = _rest(replace(state, C_theta=0 * state.C_theta, n=own), q) - rigid
     if payload is not None:
@@ -85,7 +85,7 @@ def displacements(state: ArmState, q: Array) -> dict[str, Array]:
 
 
 def _rest(state: ArmState, q: Array, loads: list[Load] | None = None) -> Array:
-    return joint_equilibrium(state, q, loads or [], LOAD_STEPS).chain.position
+    return joint_equilibrium(state, q, loads or [], LOAD_STEPS).chain.tool_position
 
 
 def all_but_payload(moved: dict[str, Array]) -> Array:
@@ -296,7 +296,7 @@ def read_back(state: ArmState, draft: Draft, urdf: Path, text: str) -> tuple[flo
         BenchError: If it exceeds `MAX_URDF_ERROR`.
     """
     q, frames = random_joints(state.vjm), draft.frames
-    found = frames.root @ urdf_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
+    found = frames.root @ urdf_link_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
     off = frame_distance(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
     if not max(off) <= MAX_URDF_ERROR:
         got = f"{1e6 * off[0]:.3g} um and {1e6 * off[1]:.3g} urad"
@@ -362,7 +362,9 @@ def _links(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     vjm = state.vjm
     C, left = state.C_theta, state.C_theta.copy()
     found: list[dict[str, object]] = []
-    for k, (link, pose) in enumerate(zip(vjm.arm.links, (*vjm.placements, vjm.tool), strict=True)):
+    for k, (link, pose) in enumerate(
+        zip(vjm.arm.links, (*vjm.joint_placements, vjm.tool_placement), strict=True)
+    ):
         own = slice(6 * k, 6 * k + 6)
         end = pose[:3, 3] + link.beam_axes @ state.theta_0[own][:3]
         R, p = frames.links[k][:3, :3], frames.links[k][:3, 3]
@@ -403,7 +405,7 @@ def _joints(state: ArmState) -> list[dict[str, object]]:
         }
         if sizes:
             row["laws"] = sizes[joint.name]
-        found.append(row | dict(zip(errors.kinds[2 * orders :], single.tolist(), strict=True)))
+        found.append(row | dict(zip(errors.coefficient_kinds[2 * orders :], single.tolist(), strict=True)))
     return found
 
 
@@ -433,7 +435,7 @@ def _new_urdf(state: ArmState, geometry: Rigid) -> str:
     for k, joint in enumerate(arm.joints):
         kind = "prismatic" if joint.prismatic else "revolute"
         e = _add_joint(robot, joint.name, kind, (names[k], names[k + 1]), geometry.steps[k])
-        ET.SubElement(e, "axis", xyz=words(state.vjm.axes[k]))
+        ET.SubElement(e, "axis", xyz=words(state.vjm.joint_axes[k]))
         ET.SubElement(e, "limit", lower=f"{joint.lower:.12g}", upper=f"{joint.upper:.12g}")
         e[-1].attrib.update(UNKNOWN)
         if arm.joint_map is not None and (follows := arm.joint_map.followed_joint(k)) is not None:

@@ -22,8 +22,8 @@ from testbench.files.robot.chain import fit_names
 from testbench.files.robot.robot import MAX_BYTES, Body, ImportedJoint, Robot, path_to, read_xml, usual_tip
 from testbench.files.robot.urdf import read_tree
 from testbench.identify.absolute.state import ArmState
-from testbench.model.kinematics import urdf_poses
-from testbench.model.vjm import Vjm, chain, displace_link, rotation, skew
+from testbench.model.kinematics import urdf_link_poses
+from testbench.model.vjm import Vjm, evaluate_chain, move_virtual_joint, rotation_about_axis, skew
 
 # --- A robot's URDF as text: only the origins of joints are replaced, every other character stays -----------
 
@@ -220,7 +220,7 @@ def nominal_rigid(vjm: Vjm) -> Rigid:
     Returns:
         Base, joint steps and tool of its rigid chain.
     """
-    return Rigid(vjm.base, vjm.placements, vjm.tool)
+    return Rigid(vjm.base_pose, vjm.joint_placements, vjm.tool_placement)
 
 
 def identified_rigid(state: ArmState) -> Rigid:
@@ -234,25 +234,25 @@ def identified_rigid(state: ArmState) -> Rigid:
     """
     vjm, n = state.vjm, state.vjm.arm.n_joints
     links, offsets = state.theta_0[: 6 * n + 6].reshape(-1, 6), state.theta_0[6 * n + 6 :]
-    poses = [*vjm.placements, vjm.tool]
+    poses = [*vjm.joint_placements, vjm.tool_placement]
     bent = [
         _bent(x, link.beam_axes, theta) for x, link, theta in zip(poses, vjm.arm.links, links, strict=True)
     ]
     steps = [
         step @ _moved(axis, offset, prismatic=joint.prismatic)
-        for step, axis, offset, joint in zip(bent, vjm.axes, offsets, vjm.arm.joints, strict=False)
+        for step, axis, offset, joint in zip(bent, vjm.joint_axes, offsets, vjm.arm.joints, strict=False)
     ]
-    return Rigid(vjm.base, np.array(steps).reshape(-1, 4, 4), bent[-1])
+    return Rigid(vjm.base_pose, np.array(steps).reshape(-1, 4, 4), bent[-1])
 
 
 def _bent(pose: Array, frame: Array, theta: Array) -> Array:
     """Compute the pose behind a link whose end is moved by constants, (6,) [m, rad]."""
-    p, _, beam = displace_link(pose[:3, 3:], frame[..., None], theta[None])
+    p, _, beam = move_virtual_joint(pose[:3, 3:], frame[..., None], theta[None])
     return _pose(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
 
 
 def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
-    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation(axis, by), np.zeros(3))
+    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation_about_axis(axis, by), np.zeros(3))
 
 
 def _pose(R: Array, p: Array) -> Array:
@@ -285,8 +285,8 @@ def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
     Returns:
         Poses, (poses, 4, 4) [m].
     """
-    where = chain(vjm, q, None if theta_0 is None else np.tile(theta_0, (len(q), 1)))
-    return _pose(where.rotation, where.position)
+    where = evaluate_chain(vjm, q, None if theta_0 is None else np.tile(theta_0, (len(q), 1)))
+    return _pose(where.tool_rotation, where.tool_position)
 
 
 def frame_distance(a: Array, b: Array) -> tuple[float, float]:
@@ -452,12 +452,12 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
     vjm, rigid, model = state.vjm, robot_chain.rigid, nominal_rigid(state.vjm)
     slides = [joint.prismatic for joint in vjm.arm.joints]
     axes = np.array([joint.axis for joint in robot_chain.joints])
-    lines = axis_lines(rigid.bodies[1:], axes, slides), axis_lines(model.bodies[1:], vjm.axes, slides)
+    lines = axis_lines(rigid.bodies[1:], axes, slides), axis_lines(model.bodies[1:], vjm.joint_axes, slides)
     root = align_frames(*lines)
     links = [relative_pose(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
     tip = relative_pose(model.tool, links[-1] @ rigid.tool)
     q = random_joints(vjm)
-    theirs = urdf_poses(
+    theirs = urdf_link_poses(
         robot_chain.file, robot_chain.text, [joint.name for joint in robot_chain.joints], robot_chain.tip, q
     )
     far = frame_distance(root @ theirs, tool_poses(vjm, q) @ tip)
@@ -472,7 +472,7 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
         )
     exact = [
         onto_axis(link, theirs, ours, slide=slide)
-        for link, theirs, ours, slide in zip(links[1:], axes, vjm.axes, slides, strict=True)
+        for link, theirs, ours, slide in zip(links[1:], axes, vjm.joint_axes, slides, strict=True)
     ]
     names = [robot_chain.root, *(robot_chain.bodies[k].name for k in robot_chain.moving), robot_chain.tip]
     return UrdfFrames(
@@ -586,7 +586,7 @@ def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array
     sine = float(np.linalg.norm(across))
     found = frame.copy()
     if sine > 0:
-        found[:3, :3] = rotation(across / sine, float(np.arctan2(sine, d @ ours))) @ found[:3, :3]
+        found[:3, :3] = rotation_about_axis(across / sine, float(np.arctan2(sine, d @ ours))) @ found[:3, :3]
     if not slide:
         found[:3, 3] = (ours @ found[:3, 3]) * ours
     return found

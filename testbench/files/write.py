@@ -22,7 +22,7 @@ from testbench.files.read_pairs import MIN_DEVIATIONS
 from testbench.files.read_series import ALONE
 from testbench.files.table import as_cell
 from testbench.model.kinematics import build_vjm
-from testbench.model.vjm import marker_points, tool_points
+from testbench.model.vjm import marker_positions, tool_points
 from testbench.runs.whole import write_whole
 
 Table = dict[str, list[str]]
@@ -159,7 +159,9 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
         if not isinstance(arm, Arm):
             raise BenchError("distances: expected the arm, to write the fixed points")
         vjm, reach = build_vjm(arm), data.reach[..., None]
-        fixed = (tool_points(vjm, data.q, marker_points(vjm, data.markers)) - reach * u).round(DECIMALS) + 0.0
+        fixed = (tool_points(vjm, data.q, marker_positions(vjm, data.markers)) - reach * u).round(
+            DECIMALS
+        ) + 0.0
         names = [f"distance_{when}_m" for when in WHEN]
         blocks += [([name], np.where(meter, own, np.nan)) for name, own in zip(names, numbers, strict=True)]
         blocks.append((columns_of("fixed"), np.where(meter, fixed.reshape(-1, 3), np.nan)))

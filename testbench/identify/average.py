@@ -116,8 +116,8 @@ def _uncoupled_fit(estimate: Estimate) -> Estimate:
 
 def _parameters_by_link(regression: Regression, pi: Array) -> Array:
     """Split the parameters by link, (links, n): row k has those of link k, and zeros for all others."""
-    of_link = np.arange(regression.structure.links)[:, None] == regression.structure.a // 6
-    return np.asarray(of_link * np.pad(pi, (0, regression.structure.n - len(pi))))
+    of_link = np.arange(regression.structure.n_links)[:, None] == regression.structure.rows // 6
+    return np.asarray(of_link * np.pad(pi, (0, regression.structure.n_parameters - len(pi))))
 
 
 def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
@@ -485,7 +485,10 @@ def _average_priors(
     if not MIN_MODEL_PROBABILITY < probability < 1 - MIN_MODEL_PROBABILITY:
         return second if probability > 0.5 else first
     share = share if share > MIN_MODEL_PROBABILITY else 0.0
-    likelier, widest = (second if share > 0.5 else first), max(first, second, key=lambda e: e.structure.n)
+    likelier, widest = (
+        (second if share > 0.5 else first),
+        max(first, second, key=lambda e: e.structure.n_parameters),
+    )
     # The mean, and the models that it contains.
     weighted = (1 - share, first), (share, second)
     known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighted]
@@ -641,8 +644,8 @@ def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScalin
         The units of these unknowns.
     """
     places = structure.indices_in(scaling.structure)
-    row, column = scaling.structure.triangles
-    wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
+    row, column = scaling.structure.upper_triangles
+    wanted = set(zip(structure.rows.tolist(), structure.columns.tolist(), strict=True))
     in_structure = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
     keep = np.flatnonzero(in_structure)
     sizes = tuple(len(block) for block in structure.blocks)
@@ -661,7 +664,7 @@ def _average_joints(
     )
     whole = solve(r, constraint, weighted_prior)
     if (
-        weighted_prior.log_evidence is None or len(joints) < prior.structure.links - 1
+        weighted_prior.log_evidence is None or len(joints) < prior.structure.n_links - 1
     ):  # of links or joints only
         return whole, None
     regression, scaling = _joints_only(r, prior)
@@ -686,7 +689,7 @@ def _average_joints(
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
     """Restrict a dataset, and the units of its prior, to joint compliances only."""
     joints = joint_compliance_indices(prior)
-    regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
+    regression = restrict_to(r, prior.structure.select_parameters(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
     L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
     return regression, PriorScaling(
@@ -697,7 +700,7 @@ def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorS
 def joint_compliance_indices(scaling: PriorScaling) -> Ids:
     """Find the places of the parameters that are compliances of joints, (joints,)."""
     s = scaling.structure
-    return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
+    return np.flatnonzero((s.rows == s.columns) & (s.rows >= 6 * s.n_links) & (s.rows < s.n_compliance_rows))
 
 
 def _logistic(x: float) -> float:

@@ -18,7 +18,7 @@ from testbench.data.dataset import Dataset, Series, runs_of_station, select_rows
 from testbench.errors import Array, BenchError, Mask, check_type
 from testbench.identify.equations import check_runs, resolve_lines
 from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
-from testbench.model.vjm import Vjm, marker_points, skew, tool_points
+from testbench.model.vjm import Vjm, marker_positions, skew, tool_points
 
 FrameChoice = Literal["auto", "base", "tracker"]
 
@@ -115,7 +115,7 @@ def register_dataset(
 
 def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
     """Shift readings along lines to the markers of the rigid arm; their differences are unchanged."""
-    start = tool_points(vjm, data.q, marker_points(vjm, data.markers))
+    start = tool_points(vjm, data.q, marker_positions(vjm, data.markers))
     lines = data.lines[..., None]
     before = np.where(lines, start, data.before)
     return replace(data, before=before, after=np.where(lines, start + data.deflection, data.after))

@@ -38,7 +38,7 @@ from testbench.identify.estimate import (
 )
 from testbench.identify.interior import TINY, BlockProgram, solve_program
 from testbench.identify.regression import Regression, check_symmetric, f_m
-from testbench.model.structure import PAPER_GCO, Structure
+from testbench.model.structure import PAPER_GCO_METHOD, Structure
 
 # --- Certificate of optimality for any conservative estimate ------------------------------------------------
 
@@ -72,7 +72,7 @@ def trace_units(structure: Structure) -> Array:
     translations of links, 1 for all else.
     """
     index = np.arange(structure.n_theta)
-    return np.where((index < 6 * structure.links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
+    return np.where((index < 6 * structure.n_links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
 
 
 def tie_break_penalty(regression: Regression) -> TracePenalty:
@@ -82,7 +82,7 @@ def tie_break_penalty(regression: Regression) -> TracePenalty:
     sensitivity.
     """
     s, weight = regression.structure, TIE_BREAK_WEIGHT * (regression.weight.max() or 1.0)
-    return TracePenalty(float(weight), trace_units(s) ** -2.0, s, np.eye(s.n))
+    return TracePenalty(float(weight), trace_units(s) ** -2.0, s, np.eye(s.n_parameters))
 
 
 def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
@@ -122,7 +122,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
 def _checked_dual(regression: Regression, dual: Dual) -> Dual:
     """Check a dual from outside: its vectors may be longer than one only by rounding."""
     terms = len(regression.terms)
-    y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
+    y = check_array(dual.y, (terms, regression.structure.n_parameters), "dual.y")
     rest = check_array(dual.y_unexplained, (terms,), "dual.y_unexplained")
     longest = float(np.hypot(np.linalg.norm(y, axis=1), rest).max())
     if longest > MAX_DUAL_LENGTH:
@@ -187,12 +187,12 @@ def lower_bound_certificate(
     s, t = regression.structure, trace_bounds
     t = default_trace_bounds(regression, pi) if t is None else t
     # Lagrangian of the dual: gradient sum R_k^T y_k and constant sum (rest_k |rest| - y_k . z_k).
-    g = np.zeros(s.n)
+    g = np.zeros(s.n_parameters)
     constant = 0.0
     for term, y, rest in zip(regression.terms, dual.y, dual.y_unexplained, strict=True):
         g += term.R.T @ y
         constant += rest * math.sqrt(term.unexplained) - y @ term.z
-    cost, free = f_m(regression, pi), np.zeros(s.n)
+    cost, free = f_m(regression, pi), np.zeros(s.n_parameters)
 
     def over(cost: float, trace_gradient: Array) -> float:
         """Bound how far a cost lies above the least value of its program.
@@ -225,10 +225,10 @@ def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Arra
         s.gradient(regression.columns + np.abs(trace_gradient)) * scale,
     )
     smallest = np.empty(len(s.blocks))
-    for group in s.groups:
+    for group in s.block_groups:
         # The eigenvalue is lowered by its rounding error, so that the bound stays rigorous.
-        lost = EIGENVALUE_ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
-        smallest[group.at] = np.linalg.eigvalsh(S[group.index])[:, 0] - lost
+        lost = EIGENVALUE_ROUNDING * np.linalg.norm(size[group.index_arrays], axis=(1, 2))
+        smallest[group.block_indices] = np.linalg.eigvalsh(S[group.index_arrays])[:, 0] - lost
     return smallest
 
 
@@ -258,7 +258,7 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     unit = trace_units(s)[used] ** 2
     sensitivity = regression.weight[used] * unit
     sensitivity[sensitivity == 0] = UNOBSERVED_SENSITIVITY * (sensitivity.max() or 1.0)
-    allowed = 2 * f_m(regression, np.zeros(s.n)) / sensitivity
+    allowed = 2 * f_m(regression, np.zeros(s.n_parameters)) / sensitivity
     doubled = 2 * np.diag(s.matrix(pi))[used] / unit
     return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, doubled)))
 
@@ -273,8 +273,8 @@ def total_trace(structure: Structure, pi: Array) -> float:
     Returns:
         tr(s^-1 C_theta s^-1) [rad/(N m)], with s of `trace_units`.
     """
-    diagonal = structure.a == structure.b
-    return float((pi[diagonal] / trace_units(structure)[structure.a[diagonal]] ** 2).sum())
+    diagonal = structure.rows == structure.columns
+    return float((pi[diagonal] / trace_units(structure)[structure.rows[diagonal]] ** 2).sum())
 
 
 # --- Gramian-constrained optimisation as a conic program with a certificate ---------------------------------
@@ -373,7 +373,7 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
             pi, certificate, reached = other, proof, better
     # Convert back to the requested unknowns.
     left, cost = f_m(split_regression, pi), float(penalty.gradient @ pi)
-    method = PAPER_GCO if papers else "GCO (conic program)"
+    method = PAPER_GCO_METHOD if papers else "GCO (conic program)"
     estimate = make_estimate(regression, penalty.pi_per_split @ pi, method=method, constraint="psd")
     return replace(
         estimate,
@@ -413,10 +413,10 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
     Returns:
         The answer; None where a block is not whole, nothing moves, or the answer is not proven.
     """
-    s, n = program.touched_structure, regression.structure.n
+    s, n = program.touched_structure, regression.structure.n_parameters
     if not s.has_full_blocks or not len(program.indices) or f_m(regression, np.zeros(n)) == 0:
         return None
-    start, order = time.perf_counter(), s.parameter
+    start, order = time.perf_counter(), s.parameter_of_entry
     unit = np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = BlockProgram(
@@ -460,7 +460,7 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
             quadratic_diagonal=np.r_[np.ones(k), np.zeros(n)],
         )
     )
-    return program.to_pi(clip_negative_eigenvalues(s, solution.x[k:]), regression.structure.n)
+    return program.to_pi(clip_negative_eigenvalues(s, solution.x[k:]), regression.structure.n_parameters)
 
 
 def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
@@ -473,7 +473,7 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
     Returns:
         The answer; a rigid arm where no marker moved.
     """
-    s, n, count = program.touched_structure, regression.structure.n, len(program.z)
+    s, n, count = program.touched_structure, regression.structure.n_parameters, len(program.z)
     if f_m(regression, np.zeros(n)) == 0:
         return ConicSolution(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
     solution = cone.solve(
@@ -505,7 +505,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
     # Blocks that no reading shows stay zero.
     columns = np.flatnonzero(seen[block])
     kept = _restricted(s, columns.tobytes())
-    unit = f_m(regression, np.zeros(s.n)) or 1.0
+    unit = f_m(regression, np.zeros(s.n_parameters)) or 1.0
     scale = sensitivity_units(regression, unit, penalty)[columns]
     return ConicProgram(
         indices=columns,
@@ -523,7 +523,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
 @lru_cache(maxsize=64)
 def _restricted(structure: Structure, columns: bytes) -> Structure:
     """Restrict a structure to some parameters; cached, because its properties are computed only once."""
-    return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
+    return structure.select_parameters(np.frombuffer(columns, dtype=int), structure.name)
 
 
 def norm_constraints(R: Array, z: Array, unexplained: Array) -> tuple[cone.ConeConstraint, ...]:
@@ -554,8 +554,8 @@ def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
         Parameters of the nearest positive semi-definite blocks, (n,).
     """
     X = structure.matrix(parameters)
-    for group in structure.groups:
-        X[group.index] = cone.nearest_psd(X[group.index])
+    for group in structure.block_groups:
+        X[group.index_arrays] = cone.nearest_psd(X[group.index_arrays])
     return structure.entries(X)
 
 
@@ -586,8 +586,8 @@ def block_parameters(structure: Structure, block_rows: Ids) -> tuple[Ids, Array]
     """
     position = np.full(structure.n_theta, -1)
     position[block_rows] = np.arange(len(block_rows))
-    k = np.flatnonzero(position[structure.a] >= 0)
-    i, j = np.sort([position[structure.a[k]], position[structure.b[k]]], axis=0)
+    k = np.flatnonzero(position[structure.rows] >= 0)
+    i, j = np.sort([position[structure.rows[k]], position[structure.columns[k]]], axis=0)
     svec = np.zeros((cone.svec_length(len(block_rows)), len(k)))
     svec[j * (j + 1) // 2 + i, np.arange(len(k))] = np.where(i == j, 1.0, math.sqrt(2))
     return k, svec

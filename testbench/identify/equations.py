@@ -41,7 +41,14 @@ from testbench.identify.absolute.state import (
 from testbench.model.laws import model_for
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows, translation_rows
+from testbench.model.vjm import (
+    Vjm,
+    cross,
+    evaluate_chain,
+    marker_positions,
+    observation_rows,
+    translational_jacobian,
+)
 
 # --- Jacobian of the readings, Eq. (3) and (12): their change with every unknown, and their residuals -------
 
@@ -68,20 +75,20 @@ def jacobian(
     Returns:
         (m or m + 1, 3, size + 1, runs) [m, rad per unit of each unknown]; the last column is zero.
     """
-    where, m, runs = equilibrium.chain, len(points), len(equilibrium.chain.position)
+    where, m, runs = equilibrium.chain, len(points), len(equilibrium.chain.tool_position)
     A = np.zeros((m + rotations, 3, unknowns.size + 1, runs))
-    J = translation_rows(where, points).reshape(m, 3, -1, runs)
+    J = translational_jacobian(where, points).reshape(m, 3, -1, runs)
     if rotations:
         J = np.concatenate([J, where.J_theta[3:][None]])
     if series is not None:
-        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.points(points), m)
-        _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
+        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.tool_points_in_world(points), m)
+        _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.tool_rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.geometry_slice]
-    if unknowns.errors.size:
-        turns = J[:, :, unknowns.vjm.joint_slice, None] * equilibrium.phi
+    if unknowns.errors.n_coefficients:
+        turns = J[:, :, unknowns.vjm.joint_spring_slice, None] * equilibrium.phi
         A[:, :, unknowns.columns("errors")] = turns.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
-    lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.u)
+    lines = observation_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.u)
     for k, line in enumerate(lines):
         A[k // 3, k % 3, elastic] = line
     return A
@@ -144,7 +151,10 @@ def beams(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> tup
         Unit vectors in base axes, (m, 3, rows) [1], and distances as read, (m, rows) [m].
     """
     frame = state.frame(series)
-    beam = equilibrium.chain.points(state.mount(series).points) + frame.translation @ frame.rotation
+    beam = (
+        equilibrium.chain.tool_points_in_world(state.mount(series).points)
+        + frame.translation @ frame.rotation
+    )
     if series.normal is not None:
         u = frame.rotation.T @ series.normal
         height = beam @ u - np.dot(series.normal, np.array(series.fixed))
@@ -170,7 +180,7 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
         u, length = beams(state, series, equilibrium)
         return np.asarray(u * ((series.distance.T - length) * series.seen.T)[:, None])
     frame, mount = state.frame(series), state.mount(series)
-    x = equilibrium.chain.points(mount.points)
+    x = equilibrium.chain.tool_points_in_world(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
     residual = position.transpose(1, 2, 0)
     if series.rotation is None:
@@ -178,7 +188,7 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
     measured = np.where(series.oriented[:, None, None], series.rotation, np.eye(3))
-    left = frame.rotation.T @ measured @ (equilibrium.chain.rotation @ mount.rotation).swapaxes(1, 2)
+    left = frame.rotation.T @ measured @ (equilibrium.chain.tool_rotation @ mount.rotation).swapaxes(1, 2)
     vector = Rotation.from_matrix(left).as_rotvec() * series.oriented[:, None]
     return np.concatenate([residual, vector.T[None]])
 
@@ -194,7 +204,7 @@ def nominal_chain(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium
     Returns:
         The arm without deflection, with the generalised loads u of every run.
     """
-    where = chain(vjm, q)
+    where = evaluate_chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
     return JointEquilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
 
@@ -215,7 +225,7 @@ def pair_rows(
         [A | y], (s, 3, n + 1, runs) [1], and the kind of every reading, (s, runs): 0 a position, 1 an
         orientation, -1 lost.
     """
-    m, points = len(data.markers), marker_points(unknowns.vjm, data.markers)
+    m, points = len(data.markers), marker_positions(unknowns.vjm, data.markers)
     A = jacobian(unknowns, equilibrium, points, rotations=data.sigma_rotation is not None)
     A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
     if data.rotation_before is not None and data.rotation_after is not None:
@@ -360,7 +370,7 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     Returns:
         Displacement of every marker, (runs, m, 3) [m], and rotation of the tool, (runs, 3) [rad].
     """
-    points, parts, turns = marker_points(vjm, data.markers), [], []
+    points, parts, turns = marker_positions(vjm, data.markers), [], []
     for first in range(0, data.runs, BLOCK_RUNS):
         block = slice(first, first + BLOCK_RUNS)
         by_part = _motions_by_part(vjm, data, block, points)
@@ -383,7 +393,7 @@ def _motions_by_part(vjm: Vjm, data: Dataset, block: slice, points: Array) -> tu
     state = nominal_chain(vjm, data.q[block], [Load(data.wrench[block], data.point[block])])
     C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)
     theta = C @ state.u[: len(C)]
-    J = translation_rows(state.chain, points)
+    J = translational_jacobian(state.chain, points)
     parts = [slice(0, first), *(slice(k, k + 1) for k in range(first, len(C)))]
     runs = J.shape[-1]
     D = [np.einsum("xtr,tr->rx", J[:, part], theta[part]).reshape(runs, len(points), 3) for part in parts]

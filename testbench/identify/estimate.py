@@ -25,7 +25,13 @@ from testbench.identify.regression import BLOCK_RUNS, Regression, f_m, regressio
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.structure import Constraint as Constraint
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
+from testbench.model.vjm import (
+    Vjm,
+    evaluate_chain,
+    generalised_load,
+    marker_positions,
+    translational_jacobian,
+)
 
 # --- The result of identification: an `Estimate` with its compliances, fit, certificate and status ----------
 
@@ -65,7 +71,7 @@ class TracePenalty:
     def gradient(self) -> Array:
         """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
         s = self.structure
-        return np.where(s.a == s.b, self.weight * self.W_diagonal[s.a], 0.0)
+        return np.where(s.rows == s.columns, self.weight * self.W_diagonal[s.rows], 0.0)
 
     def regression_of_split(self, regression: Regression) -> Regression:
         """Rewrite the equations as a function of the k parameters of C'.
@@ -199,7 +205,7 @@ class Estimate(Displayed):
         return {
             "method": self.method,
             "structure": self.structure.name,
-            "unknowns": self.structure.n,
+            "unknowns": self.structure.n_parameters,
             "conservative": self.conservative,
             "f_m": f"{self.f_m:.3f}",
             "f_m_floor": f"{self.f_m_floor:.3f}",
@@ -274,7 +280,7 @@ def make_estimate(
     if constraint not in get_args(Constraint):
         known = ", ".join(get_args(Constraint))
         raise BenchError(f"constraint: expected one of {known}, got {constraint!r}")
-    pi = check_array(pi, (regression.structure.n,), "pi [m/N, rad/(N m), rad/N]")
+    pi = check_array(pi, (regression.structure.n_parameters,), "pi [m/N, rad/(N m), rad/N]")
     C, cost = regression.structure.matrix(pi), f_m(regression, pi)
     return Estimate(
         method=method,
@@ -305,7 +311,7 @@ def is_conservative(structure: Structure, C: Array) -> bool:
     unitless = C / np.outer(scale, scale)
     if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
         return False
-    values = [np.linalg.eigvalsh(unitless[group.index]) for group in structure.groups]
+    values = [np.linalg.eigvalsh(unitless[group.index_arrays]) for group in structure.block_groups]
     return all((v[:, 0] >= -CONSERVATIVE_TOLERANCE * np.maximum(v[:, -1], 0)).all() for v in values)
 
 
@@ -361,13 +367,13 @@ def deflections_of_models(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset
     Returns:
         J_p C_theta J_F^T w in base axes, (models, runs, m, 3) [m].
     """
-    points, blocks = marker_points(vjm, data.markers), []
+    points, blocks = marker_positions(vjm, data.markers), []
     vjm = model_for(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
     for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
         runs = slice(first, first + BLOCK_RUNS)
-        where = chain(for_load_history(vjm, data.taken_off, runs), data.q[runs])
+        where = evaluate_chain(for_load_history(vjm, data.taken_off, runs), data.q[runs])
         load = generalised_load(where, data.wrench[runs], data.point[runs])
-        rows = translation_rows(where, points)
+        rows = translational_jacobian(where, points)
         turns = [estimate.C_theta @ load[: len(estimate.C_theta)] for estimate in estimates]
         moved = [np.einsum("ptr,tr->rp", rows[:, : len(turn)], turn) for turn in turns]
         blocks.append(np.array(moved).reshape(len(moved), -1, len(points), 3))

@@ -579,7 +579,7 @@ def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> t
     Returns:
         Log evidence [1], and the loose prior with which joints are then fitted.
     """
-    scaling, n = rescale_to_data(scaling, regression), regression.structure.n
+    scaling, n = rescale_to_data(scaling, regression), regression.structure.n_parameters
     # The prior of the compliances is fixed, so that kappa is the only hyperparameter.
     B = np.column_stack(prior_rows(scaling, PriorUncertainty(JOINTS_ONLY_DEVIATION)))
     problem = EvidenceModel(

@@ -129,12 +129,12 @@ class Method:
         if self.learns_prior and self.prior is not None:
             # Learnt prior: average models by their evidence, under the prior and under a softened one.
             scaling = scale_by_prior(self.prior, vjm, regression.structure)
-            if not for_intervals or not regression.structure.laws:
+            if not for_intervals or not regression.structure.n_laws:
                 return average_models(regression, self.constraint, scaling, for_intervals=for_intervals)
             other = scale_by_prior(with_weaker_coupling(self.prior), vjm, regression.structure)
             return average_two_priors(regression, self.constraint, scaling, other)
         # With a stated uncertainty, or no prior, there is no evidence for joint laws: they are left out.
-        if regression.structure.laws:
+        if regression.structure.n_laws:
             equations = regression = restrict_to(regression, without_laws(regression.structure))
         held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, equations)
         return solve(regression, self.constraint, held)

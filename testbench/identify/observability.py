@@ -44,7 +44,7 @@ from testbench.identify.regression import (
     reduce,
 )
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, marker_motion, marker_points, observation
+from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observation_matrix, rigid_motion_matrix
 
 # --- Directions that readings do not show, and unknowns that they cannot separate --------------------------
 
@@ -407,7 +407,7 @@ def of_regression(
     everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))
     own = _rows(regression)
     loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
-    groups, none = _groups(vjm, structure), np.zeros((0, structure.n))
+    groups, none = _groups(vjm, structure), np.zeros((0, structure.n_parameters))
     to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
     to_loads = directions(loads, unit, groups, to_structure)
     wanted = sampled_tasks(vjm, data, structure)
@@ -424,9 +424,9 @@ def of_regression(
         entry=entry,
         prior=prior.name,
         uncertainty=uncertainty.relative,
-        rank=structure.n - null_space(own).shape[1],
-        rank_of_loads=structure.n - len(to_structure) - len(to_loads),
-        rank_of_structure=structure.n - len(to_structure),
+        rank=structure.n_parameters - null_space(own).shape[1],
+        rank_of_loads=structure.n_parameters - len(to_structure) - len(to_loads),
+        rank_of_structure=structure.n_parameters - len(to_structure),
         equations=_equations(vjm, data),
         poses=len(np.unique(data.q, axis=0)),
         lost_to_structure=tuple(map(participants, to_structure)),
@@ -472,8 +472,8 @@ def sampled_tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
         Rows of the observation matrix, (poses, m, 3, n) [m].
     """
     wanted = more_poses(vjm, data, TASKS, seed=1)
-    args = (chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
-    return observation(*args, marker_points(vjm, data.markers))
+    args = (evaluate_chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
+    return observation_matrix(*args, marker_positions(vjm, data.markers))
 
 
 def expected_error(known: Posterior, wanted: Array) -> float:
@@ -518,10 +518,10 @@ def _rows(regression: Regression) -> Array:
 def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
     """Find the link or joint of every parameter, and its row and column there, (n, 2); -1 for a joint."""
     links = 6 * len(vjm.arm.links)
-    of_joint = structure.a >= links
+    of_joint = structure.rows >= links
     names = [*(link.name for link in vjm.arm.links), *(joint.name for joint in vjm.arm.joints)]
-    where = np.where(of_joint, len(vjm.arm.links) + structure.a - links, structure.a // 6)
-    entry = np.where(of_joint, -1, np.array([structure.a, structure.b]) % 6).T
+    where = np.where(of_joint, len(vjm.arm.links) + structure.rows - links, structure.rows // 6)
+    entry = np.where(of_joint, -1, np.array([structure.rows, structure.columns]) % 6).T
     return tuple(names[k] for k in where), entry
 
 
@@ -543,8 +543,8 @@ def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
         return scale_by_prior(prior, vjm, structure)
     pairs = [(a, b) for block in structure.blocks for b in block for a in block if a <= b]
     a, b = np.array(pairs).T
-    scale_by_prior(prior, vjm, replace(structure, a=a, b=b))  # refuses a bad prior
-    size = _unit(prior, vjm, structure) * np.where(structure.a == structure.b, 1, np.sqrt(0.5))
+    scale_by_prior(prior, vjm, replace(structure, rows=a, columns=b))  # refuses a bad prior
+    size = _unit(prior, vjm, structure) * np.where(structure.rows == structure.columns, 1, np.sqrt(0.5))
     expected = structure.entries(aggregate_left_out_joints(prior.C_theta, vjm, structure)) / size
     return PriorScaling(prior.name, structure, np.diag(size), expected, ())
 
@@ -559,7 +559,7 @@ def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
     Returns:
         Their names.
     """
-    used, first = np.union1d(structure.a, structure.b), 6 * len(vjm.arm.links)
+    used, first = np.union1d(structure.rows, structure.columns), 6 * len(vjm.arm.links)
     return [
         joint.name
         for j, joint in enumerate(vjm.arm.joints)
@@ -570,13 +570,15 @@ def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
 def _unit(prior: Prior, vjm: Vjm, structure: Structure) -> Array:
     """Compute the expected size of every parameter, sqrt(P_aa P_bb), (n,)."""
     d = np.sqrt(np.diag(aggregate_left_out_joints(prior.C_theta, vjm, structure)))
-    return np.asarray(d[structure.a] * d[structure.b])
+    return np.asarray(d[structure.rows] * d[structure.columns])
 
 
 def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
     """Group the parameters by link and joint, in the order of the chain."""
     links = len(vjm.arm.links)
-    place = np.where(structure.a < 6 * links, structure.a // 6 * 2, (structure.a - 6 * links) * 2 + 1)
+    place = np.where(
+        structure.rows < 6 * links, structure.rows // 6 * 2, (structure.rows - 6 * links) * 2 + 1
+    )
     return [np.flatnonzero(place == k) for k in np.unique(place)]
 
 
@@ -600,7 +602,7 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
         return 6 * len(different)
     if data.lines.any():
         return int(data.lines.sum() + 3 * (data.seen & ~data.lines).sum())
-    motion = marker_motion(marker_points(vjm, data.markers))
+    motion = rigid_motion_matrix(marker_positions(vjm, data.markers))
     return int(np.linalg.matrix_rank(motion)) * len(different)
 
 
@@ -653,7 +655,7 @@ def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iter
     poses = np.unique(data.q, axis=0, return_inverse=True)[1].ravel()
     fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
     yield "as many more random poses", reduce(vjm, structure, without_readings(data, q=fresh))
-    points = marker_points(vjm, data.markers)
+    points = marker_positions(vjm, data.markers)
     name = f"one more marker, outside the {'plane' if len(points) > 2 else 'line'} of the other {len(points)}"
     name = "a second marker" if len(points) == 1 else name
     marker = reduce(_with_marker(vjm, points, name), structure, without_readings(data, markers=(name,)))

@@ -26,7 +26,7 @@ from testbench.identify.regression import RANK_TOLERANCE, scatter_to
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Weights, displacement, loaded_deflection, secant
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, marker_points, observation
+from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observation_matrix
 
 # --- Uncertainty of everything that is linear in the unknowns -----------------------------------------------
 
@@ -214,13 +214,13 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     check_type(estimate, Estimate, "estimate")
     check_type(data, Dataset, "data")
     vjm = model_for(vjm, estimate.structure)
-    posterior, points = posterior_of_estimate(estimate), marker_points(vjm, data.markers)
+    posterior, points = posterior_of_estimate(estimate), marker_positions(vjm, data.markers)
     together, ends = max(1, INTERVAL_BATCH // len(points)), []
     for first in range(0, data.runs, together):
         block = select_rows(data, np.arange(first, min(first + together, data.runs)))
-        where = chain(for_load_history(vjm, block.taken_off), block.q)
-        rows = observation(where, estimate.structure, block.wrench, block.point, points)
-        bounds = posterior.intervals(rows.reshape(-1, estimate.structure.n), confidence)
+        where = evaluate_chain(for_load_history(vjm, block.taken_off), block.q)
+        rows = observation_matrix(where, estimate.structure, block.wrench, block.point, points)
+        bounds = posterior.intervals(rows.reshape(-1, estimate.structure.n_parameters), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (bounds.centre, bounds.upper))
         # Widths by noise and prior, and by terms that the linear model omits: independent, in quadrature.
         half = np.hypot(
@@ -247,9 +247,9 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
     Returns:
         Deflection after the step minus linear deflection in base axes, (runs, m, 3) [m].
     """
-    points, where = marker_points(vjm, data.markers), chain(vjm, data.q)
+    points, where = marker_positions(vjm, data.markers), evaluate_chain(vjm, data.q)
     theta = secant(where, C_theta, data.wrench, data.point)
-    again = secant(chain(vjm, data.q, theta), C_theta, data.wrench, data.point)
+    again = secant(evaluate_chain(vjm, data.q, theta), C_theta, data.wrench, data.point)
     return loaded_deflection(vjm, data.q, again, points) - displacement(where, theta, points)
 
 
@@ -544,7 +544,7 @@ def model_of_compliances(
         origin: Origin of the model.
     """
     first = Unknowns(state.vjm, (), {}, state.errors, structure).first_columns["elastic"]
-    return ArmModel(state, structure, first + np.arange(structure.n), posterior, origin)
+    return ArmModel(state, structure, first + np.arange(structure.n_parameters), posterior, origin)
 
 
 @runtime_checkable

@@ -20,7 +20,7 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type
 from testbench.identify import cone
 from testbench.identify.regression import Regression, check_symmetric
-from testbench.model.structure import TEMPLATE, Structure
+from testbench.model.structure import BEAM_ENTRIES, Structure
 from testbench.model.vjm import Vjm
 
 # --- Priors: compliances expected before any reading, and their relative uncertainty ------------------------
@@ -145,7 +145,7 @@ def aggregate_left_out_joints(C: Array, vjm: Vjm, structure: Structure) -> Array
         n_theta).
     """
     C, first = C.copy(), 6 * len(vjm.arm.links)
-    out = np.flatnonzero(structure.block_of[first : first + vjm.arm.n_joints] < 0)
+    out = np.flatnonzero(structure.block_of_row[first : first + vjm.arm.n_joints] < 0)
     slides = np.array([joint.prismatic for joint in vjm.arm.joints], dtype=bool)[out]
     rows = 6 * out[:, None] + np.where(slides, 0, 3)[:, None] + np.arange(3)  # that the joint moves
     axis = vjm.axes_in_beam[out]
@@ -175,15 +175,15 @@ class PriorScaling:
     @cached_property
     def is_link_coupling(self) -> Mask:
         """Tell which entries of x couple axes of a link that a straight beam does not couple, (n,)."""
-        row, column = self.structure.triangles
-        beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
-        return np.asarray((row < 6 * self.structure.links) & ~beam)
+        row, column = self.structure.upper_triangles
+        beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in BEAM_ENTRIES])
+        return np.asarray((row < 6 * self.structure.n_links) & ~beam)
 
     @cached_property
     def is_joint_coupling(self) -> Mask:
         """Tell which entries of x couple two joints, (n,)."""
-        row, column = self.structure.triangles
-        return np.asarray((row >= 6 * self.structure.links) & (row != column))
+        row, column = self.structure.upper_triangles
+        return np.asarray((row >= 6 * self.structure.n_links) & (row != column))
 
     @cached_property
     def entry_scales(self) -> tuple[Array, Ids, tuple[str, ...]]:
@@ -195,15 +195,15 @@ class PriorScaling:
             Exponent of every scale in that of an entry, (n, K) [1]; kind and name of every scale, K each.
         """
         owner = np.repeat(np.arange(len(self.block_orders)), [cone.svec_length(n) for n in self.block_orders])
-        row, column = self.structure.triangles
+        row, column = self.structure.upper_triangles
         first = np.array([block[0] for block in self.structure.blocks])
         tied = (self.block_kinds == 1) & (np.array(self.block_orders) > 1)
         a, b = (np.where(tied[owner], end, first[owner]) for end in (row, column))
         at, place = np.unique(np.r_[a, b], return_inverse=True)
         shares = (np.eye(len(at))[place[: len(a)]] + np.eye(len(at))[place[len(a) :]]) / 2
-        block = self.structure.block_of[at]
+        block = self.structure.block_of_row[at]
         names = [
-            self.structure.labels[k] if tied[block_index] else self.block_names[block_index]
+            self.structure.row_labels[k] if tied[block_index] else self.block_names[block_index]
             for k, block_index in zip(at.tolist(), block.tolist(), strict=True)
         ]
         return shares, self.block_kinds[block], tuple(names)
@@ -211,19 +211,19 @@ class PriorScaling:
     @cached_property
     def block_kinds(self) -> Ids:
         """Return the kind of every block: 0 links, 1 joints, from 2 on the joint laws in turn, (blocks,)."""
-        first, joints = 6 * self.structure.links, self.structure.links - 1
+        first, joints = 6 * self.structure.n_links, self.structure.n_links - 1
         row = np.array([block[0] for block in self.structure.blocks])
         return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
     def is_law_size(self) -> Mask:
         """Tell which entries of x are sizes of joint laws, (n,)."""
-        return np.asarray(self.structure.triangles[0] >= self.structure.n_compliance_rows)
+        return np.asarray(self.structure.upper_triangles[0] >= self.structure.n_compliance_rows)
 
     @property
     def block_names(self) -> tuple[str, ...]:
         """Return the name of every block: its link or joint, or its first row if a link has several."""
-        labels = [self.structure.labels[block[0]] for block in self.structure.blocks]
+        labels = [self.structure.row_labels[block[0]] for block in self.structure.blocks]
         whole = [size == 6 for size in self.block_orders]
         return tuple(
             label.rpartition(".")[0] if is_whole else label
@@ -323,12 +323,15 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
         raise BenchError(
             f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
         )
-    row, column = structure.triangles
+    row, column = structure.upper_triangles
     root = _root(aggregate_left_out_joints(P, vjm, structure), prior, structure)
-    L, expected = np.zeros((structure.n, structure.n)), np.where(row == column, 1.0, 0.0)
-    for group in structure.groups:
-        parameters = structure.parameter[group.entries]
-        L[parameters[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
+    L, expected = (
+        np.zeros((structure.n_parameters, structure.n_parameters)),
+        np.where(row == column, 1.0, 0.0),
+    )
+    for group in structure.block_groups:
+        parameters = structure.parameter_of_entry[group.triangle_entries]
+        L[parameters[:, :, None], group.triangle_entries[:, None, :]] = _congruences(root[group.index_arrays])
     return PriorScaling(prior.name, structure, L, expected, sizes)
 
 
@@ -432,24 +435,26 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     d = np.sqrt(np.maximum(np.diag(P), 0))
     safe = np.where(d > 0, d, 1.0)
     unit, root = P / np.outer(safe, safe), np.zeros_like(P)
-    row, column = structure.triangles
+    row, column = structure.upper_triangles
     bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > MAX_PRIOR_ASYMMETRY)
     if bad.any():
         raise _prior_error(prior, structure, row[np.argmax(bad)], "symmetric block with a positive diagonal")
-    for group in structure.groups:
-        values, Q = np.linalg.eigh(unit[group.index])
+    for group in structure.block_groups:
+        values, Q = np.linalg.eigh(unit[group.index_arrays])
         if values.min() <= MIN_PRIOR_EIGENVALUE:
             k = np.argmin(values[:, 0])
             problem = f"positive definite block, got smallest eigenvalue {values[k, 0]:.3g}"
             problem += " (of the block scaled to unit diagonal)"
-            raise _prior_error(prior, structure, group.rows[k, 0], problem)
-        root[group.index] = d[group.rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
+            raise _prior_error(prior, structure, group.theta_rows[k, 0], problem)
+        root[group.index_arrays] = (
+            d[group.theta_rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
+        )
     return root
 
 
 def _prior_error(prior: Prior, structure: Structure, row: int, expected: str) -> BenchError:
     """Make the error about the block of a prior that holds a row of C_theta."""
-    label = structure.labels[structure.blocks[structure.block_of[row]][0]]
+    label = structure.row_labels[structure.blocks[structure.block_of_row[row]][0]]
     return BenchError(f"prior {prior.name}, {label} ...: expected a {expected}")
 
 

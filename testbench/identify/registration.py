@@ -25,7 +25,7 @@ import numpy as np
 
 from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Ids, Mask
-from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_pose
+from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_poses
 
 # --- Pose of the base in a tracker's frame, and targets on the tool, in closed form -------------------------
 
@@ -81,7 +81,7 @@ def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
     parts = [_means(readings, frames.index(readings.frame), targets) for readings in series]
     frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
     kept = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MAX_READINGS])
-    position, rotation = tool_pose(vjm, q[kept])
+    position, rotation = tool_poses(vjm, q[kept])
     return MeanReadings(frame[kept], target[kept], y[kept], C[kept], rotation, position)
 
 
@@ -474,7 +474,7 @@ def arm_reach(vjm: Vjm, q: Array) -> float:
     Returns:
         Median distance [m].
     """
-    return float(np.median(np.linalg.norm(tool_pose(vjm, q)[0] - vjm.base[:3, 3], axis=1)))
+    return float(np.median(np.linalg.norm(tool_poses(vjm, q)[0] - vjm.base_pose[:3, 3], axis=1)))
 
 
 def moving_joints(vjm: Vjm, series: Sequence[Series]) -> list[str]:

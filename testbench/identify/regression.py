@@ -89,7 +89,7 @@ class Regression(Displayed):
         """Summarise the reduced dataset: structure, unknowns, rank and equations."""
         return {
             "structure": self.structure.name,
-            "unknowns": self.structure.n,
+            "unknowns": self.structure.n_parameters,
             "rank": self.rank,
             "equations": self.equations,
         }
@@ -103,7 +103,7 @@ class Regression(Displayed):
     def rows(self) -> tuple[Array, Array]:
         """Return A, (r, n), and y, (r,), in standard deviations: A pi - y has noise of deviation 1."""
         every = [math.sqrt(term.equations / 3) * np.c_[term.R, term.z] for term in self.terms]
-        A, y = np.split(np.vstack(every), [self.structure.n], axis=1)
+        A, y = np.split(np.vstack(every), [self.structure.n_parameters], axis=1)
         return A, y[:, 0]
 
     @property
@@ -157,8 +157,8 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
     columns[columns <= ZERO_COLUMN * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
-    diagonal = structure.a == structure.b
-    weight[structure.a[diagonal]] = columns[diagonal]
+    diagonal = structure.rows == structure.columns
+    weight[structure.rows[diagonal]] = columns[diagonal]
     return Regression(structure, terms, columns, weight)
 
 
@@ -193,7 +193,7 @@ def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
     Returns:
         The numbers, zero for all other parameters, (..., N).
     """
-    every = np.zeros((*values.shape[:-1], widest.n))
+    every = np.zeros((*values.shape[:-1], widest.n_parameters))
     every[..., structure.indices_in(widest)] = values
     return every
 
@@ -261,7 +261,9 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
     equilibrium = nominal_chain(vjm, q, [Load(wrench, point)])
     A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, rotations=True)[:, :, :-1]
-    return np.concatenate([part.transpose(3, 0, 1, 2).reshape(-1, structure.n) for part in (A[:-1], A[-1:])])
+    return np.concatenate(
+        [part.transpose(3, 0, 1, 2).reshape(-1, structure.n_parameters) for part in (A[:-1], A[-1:])]
+    )
 
 
 def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
@@ -285,7 +287,7 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
     A = generic_rows(vjm, structure)
     A = A / np.linalg.norm(A, axis=0)
     _, order = qr(A, mode="r", pivoting=True)
-    return structure.keep(np.sort(order[: rank(A)]), name)
+    return structure.select_parameters(np.sort(order[: rank(A)]), name)
 
 
 # --- Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up ---
@@ -463,7 +465,11 @@ def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
         The regression, with `poses` where they are needed.
     """
     poses, part = np.unique(data.pose, return_inverse=True)
-    if not regression.structure.laws or len(regression.terms) > 1 or not MIN_POSES <= len(poses) <= MAX_POSES:
+    if (
+        not regression.structure.n_laws
+        or len(regression.terms) > 1
+        or not MIN_POSES <= len(poses) <= MAX_POSES
+    ):
         return regression
     [parts] = reduce_parts(vjm, [regression.structure], data, part)
     factors = parts.factors.factors
@@ -487,13 +493,13 @@ def reduce_parts(
     Raises:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
-    widest = max(structures, key=lambda s: s.n)
+    widest = max(structures, key=lambda s: s.n_parameters)
     # Structures whose unknowns are some of the widest one's share its factors.
     places = [_columns(s, widest) for s in structures]
     separate = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
     unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in separate]
 
-    factors = [TriangularFactors(s.n + 1) for s in separate]
+    factors = [TriangularFactors(s.n_parameters + 1) for s in separate]
     check_runs(vjm, runs)
     runs, lines = resolve_lines(vjm, runs), runs.direction is not None
     # Rows are made and folded block by block, so that memory does not grow with the runs.
@@ -549,7 +555,7 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
         return slice(None)
     alike = (structure.symmetric, structure.n_compliance_rows) == (widest.symmetric, widest.n_compliance_rows)
     places = structure.indices_in(widest)
-    return np.append(places, widest.n) if alike and (places >= 0).all() else None
+    return np.append(places, widest.n_parameters) if alike and (places >= 0).all() else None
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def minimum_norm(regression: Regression) -> Estimate:
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations equally.
     rows = np.vstack([np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms])
     A, y, seen = rows[:, :-1], rows[:, -1], regression.columns > 0
-    scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n)
+    scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n_parameters)
     # SVD of the scaled columns; singular values below RANK_TOLERANCE are structural zeros.
     pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y, rcond=RANK_TOLERANCE)[0] / scale
     estimate = make_estimate(regression, pi, method="least squares", constraint="none")
@@ -145,7 +145,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
     plain = replace(minimum_norm(regression), constraint="free")
     if plain.conservative:
         return plain
-    if regression.rank == regression.structure.n:
+    if regression.rank == regression.structure.n_parameters:
         return replace(plain, status=f"{NO_CONSERVATIVE_FIT}: the data determine all unknowns")
     # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
     free = free_directions(regression, plain.pi)
@@ -181,7 +181,7 @@ def free_directions(regression: Regression, pi: Array) -> EqualFits:
         The affine set X_0 + N w of equal fit.
     """
     s = regression.structure
-    unit = sensitivity_units(regression, f_m(regression, np.zeros(s.n)) or 1.0)
+    unit = sensitivity_units(regression, f_m(regression, np.zeros(s.n_parameters)) or 1.0)
     # A parameter that fills two entries counts twice.
     length = np.where(s.fills_two_entries, math.sqrt(2), 1.0)
     unseen = null_space(np.vstack([term.R for term in regression.terms]))
@@ -200,7 +200,7 @@ def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
     Returns:
         The bound, in units where the data are of order one [1]; above 0 no conservative model fits equally.
     """
-    identity = np.where(s.a == s.b, 1.0, 0.0)
+    identity = np.where(s.rows == s.columns, 1.0, 0.0)
     first = np.eye(1, 1 + equal_fits.N.shape[1])
     return cone.solve(
         _equal_fit_program(s, equal_fits, identity, (cone.ConeConstraint("nonnegative", -first, np.ones(1)),))

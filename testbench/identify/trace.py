@@ -218,19 +218,21 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
         The trace term: joints have a small weight, displacements count as the rotations that cause them
         (`trace_units`).
     """
-    first, columns = 6 * structure.links, []
-    aggregated = [first + j for j in range(structure.links - 1) if structure.block_of[first + j] < 0]
+    first, columns = 6 * structure.n_links, []
+    aggregated = [first + j for j in range(structure.n_links - 1) if structure.block_of_row[first + j] < 0]
     for j in (row - first for row in aggregated):
         rows = np.arange(6 * j, 6 * j + 3) + (0 if vjm.arm.joints[j].prismatic else 3)
         C = np.zeros((structure.n_theta,) * 2)
         C[np.ix_(rows, rows)] = np.outer(vjm.axes_in_beam[j], vjm.axes_in_beam[j])
         columns.append(structure.entries(C))
     whole = replace(
-        structure, a=np.r_[structure.a, aggregated].astype(int), b=np.r_[structure.b, aggregated].astype(int)
+        structure,
+        rows=np.r_[structure.rows, aggregated].astype(int),
+        columns=np.r_[structure.columns, aggregated].astype(int),
     )
     W = trace_units(structure) ** -2.0
     W[first:] = JOINT_TRACE_WEIGHT
-    return TracePenalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
+    return TracePenalty(weight, W, whole, np.column_stack([np.eye(structure.n_parameters), *columns]))
 
 
 def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> TracePenalty | None:
@@ -304,11 +306,11 @@ class _ScaledFolds:
 def _scaled_folds(penalty: TracePenalty, G: Array, rate: float) -> _ScaledFolds:
     """Scale Gram matrices, (1 + folds, n + 1, n + 1), and the trace term at a rate l of middle size."""
     s, total = penalty.structure, G[0]
-    unit, order = math.sqrt(total[-1, -1]), s.parameter
-    diagonal, size = s.a == s.b, np.zeros(s.n_theta)
-    size[s.a[diagonal]] = np.sqrt(np.diag(total)[:-1][diagonal])
+    unit, order = math.sqrt(total[-1, -1]), s.parameter_of_entry
+    diagonal, size = s.rows == s.columns, np.zeros(s.n_theta)
+    size[s.rows[diagonal]] = np.sqrt(np.diag(total)[:-1][diagonal])
     d = 1 / np.sqrt(size + rate / unit * penalty.W_diagonal)
-    scale = (d[s.a] * d[s.b])[order] * np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)
+    scale = (d[s.rows] * d[s.columns])[order] * np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)
     return _ScaledFolds(
         H=G[:, order][:, :, order] * np.outer(scale, scale),
         g=G[:, order, -1] * scale / unit,
@@ -368,9 +370,9 @@ def _roots(H: Array, V: Array) -> Array:
 
 def _fit_joints_only(s: Structure, gram: Array) -> Array:
     """Fit joint stiffness only by non-negative least squares, (n,)."""
-    joints = np.flatnonzero(s.a >= 6 * s.links)
+    joints = np.flatnonzero(s.rows >= 6 * s.n_links)
     joints = joints[np.diag(gram)[joints] > 0]
-    pi, H, g = np.zeros(s.n), gram[:-1, :-1], gram[:-1, -1]
+    pi, H, g = np.zeros(s.n_parameters), gram[:-1, :-1], gram[:-1, -1]
     if len(joints):
         from scipy.optimize import nnls  # here: it takes long to import, and few commands learn a weight
 
@@ -386,8 +388,8 @@ def _fit_joints_only(s: Structure, gram: Array) -> Array:
 def _rigid_rate(s: Structure, gram: Array, pi: Array) -> float:
     """Compute the least rate l that keeps all links rigid at the best joints, (n,)."""
     H, g, units = gram[:-1, :-1], gram[:-1, -1], trace_units(s)
-    S = s.gradient(H @ pi - g) * np.outer(units, units)
-    links = [block for block in s.blocks if block[0] < 6 * s.links]
+    S = s.gradient_matrix(H @ pi - g) * np.outer(units, units)
+    links = [block for block in s.blocks if block[0] < 6 * s.n_links]
     return max((-float(np.linalg.eigvalsh(S[np.ix_(b, b)])[0]) for b in links), default=0.0)
 
 

@@ -29,8 +29,8 @@ from testbench.model.vjm import Vjm
 
 # --- Kinematics of the rigid arm ----------------------------------------------------------------------------
 
-ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
-JOINT_PLACEMENTS = ("origin", "parent", "child", "axis")  #: Elements of a URDF's joint that place it.
+ORIENTATION_ATTRIBUTES = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+URDF_PLACEMENT_ELEMENTS = ("origin", "parent", "child", "axis")  #: Elements of a URDF's joint that place it.
 MIN_DIRECTION_LENGTH = 1e-10  #: Least length of a vector that gives a direction [unit of the vector].
 
 
@@ -46,7 +46,7 @@ def build_vjm(arm: Arm) -> Vjm:
     Raises:
         InputError: When the MJCF cannot be read, or a body has no pose that can be read.
     """
-    model = build_tree(arm)
+    model = build_pinocchio_model(arm)
     data, q0 = model.createData(), pin.neutral(model)
     pin.framesForwardKinematics(model, data, q0)
 
@@ -63,16 +63,16 @@ def build_vjm(arm: Arm) -> Vjm:
     axes = [m[:3] if joint.prismatic else m[3:] for m, joint in zip(motion, arm.joints, strict=True)]
     return Vjm(
         arm=arm,
-        base=bodies[0].homogeneous,
-        placements=np.array([a.actInv(b).homogeneous for a, b in pairwise(bodies)]).reshape(-1, 4, 4),
-        axes=np.array(axes).reshape(-1, 3),
-        tool=bodies[-1].actInv(tool).homogeneous,
+        base_pose=bodies[0].homogeneous,
+        joint_placements=np.array([a.actInv(b).homogeneous for a, b in pairwise(bodies)]).reshape(-1, 4, 4),
+        joint_axes=np.array(axes).reshape(-1, 3),
+        tool_placement=bodies[-1].actInv(tool).homogeneous,
         load_point=local[0],
         markers=np.array(local[1:]),
     )
 
 
-def build_tree(arm: Arm) -> pin.Model:
+def build_pinocchio_model(arm: Arm) -> pin.Model:
     """Build Pinocchio's model of the rigid arm: joints, and frames of links, tool, load point and markers.
 
     It is made from the arm's rigid.xml, and has no inertias and no limits.
@@ -116,7 +116,7 @@ def _add_frame(model: pin.Model, name: str, joint: int, placement: pin.SE3) -> N
     model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
 
-def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array) -> Array:
+def urdf_link_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array) -> Array:
     """Compute poses of a URDF's link in its root link, by Pinocchio's own reader of URDF.
 
     Args:
@@ -162,18 +162,18 @@ def _joints_and_links(root: ET.Element, joints: Sequence[str]) -> str:
         name = joint.get("name", "")
         kind = joint.get("type", "") if name in joints else "fixed"
         e = ET.SubElement(bare, "joint", name=name, type=kind)
-        e.extend(child for child in joint if child.tag in JOINT_PLACEMENTS)
+        e.extend(child for child in joint if child.tag in URDF_PLACEMENT_ELEMENTS)
         ET.SubElement(e, "limit", dict.fromkeys(("lower", "upper", "effort", "velocity"), "0"))
     return ET.tostring(bare, encoding="unicode")
 
 
-def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
+def body_pose(arm: Arm, body: ET.Element, radians_per_unit: float) -> Array:
     """Read the pose of an MJCF body in its parent.
 
     Args:
         arm: The arm, for messages.
         body: The <body> element.
-        unit: Size of one unit of the file's angles [rad].
+        radians_per_unit: Size of one unit of the file's angles [rad].
 
     Returns:
         Homogeneous transform, parent from body, (4, 4) [1, m].
@@ -182,7 +182,7 @@ def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
         InputError: When its position or orientation cannot be read.
     """
     pose = np.eye(4)
-    pose[:3, :3] = _rotation(arm, body, unit)
+    pose[:3, :3] = _rotation(arm, body, radians_per_unit)
     if "pos" in body.attrib:
         pose[:3, 3] = attribute_numbers(arm.mjcf_path, body, "pos", 3)
     return pose
@@ -202,7 +202,7 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
     Raises:
         InputError: When there are two orientations, or one that is no direction.
     """
-    named = [key for key in ORIENTATIONS if key in body.attrib]
+    named = [key for key in ORIENTATION_ATTRIBUTES if key in body.attrib]
     where = f"<body name={body.get('name')!r}>"
     if len(named) > 1:
         raise InputError(arm.mjcf_path, where, f"expected one orientation, got {' and '.join(named)}")
@@ -252,8 +252,8 @@ def _rotation_from_z(z: Array) -> Array:
 # --- Errors of the joints themselves: transmission errors that are linear in unknown coefficients -----------
 
 #: First order of each band of Fourier orders [1]: the orders of a band share one expected size.
-BANDS = (1, 2, 3, 5, 8, 12, 16, 20, 24, 28, 32, 40, 50, 60, 75, 95, 120, 150, 190, 240, 300, 400)
-ERROR_KINDS = ("harmonics", "ratio", "play", "stiffening")
+ORDER_BANDS = (1, 2, 3, 5, 8, 12, 16, 20, 24, 28, 32, 40, 50, 60, 75, 95, 120, 150, 190, 240, 300, 400)
+JOINT_ERROR_KINDS = ("harmonics", "ratio", "play", "stiffening")
 """Kinds of a joint's error: Fourier harmonics, proportional to the angle, backlash, stiffening."""
 BACKLASH_SMOOTHING = 0.1
 """Smoothing of backlash, over a joint's typical torque [1]: the step is tanh(torque / (BACKLASH_SMOOTHING
@@ -264,7 +264,7 @@ At this torque the step has reached 76 % of one side, and at twice it 96 %. A sh
 
 
 @dataclass(frozen=True)
-class JointErrors:
+class JointErrorTerms:
     """Select the terms phi_jk of the joints' errors, the same selection for every joint.
 
     A joint has k coefficients in this order: sines of all orders, cosines of all orders, ratio, backlash,
@@ -282,26 +282,28 @@ class JointErrors:
             raise BenchError(f"orders: expected different numbers above 0, got {self.orders}")
 
     @property
-    def size(self) -> int:
+    def n_coefficients(self) -> int:
         """Count the coefficients per joint, k = 2 (number of orders) + 1 for each other term selected."""
         return 2 * len(self.orders) + self.ratio + self.play + self.stiffening
 
     @property
-    def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every coefficient of a joint, (k,), each one of `ERROR_KINDS`."""
+    def coefficient_kinds(self) -> tuple[str, ...]:
+        """Name the kind of every coefficient of a joint, (k,), each one of `JOINT_ERROR_KINDS`."""
         single = (("ratio", self.ratio), ("play", self.play), ("stiffening", self.stiffening))
         return ("harmonics",) * (2 * len(self.orders)) + tuple(kind for kind, on in single if on)
 
     @property
-    def bands(self) -> Ids:
+    def coefficient_bands(self) -> Ids:
         """Return the place in `BANDS` of every coefficient of a joint, (k,); -1 without an order."""
         order = np.tile(self.orders, 2)
-        band = np.full(self.size, -1)
-        band[: len(order)] = np.searchsorted(BANDS, order, "right") - 1
+        band = np.full(self.n_coefficients, -1)
+        band[: len(order)] = np.searchsorted(ORDER_BANDS, order, "right") - 1
         return band
 
 
-def joint_error_basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) -> Array:
+def joint_error_basis(
+    errors: JointErrorTerms, arm: Arm, q: Array, torque: Array, typical_torque: Array
+) -> Array:
     """Evaluate the functions phi_jk of every joint's own error, sum_k phi_jk(q_j, tau_j) n_jk.
 
     They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (BACKLASH_SMOOTHING tau_0))
@@ -315,7 +317,7 @@ def joint_error_basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, sc
         arm: The arm, for its number of joints and which of them slide.
         q: Actuated joints, (runs, n) [rad, m].
         torque: Torque tau of every joint's spring, (n, runs) [N m, N].
-        scale: Typical torque tau_0 of every joint, (n,) [N m, N].
+        typical_torque: Typical torque tau_0 of every joint, (n,) [N m, N].
 
     Returns:
         Functions phi, (n, k, runs): harmonics, backlash and stiffening [1], ratio [rad, m].
@@ -330,7 +332,7 @@ def joint_error_basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, sc
     turns = np.cumprod(once, axis=0)[np.array(errors.orders, dtype=int) - 1] * hinge
     parts = [turns.imag, turns.real]
     # torque over its typical size, (runs, n)
-    pull = (torque / np.where(scale > 0, scale, 1.0)[:, None]).T
+    pull = (torque / np.where(typical_torque > 0, typical_torque, 1.0)[:, None]).T
     if errors.ratio:
         parts.append(q[None])
     if errors.play:

@@ -29,7 +29,7 @@ from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.model.load import Weights, own_weight, read_weights
 from testbench.model.structure import Structure
-from testbench.model.vjm import Chain, Vjm, cross
+from testbench.model.vjm import ChainState, Vjm, cross
 from testbench.registry import Registry, check_has
 
 # --- Shapes of joints that are more than linear springs, a class each: the turn, its slope, and its size ----
@@ -285,7 +285,7 @@ class JointLaws:
         every = np.tile(np.arange(len(self.compliance)), len(self.shapes))
         return every if self.compensator is None else np.append(every, 1)
 
-    def load(self, chain: Chain, u: Array) -> Array:
+    def unit_deflections(self, chain: ChainState, u: Array) -> Array:
         """Compute by how much every law turns its joint under the load, per unit of the law's size.
 
         Mathematics: `law-1`, `law-6`.
@@ -301,7 +301,7 @@ class JointLaws:
         turns = [law.turn(joint_turns) for law in self.shapes.values()]
         return np.concatenate([*turns, self._compensator_share(chain) * (c * u)[1:2]])
 
-    def slope(self, chain: Chain, u: Array) -> Array:
+    def unit_slopes(self, chain: ChainState, u: Array) -> Array:
         """Compute the derivative of the laws' turns with respect to the torque of their joint.
 
         Args:
@@ -315,12 +315,12 @@ class JointLaws:
         slopes = [c * law.slope(joint_turns) for law in self.shapes.values()]
         return np.concatenate([*slopes, c[1:2] * self._compensator_share(chain)])
 
-    def _turns(self, chain: Chain, u: Array) -> JointTurns:
+    def _turns(self, chain: ChainState, u: Array) -> JointTurns:
         """Compute the nominal turns before and under the load."""
         c, before = self.compliance[:, None], self.before(chain)
         return JointTurns(c * before, c * (before + u), self.widths)
 
-    def before(self, chain: Chain) -> Array:
+    def before(self, chain: ChainState) -> Array:
         """Compute the torques tau_0 at the joints before the load.
 
         They are those of own weight, if masses are known, less those that a compensator carries.
@@ -335,7 +335,7 @@ class JointLaws:
         """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
         if self.weights is None:
-            torque = np.zeros((n, len(chain.position)))
+            torque = np.zeros((n, len(chain.tool_position)))
         else:
             torque = own_weight(chain, self.weights)[links : links + n].copy()
         if self.compensator is not None:
@@ -343,19 +343,19 @@ class JointLaws:
             torque[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return torque
 
-    def _compensator_share(self, chain: Chain) -> Array:
+    def _compensator_share(self, chain: ChainState) -> Array:
         """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
         if self.compensator is None:
-            return np.zeros((0, len(chain.position)))
+            return np.zeros((0, len(chain.tool_position)))
         lever, longest, _ = _levers(self.compensator, chain)
         stiffer = UNIT_COMPENSATOR * (lever / longest) ** 2
         return -(stiffer / (1 + stiffer))[None]
 
 
-def _levers(spring: Compensator, chain: Chain) -> tuple[Array, Array, Array]:
+def _levers(spring: Compensator, chain: ChainState) -> tuple[Array, Array, Array]:
     """Compute a strut's lever about joint 2, its longest lever, and its length, (runs,) [m] each."""
-    (foot, R_1), (joint, R_2) = chain.bodies[1], chain.bodies[2]
-    axis, arm = chain.J_theta[3:, 6 * (len(chain.bodies) - 1) + 1], spring.head @ R_2
+    (foot, R_1), (joint, R_2) = chain.body_frames[1], chain.body_frames[2]
+    axis, arm = chain.J_theta[3:, 6 * (len(chain.body_frames) - 1) + 1], spring.head @ R_2
     along = foot + spring.foot @ R_1 - joint - arm
     length = np.linalg.norm(along, axis=0)
     lever = (axis * cross(arm, along / length)).sum(axis=0)
@@ -378,7 +378,7 @@ def with_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
 
 @lru_cache(maxsize=CACHED_VJMS)
 def _with_shapes(vjm: Vjm, shapes: tuple[tuple[str, JointLaw], ...]) -> Vjm:
-    return replace(vjm, laws=laws_of(vjm.arm, dict(shapes)))
+    return replace(vjm, joint_laws=laws_of(vjm.arm, dict(shapes)))
 
 
 def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
@@ -401,7 +401,7 @@ def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
 
 def law_kinds(structure: Structure) -> tuple[str, ...]:
     """Name the kinds of joint laws whose sizes are unknowns of a structure, in order, `STRUT` included."""
-    labels = structure.labels[structure.n_compliance_rows :] if structure.laws else ()
+    labels = structure.row_labels[structure.n_compliance_rows :] if structure.n_laws else ()
     return tuple(dict.fromkeys(label.rpartition(" ")[2] for label in labels))
 
 
@@ -425,11 +425,11 @@ def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     Returns:
         Size by joint's name and kind of law [1], in units of `law_unit`; empty for a model without laws.
     """
-    if vjm.laws is None:
+    if vjm.joint_laws is None:
         return {}
     by_joint: dict[str, dict[str, float]] = {joint.name: {} for joint in vjm.arm.joints}
     sizes = np.diag(C_theta)[vjm.arm.n_theta :].tolist()
-    for joint, kind, size in zip(vjm.laws.joints, vjm.laws.kinds, sizes, strict=True):
+    for joint, kind, size in zip(vjm.joint_laws.joints, vjm.joint_laws.kinds, sizes, strict=True):
         by_joint[vjm.arm.joints[joint].name][kind] = size
     return by_joint
 
@@ -446,9 +446,9 @@ def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice
         The model with a loop of two half widths in those runs and of one in the others; unchanged without
         laws.
     """
-    if taken_off is None or not isinstance(vjm.laws, JointLaws):
+    if taken_off is None or not isinstance(vjm.joint_laws, JointLaws):
         return vjm
-    return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[runs], 2.0, 1.0)))
+    return replace(vjm, joint_laws=replace(vjm.joint_laws, widths=np.where(taken_off[runs], 2.0, 1.0)))
 
 
 def model_for(vjm: Vjm, structure: Structure) -> Vjm:
@@ -465,7 +465,7 @@ def model_for(vjm: Vjm, structure: Structure) -> Vjm:
     return with_joint_laws(vjm, kinds) if kinds else vjm
 
 
-def tangent(vjm: Vjm, C_theta: Array, chain: Chain, u: Array) -> Array:
+def tangent(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Array:
     """Compute the tangent compliance of links and joints at a loaded equilibrium, joint laws included.
 
     The compliance of a joint is its own plus the sum of size times slope of its laws, and at least zero.
@@ -482,12 +482,12 @@ def tangent(vjm: Vjm, C_theta: Array, chain: Chain, u: Array) -> Array:
         Compliance for a small further load, (runs, 7 n + 6, 7 n + 6) [m/N, rad/N, rad/(N m)].
     """
     n, plain = vjm.arm.n_joints, vjm.arm.n_theta
-    C = np.tile(C_theta[:plain, :plain], (len(chain.position), 1, 1))
-    if vjm.laws is not None:
-        more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(chain, u[plain - n :])
+    C = np.tile(C_theta[:plain, :plain], (len(chain.tool_position), 1, 1))
+    if vjm.joint_laws is not None:
+        more = np.diag(C_theta)[plain:, None] * vjm.joint_laws.unit_slopes(chain, u[plain - n :])
         joint_rows = np.arange(plain - n, plain)
         joints = C[:, joint_rows, joint_rows].T
-        np.add.at(joints, vjm.laws.joints, more)
+        np.add.at(joints, vjm.joint_laws.joints, more)
         C[:, joint_rows, joint_rows] = np.maximum(joints.T, 0.0)
     return C
 
@@ -504,7 +504,7 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
         The structure with the laws as its last parameters; unchanged if it has them, or the arm has no
         joints.
     """
-    if structure.laws or not arm.joints:
+    if structure.n_laws or not arm.joints:
         return structure
     laws = laws_of(arm, {name: joint_laws[name] for name in (joint_laws if kinds is None else kinds)})
     more = structure.n_theta + np.arange(len(laws.joints))
@@ -513,30 +513,35 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
         structure,
         name=f"{structure.name} + laws",
         n_theta=structure.n_theta + len(more),
-        a=np.append(structure.a, more),
-        b=np.append(structure.b, more),
-        labels=(*structure.labels, *map(" ".join, zip(names, laws.kinds, strict=True))),
-        laws=len(more),
+        rows=np.append(structure.rows, more),
+        columns=np.append(structure.columns, more),
+        row_labels=(*structure.row_labels, *map(" ".join, zip(names, laws.kinds, strict=True))),
+        n_laws=len(more),
     )
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def with_joint_couplings(structure: Structure) -> Structure:
     """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
-    joints = 6 * structure.links + np.arange(structure.links - 1)
+    joints = 6 * structure.n_links + np.arange(structure.n_links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
     name = structure.name + COUPLED_SUFFIX * (len(a) > 0)
-    return replace(structure, name=name, a=np.append(structure.a, a), b=np.append(structure.b, b))
+    return replace(
+        structure,
+        name=name,
+        rows=np.append(structure.rows, a),
+        columns=np.append(structure.columns, b),
+    )
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def without_joint_couplings(structure: Structure) -> Structure:
     """Remove the couplings between joints from a structure; cached."""
-    keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
+    keep = np.flatnonzero((structure.rows < 6 * structure.n_links) | (structure.rows == structure.columns))
     return (
         structure
-        if len(keep) == structure.n
-        else structure.keep(keep, structure.name.removesuffix(COUPLED_SUFFIX))
+        if len(keep) == structure.n_parameters
+        else structure.select_parameters(keep, structure.name.removesuffix(COUPLED_SUFFIX))
     )
 
 
@@ -544,13 +549,13 @@ def without_joint_couplings(structure: Structure) -> Structure:
 def without_laws(structure: Structure) -> Structure:
     """Remove joint laws and couplings between joints from a structure; cached."""
     structure = without_joint_couplings(structure)
-    if not structure.laws:
+    if not structure.n_laws:
         return structure
-    keep = np.flatnonzero(structure.a < structure.n_compliance_rows)
-    plain = structure.keep(keep, structure.name.removesuffix(" + laws"))
+    keep = np.flatnonzero(structure.rows < structure.n_compliance_rows)
+    plain = structure.select_parameters(keep, structure.name.removesuffix(" + laws"))
     return replace(
         plain,
         n_theta=structure.n_compliance_rows,
-        labels=structure.labels[: structure.n_compliance_rows],
-        laws=0,
+        row_labels=structure.row_labels[: structure.n_compliance_rows],
+        n_laws=0,
     )

@@ -25,14 +25,14 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium, check_array, check_type
 from testbench.model.kinematics import body_pose
 from testbench.model.vjm import (
-    Chain,
+    ChainState,
     Vjm,
     append_law_loads,
-    chain,
     cross,
+    evaluate_chain,
     generalised_load,
-    load_without_laws,
-    translation_rows,
+    generalised_load_without_laws,
+    translational_jacobian,
 )
 
 # --- Loads at the tool, and their generalised loads on the virtual joints -----------------------------------
@@ -127,7 +127,7 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
     return total
 
 
-def on_joints(chain: Chain, loads: Sequence[Load]) -> Array:
+def on_joints(chain: ChainState, loads: Sequence[Load]) -> Array:
     """Sum the generalised loads J_F^T w of all loads on every virtual joint, Eq. (10).
 
     Args:
@@ -141,9 +141,9 @@ def on_joints(chain: Chain, loads: Sequence[Load]) -> Array:
     Raises:
         BenchError: When a load does not have one row per run.
     """
-    u = np.zeros((7 * len(chain.bodies) - 8, len(chain.position)))
+    u = np.zeros((7 * len(chain.body_frames) - 8, len(chain.tool_position)))
     for load in loads:
-        u += load_without_laws(chain, load.wrench, load.point)
+        u += generalised_load_without_laws(chain, load.wrench, load.point)
     return append_law_loads(chain, u)
 
 
@@ -259,7 +259,7 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
     }
 
 
-def weight_columns(chain: Chain) -> Array:
+def weight_columns(chain: ChainState) -> Array:
     """Compute the load of every virtual joint per unit of mass and of each first moment of every body.
 
     For a virtual joint t that carries body k with origin p and axes R these are J_t(p)^T g, and (omega_t x R
@@ -270,10 +270,12 @@ def weight_columns(chain: Chain) -> Array:
         `Weights.parameters` is `own_weight`.
     """
     _, n_theta, runs = chain.J_theta.shape
-    columns = np.zeros((len(chain.bodies), 4, n_theta, runs))  # runs last: every product is one long loop
-    for k, (p, R) in enumerate(chain.bodies):
+    columns = np.zeros(
+        (len(chain.body_frames), 4, n_theta, runs)
+    )  # runs last: every product is one long loop
+    for k, (p, R) in enumerate(chain.body_frames):
         # the Jacobian at the body's origin: v_z(p) = v_z + (omega x (p - tool))_z
-        arm = p - chain.position.T
+        arm = p - chain.tool_position.T
         for rows in _carrying_joints(k, chain):
             v_z, (x, y) = chain.J_theta[2, rows], chain.J_theta[3:5, rows]
             columns[k, 0, rows] = v_z + x * arm[1] - y * arm[0]
@@ -283,13 +285,13 @@ def weight_columns(chain: Chain) -> Array:
     return columns.transpose(2, 3, 0, 1)
 
 
-def _carrying_joints(body: int, chain: Chain) -> tuple[slice, slice]:
+def _carrying_joints(body: int, chain: ChainState) -> tuple[slice, slice]:
     """Return slices of the virtual joints that carry a body: those of links, and those of joints."""
-    links, joints = 6 * (len(chain.bodies) - 1), len(chain.bodies) - 2
+    links, joints = 6 * (len(chain.body_frames) - 1), len(chain.body_frames) - 2
     return slice(0, 6 * body), slice(links, links + min(body, joints))
 
 
-def own_weight(chain: Chain, weights: Weights) -> Array:
+def own_weight(chain: ChainState, weights: Weights) -> Array:
     """Compute the load of every virtual joint under the arm's own weight, sum_k J_k^T m_k g.
 
     Everything behind a virtual joint pulls as one body: masses and moments are summed from the tool on. The
@@ -306,10 +308,10 @@ def own_weight(chain: Chain, weights: Weights) -> Array:
     """
     _, n_theta, runs = chain.J_theta.shape
     load, mass, moment = np.zeros((n_theta, runs)), 0.0, np.zeros((3, runs))
-    for k in range(len(chain.bodies) - 1, 0, -1):
-        p, R = chain.bodies[k]
+    for k in range(len(chain.body_frames) - 1, 0, -1):
+        p, R = chain.body_frames[k]
         mass += weights.mass[k]
-        moment += weights.mass[k] * (p - chain.position.T + weights.centre[k] @ R)
+        moment += weights.mass[k] * (p - chain.tool_position.T + weights.centre[k] @ R)
         links, joints = _carrying_joints(k, chain)
         for rows in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
             v_z, (x, y) = chain.J_theta[2, rows], chain.J_theta[3:5, rows]
@@ -320,7 +322,7 @@ def own_weight(chain: Chain, weights: Weights) -> Array:
 # --- Stiffness of the loaded arm, Eq. (7), on the model side, batched over runs -----------------------------
 
 
-def geometric_stiffness(chain: Chain, wrench: Array, point: Array) -> Array:
+def geometric_stiffness(chain: ChainState, wrench: Array, point: Array) -> Array:
     """Compute the force term K_w = d(J_theta^T w) / d theta of Eq. (7), in closed form.
 
     A virtual joint i carries everything behind it in the chain. So for i before j in the chain, or i = j, the
@@ -342,7 +344,7 @@ def geometric_stiffness(chain: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    runs = len(chain.position)
+    runs = len(chain.tool_position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
     J, turns = load_jacobian(chain, point), chain.J_theta[3:]
@@ -366,7 +368,7 @@ def _rank_in_chain(n_theta: int) -> Ids:
     return np.concatenate([links.ravel(), 7 * np.arange(n) + 6])
 
 
-def load_jacobian(chain: Chain, point: Array) -> Array:
+def load_jacobian(chain: ChainState, point: Array) -> Array:
     """Compute the Jacobian J_theta = dg / d theta of Eq. (2) at the point where the load acts.
 
     Args:
@@ -379,8 +381,8 @@ def load_jacobian(chain: Chain, point: Array) -> Array:
     Raises:
         BenchError: When point has another shape or is not finite.
     """
-    point = check_array(point, (len(chain.position), 3), "point [m]")
-    arm, (v, omega) = np.einsum("rxy,ry->xr", chain.rotation, point), np.split(chain.J_theta, 2)
+    point = check_array(point, (len(chain.tool_position), 3), "point [m]")
+    arm, (v, omega) = np.einsum("rxy,ry->xr", chain.tool_rotation, point), np.split(chain.J_theta, 2)
     J = np.concatenate([v + cross(omega, arm[:, None]), omega])
     return np.ascontiguousarray(J.transpose(2, 0, 1))
 
@@ -422,7 +424,7 @@ def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
         raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
 
 
-def secant(chain: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
+def secant(chain: ChainState, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
     """Compute virtual joints as if the stiffness of theta = 0 held for the whole load, Eq. (5) to (7).
 
     Without K_w, theta = C_theta J^T w, Eq. (6). With it, theta = (I - C_theta K_w)^-1 C_theta J^T w, Eq. (7).
@@ -452,7 +454,7 @@ def secant(chain: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
     return np.asarray(theta)
 
 
-def displacement(chain: Chain, theta: Array, targets: Array) -> Array:
+def displacement(chain: ChainState, theta: Array, targets: Array) -> Array:
     """Compute deflections of points of the tool to first order, dp = J_p theta.
 
     Mathematics: `vjm-8`.
@@ -469,7 +471,7 @@ def displacement(chain: Chain, theta: Array, targets: Array) -> Array:
         BenchError: When targets have another shape or are not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
-    moved = np.einsum("ptr,rt->rp", translation_rows(chain, targets), theta)
+    moved = np.einsum("ptr,rt->rp", translational_jacobian(chain, targets), theta)
     return np.asarray(moved.reshape(len(theta), len(targets), 3))
 
 
@@ -491,6 +493,6 @@ def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array
         BenchError: When an array has another shape or is not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
-    start, end = chain(vjm, q), chain(vjm, q, theta)
-    turned = np.einsum("rxy,py->rpx", end.rotation - start.rotation, targets)
-    return np.asarray((end.position - start.position)[:, None] + turned)
+    start, end = evaluate_chain(vjm, q), evaluate_chain(vjm, q, theta)
+    turned = np.einsum("rxy,py->rpx", end.tool_rotation - start.tool_rotation, targets)
+    return np.asarray((end.tool_position - start.tool_position)[:, None] + turned)

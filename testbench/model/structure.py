@@ -20,36 +20,36 @@ from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type
 
-Pairs = tuple[tuple[int, int], ...]
+EntryPairs = tuple[tuple[int, int], ...]
 
-FULL: Pairs = tuple((a, b) for b in range(6) for a in range(b + 1))
+FULL_ENTRIES: EntryPairs = tuple((a, b) for b in range(6) for a in range(b + 1))
 """All 21 entries of a symmetric 6x6 compliance."""
-FREE: Pairs = tuple((a, b) for a in range(6) for b in range(6))
+UNSYMMETRIC_ENTRIES: EntryPairs = tuple((a, b) for a in range(6) for b in range(6))
 """All 36 entries of a 6x6 matrix that need not be symmetric."""
-TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
+BEAM_ENTRIES: EntryPairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
 """The 8 entries of a straight beam: c11 c22 c33 c44 c55 c66 c26 c35."""
-JOINTS = "Joints"  #: Name of the structure of joint stiffness only.
+JOINTS_ONLY = "Joints"  #: Name of the structure of joint stiffness only.
 Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
 """Constraint of a method on every block. "none": none. "psd": positive semi-definite. "free": as positive
 semi-definite as unobservable directions allow; the fit is that of least squares. "ridge": small. "clipped":
 least squares, made positive semi-definite afterwards. "own": unknown, from an estimator of your own."""
-PAPER_GCO = "GCO (paper)"
+PAPER_GCO_METHOD = "GCO (paper)"
 """Method name of GCO without a learnt trace weight."""
 
 
 @dataclass(frozen=True)
-class Group:
+class BlockGroup:
     """Collect the blocks of C_theta that have one size, so that an operation serves all of them at once."""
 
-    at: Ids  #: Indices of the blocks in `Structure.blocks`, (k,).
-    rows: Ids  #: Rows of C_theta of each block, (k, size).
+    block_indices: Ids  #: Indices of the blocks in `Structure.blocks`, (k,).
+    theta_rows: Ids  #: Rows of C_theta of each block, (k, size).
     #: Indices of their upper triangles in `Structure.triangles`, (k, size (size + 1) / 2).
-    entries: Ids
+    triangle_entries: Ids
 
     @cached_property
-    def index(self) -> tuple[Ids, Ids]:
+    def index_arrays(self) -> tuple[Ids, Ids]:
         """Return index arrays of the blocks, so that C[index] has shape (k, size, size)."""
-        return self.rows[:, :, None], self.rows[:, None, :]
+        return self.theta_rows[:, :, None], self.theta_rows[:, None, :]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,17 +61,17 @@ class Structure(Displayed):
 
     name: str  #: Name for reports, such as MGCO68.
     n_theta: int  #: Number of rows of C_theta.
-    a: Ids  #: Row of each parameter in C_theta, (n,).
-    b: Ids  #: Column of each parameter, (n,).
+    rows: Ids  #: Row of each parameter in C_theta, (n,).
+    columns: Ids  #: Column of each parameter, (n,).
     #: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
-    labels: tuple[str, ...] = field(repr=False)
+    row_labels: tuple[str, ...] = field(repr=False)
     #: Whether a parameter is also C_theta[b, a]; if not, that entry is another parameter, or zero.
     symmetric: bool = True
-    laws: int = 0  #: Number of virtual joints of joint laws, the last ones.
+    n_laws: int = 0  #: Number of virtual joints of joint laws, the last ones.
 
     def summary(self) -> dict[str, object]:
         """Summarise the structure by its name, its number of unknowns, and whether it is symmetric."""
-        return {"name": self.name, "unknowns": self.n, "symmetric": self.symmetric}
+        return {"name": self.name, "unknowns": self.n_parameters, "symmetric": self.symmetric}
 
     @classmethod
     def of(
@@ -80,7 +80,7 @@ class Structure(Displayed):
         *,
         links: Iterable[str] = (),
         joints: Iterable[str] = (),
-        entries: Pairs = FULL,
+        entries: EntryPairs = FULL_ENTRIES,
         name: str = "own",
     ) -> "Structure":
         """Build a structure whose named links and joints are elastic; everything else is rigid.
@@ -122,39 +122,39 @@ class Structure(Displayed):
         if not pairs:
             raise BenchError("structure: expected at least one elastic link or joint")
         a, b = np.array(pairs).T
-        return cls(name, arm.n_theta, a, b, labels_of(arm), symmetric)
+        return cls(name, arm.n_theta, a, b, theta_row_labels(arm), symmetric)
 
     @property
-    def n(self) -> int:
+    def n_parameters(self) -> int:
         """Return the number of parameters."""
-        return len(self.a)
+        return len(self.rows)
 
     @property
     def n_compliance_rows(self) -> int:
         """Return the number of virtual joints of links and joints, 7 n + 6; joint laws come after them."""
-        return self.n_theta - self.laws
+        return self.n_theta - self.n_laws
 
     @property
-    def links(self) -> int:
+    def n_links(self) -> int:
         """Return the number of links of the arm, n + 1, from the 7 n + 6 virtual joints."""
         return (self.n_compliance_rows + 1) // 7
 
     @cached_property
     def fills_two_entries(self) -> Mask:
         """Tell which parameters fill two places of C_theta, C[a, b] and C[b, a], (n,)."""
-        return np.asarray(self.symmetric & (self.a != self.b))
+        return np.asarray(self.symmetric & (self.rows != self.columns))
 
     @cached_property
-    def block_of(self) -> Ids:
+    def block_of_row(self) -> Ids:
         """Return the index of the block of every row of C_theta, (n_theta,); -1 where no parameter is."""
         # connected components: every row takes the least label it is coupled to, until none changes
         label = np.arange(self.n_theta)
-        while (label[self.a] != label[self.b]).any():
-            least = np.minimum(label[self.a], label[self.b])
-            np.minimum.at(label, self.a, least)
-            np.minimum.at(label, self.b, least)
+        while (label[self.rows] != label[self.columns]).any():
+            least = np.minimum(label[self.rows], label[self.columns])
+            np.minimum.at(label, self.rows, least)
+            np.minimum.at(label, self.columns, least)
         place = np.full(self.n_theta, -1)
-        used = np.union1d(self.a, self.b)
+        used = np.union1d(self.rows, self.columns)
         place[used] = np.unique(label[used], return_inverse=True)[1]
         return place
 
@@ -164,40 +164,40 @@ class Structure(Displayed):
 
         A symmetric C_theta is positive semi-definite, and so conservative, exactly where every block is.
         """
-        return tuple(np.flatnonzero(self.block_of == k) for k in range(self.block_of.max() + 1))
+        return tuple(np.flatnonzero(self.block_of_row == k) for k in range(self.block_of_row.max() + 1))
 
     @cached_property
-    def groups(self) -> tuple[Group, ...]:
+    def block_groups(self) -> tuple[BlockGroup, ...]:
         """Collect the blocks by size, smallest first."""
         sizes = np.array([len(block) for block in self.blocks])
         entries = sizes * (sizes + 1) // 2
         first = np.cumsum(entries) - entries
 
-        def group(at: Ids) -> Group:
+        def group(at: Ids) -> BlockGroup:
             rows = np.array([self.blocks[k] for k in at])
-            return Group(at, rows, first[at, None] + np.arange(entries[at[0]]))
+            return BlockGroup(at, rows, first[at, None] + np.arange(entries[at[0]]))
 
         return tuple(group(np.flatnonzero(sizes == size)) for size in np.unique(sizes))
 
     @cached_property
-    def triangles(self) -> tuple[Ids, Ids]:
+    def upper_triangles(self) -> tuple[Ids, Ids]:
         """Return rows and columns in C_theta of the upper triangles, column by column, block after block."""
-        block = self.block_of
+        block = self.block_of_row
         column, row = np.nonzero(np.tril((block[:, None] == block) & (block >= 0)))
         order = np.argsort(block[column], kind="stable")
         return row[order], column[order]
 
     @cached_property
-    def parameter(self) -> Ids:
+    def parameter_of_entry(self) -> Ids:
         """Return the parameter of every entry of `triangles`, (entries,); -1 for an entry that is known."""
         place = np.full((self.n_theta,) * 2, -1)
-        place[self.a, self.b] = place[self.b, self.a] = np.arange(self.n)
-        return np.asarray(place[self.triangles])
+        place[self.rows, self.columns] = place[self.columns, self.rows] = np.arange(self.n_parameters)
+        return np.asarray(place[self.upper_triangles])
 
     @cached_property
     def has_full_blocks(self) -> bool:
         """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
-        return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
+        return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n_parameters
 
     def indices_in(self, wider: "Structure") -> Ids:
         """Find the parameters of this structure among those of a wider one.
@@ -208,8 +208,10 @@ class Structure(Displayed):
         Returns:
             Index of each parameter in the wider structure, (n,); -1 for a parameter that it lacks.
         """
-        place = {pair: k for k, pair in enumerate(zip(wider.a.tolist(), wider.b.tolist(), strict=True))}
-        pairs = zip(self.a.tolist(), self.b.tolist(), strict=True)
+        place = {
+            pair: k for k, pair in enumerate(zip(wider.rows.tolist(), wider.columns.tolist(), strict=True))
+        }
+        pairs = zip(self.rows.tolist(), self.columns.tolist(), strict=True)
         return np.array([place.get(pair, -1) for pair in pairs], dtype=int)
 
     def matrix(self, pi: Array) -> Array:
@@ -224,18 +226,18 @@ class Structure(Displayed):
         Raises:
             BenchError: When pi has another shape or is not finite.
         """
-        pi = check_array(pi, (self.n,), "pi [m/N, rad/N, rad/(N m)]")
+        pi = check_array(pi, (self.n_parameters,), "pi [m/N, rad/N, rad/(N m)]")
         C = np.zeros((self.n_theta, self.n_theta))
         if self.symmetric:
-            C[self.b, self.a] = pi
-        C[self.a, self.b] = pi
+            C[self.columns, self.rows] = pi
+        C[self.rows, self.columns] = pi
         return C
 
-    def entries(self, C: Array) -> Array:
+    def entries(self, C_theta: Array) -> Array:
         """Read the parameters pi from C_theta; entries outside the structure are dropped.
 
         Args:
-            C: C_theta, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
+            C_theta: C_theta, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
 
         Returns:
             Parameters pi, (n,).
@@ -244,35 +246,35 @@ class Structure(Displayed):
             BenchError: When C has another shape.
         """
         expected = (self.n_theta, self.n_theta)
-        if np.shape(C) != expected:
-            raise BenchError(f"C_theta: expected shape {expected}, got {np.shape(C)}")
-        return np.asarray(C)[self.a, self.b]
+        if np.shape(C_theta) != expected:
+            raise BenchError(f"C_theta: expected shape {expected}, got {np.shape(C_theta)}")
+        return np.asarray(C_theta)[self.rows, self.columns]
 
-    def gradient(self, g: Array) -> Array:
+    def gradient_matrix(self, gradient: Array) -> Array:
         """Convert a gradient with respect to pi into a matrix S with <S, C> = g . pi.
 
         Args:
-            g: Gradient with respect to pi, (n,).
+            gradient: Gradient with respect to pi, (n,).
 
         Returns:
             S, (n_theta, n_theta).
         """
-        return self.matrix(np.where(self.fills_two_entries, g / 2, g))
+        return self.matrix(np.where(self.fills_two_entries, gradient / 2, gradient))
 
-    def keep(self, columns: Ids, name: str) -> "Structure":
+    def select_parameters(self, indices: Ids, name: str) -> "Structure":
         """Keep some parameters; the dropped ones become zero.
 
         Args:
-            columns: Indices of the parameters to keep, (k,).
+            indices: Indices of the parameters to keep, (k,).
             name: Name of the new structure.
 
         Returns:
             The structure with k parameters, in the order of columns.
         """
-        return replace(self, name=name, a=self.a[columns], b=self.b[columns])
+        return replace(self, name=name, rows=self.rows[indices], columns=self.columns[indices])
 
 
-def labels_of(arm: Arm) -> tuple[str, ...]:
+def theta_row_labels(arm: Arm) -> tuple[str, ...]:
     """Name every row of C_theta: link and axis such as "link_2.phi_x", then the joints, (n_theta,)."""
     links = [
         f"{link.name}.{axis}" for link in arm.links for axis in ("x", "y", "z", "phi_x", "phi_y", "phi_z")
@@ -292,7 +294,10 @@ def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -
 
 
 def _named(
-    name: str, links: tuple[int, ...] | None = None, joints: slice | None = None, entries: Pairs = FULL
+    name: str,
+    links: tuple[int, ...] | None = None,
+    joints: slice | None = None,
+    entries: EntryPairs = FULL_ENTRIES,
 ) -> Callable[[Arm], Structure]:
     """Make a builder of one of the paper's structures.
 
@@ -308,12 +313,12 @@ def _named(
             )
         free = [] if joints is None else [joint.name for joint in arm.joints[joints]]
         structure = Structure.of(arm, links=[arm.links[i].name for i in which], joints=free, entries=entries)
-        return replace(structure, name=f"{name.rstrip(digits)}{structure.n}")
+        return replace(structure, name=f"{name.rstrip(digits)}{structure.n_parameters}")
 
     return make
 
 
-mls36 = _named("MLS36", entries=FREE)
+mls36 = _named("MLS36", entries=UNSYMMETRIC_ENTRIES)
 """All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
 mgco147 = _named("MGCO147")
 """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
@@ -327,7 +332,7 @@ mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and 
 
 def joints_only(arm: Arm) -> Structure:
     """Build the structure of joint stiffness only, links rigid: the model of most calibrations."""
-    return Structure.of(arm, joints=[joint.name for joint in arm.joints], name=JOINTS)
+    return Structure.of(arm, joints=[joint.name for joint in arm.joints], name=JOINTS_ONLY)
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:
@@ -340,4 +345,4 @@ def template56(arm: Arm, name: str = "MGCO56") -> Structure:
     Returns:
         The structure of 8 parameters per link, 56 for six joints.
     """
-    return _named(name, entries=TEMPLATE)(arm)
+    return _named(name, entries=BEAM_ENTRIES)(arm)

@@ -23,7 +23,7 @@ from testbench.model.structure import Structure
 # --- The virtual joint method on the kinematics of the rigid arm, batched over runs, Eq. (1) to (13) --------
 
 
-class Laws(Protocol):
+class JointLawSet(Protocol):
     """Define the interface of joint laws: virtual joints in series with the spring of each joint."""
 
     @property
@@ -34,7 +34,7 @@ class Laws(Protocol):
     def joints(self) -> Ids:
         """Return the index of the actuated joint that each law turns with, (laws,)."""
 
-    def load(self, chain: "Chain", u: Array) -> Array:
+    def unit_deflections(self, chain: "ChainState", u: Array) -> Array:
         """Compute the turn of every law per unit of its size.
 
         Args:
@@ -45,7 +45,7 @@ class Laws(Protocol):
             Turn per unit of size, (laws, runs) [rad, m].
         """
 
-    def slope(self, chain: "Chain", u: Array) -> Array:
+    def unit_slopes(self, chain: "ChainState", u: Array) -> Array:
         """Compute the derivative of the laws' turns with respect to the torque of their joint.
 
         Args:
@@ -67,21 +67,21 @@ class Vjm(Displayed):
     """
 
     arm: Arm  #: Description of the arm.
-    base: Array  #: Pose of the base link's body in the world, (4, 4) [1, m].
-    placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4) [1, m].
-    axes: Array  #: Unit axis of each joint in its body, about or along which it moves, (n, 3) [1].
-    tool: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
+    base_pose: Array  #: Pose of the base link's body in the world, (4, 4) [1, m].
+    joint_placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4) [1, m].
+    joint_axes: Array  #: Unit axis of each joint in its body, about or along which it moves, (n, 3) [1].
+    tool_placement: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
     load_point: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
-    laws: Laws | None = None  #: Laws of its joints beyond a linear spring; None for none.
+    joint_laws: JointLawSet | None = None  #: Laws of its joints beyond a linear spring; None for none.
 
     @property
     def n_theta(self) -> int:
         """Return the number of virtual joints, 7 n + 6 and one per joint law."""
-        return self.arm.n_theta + (len(self.laws.joints) if self.laws else 0)
+        return self.arm.n_theta + (len(self.joint_laws.joints) if self.joint_laws else 0)
 
     @property
-    def joint_slice(self) -> slice:
+    def joint_spring_slice(self) -> slice:
         """Return the slice of theta that holds the springs of the actuated joints."""
         return slice(6 * len(self.arm.links), self.arm.n_theta)
 
@@ -93,12 +93,14 @@ class Vjm(Displayed):
     def axes_in_beam(self) -> Array:
         """Compute the unit axis of each joint in the beam frame of the link before it, (n, 3) [1]."""
         frames = np.array([link.beam_axes for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
-        return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))
+        return np.asarray(
+            np.einsum("jxb,jxy,jy->jb", frames, self.joint_placements[:, :3, :3], self.joint_axes)
+        )
 
     @cached_property
     def body_offsets(self) -> Array:
         """Return vectors from each body to the next, base to tool, in the former's axes, (n + 1, 3) [m]."""
-        return np.array([pose[:3, 3] for pose in (*self.placements, self.tool)])
+        return np.array([pose[:3, 3] for pose in (*self.joint_placements, self.tool_placement)])
 
     @property
     def reach(self) -> float:
@@ -114,7 +116,7 @@ class Vjm(Displayed):
         next body's, or to the tool, in the body's axes, (3,) [m]; and the rotation next body from beam frame,
         (3, 3).
         """
-        poses = (*self.placements, self.tool)
+        poses = (*self.joint_placements, self.tool_placement)
         frames = [link.beam_axes for link in self.arm.links]
         return tuple((f.T, x[:3, 3], x[:3, :3].T @ f) for f, x in zip(frames, poses, strict=True))
 
@@ -125,25 +127,27 @@ class Vjm(Displayed):
         Rows 0 to 2 are multiplied by sin(q), rows 3 to 5 by 1 - cos(q), and row 6 is the joint's axis. A
         slide uses the axis alone.
         """
-        turns = [skew(axis) for axis in self.axes]
-        return tuple(np.vstack([W.T, (W @ W).T, axis]) for W, axis in zip(turns, self.axes, strict=True))
+        turns = [skew(axis) for axis in self.joint_axes]
+        return tuple(
+            np.vstack([W.T, (W @ W).T, axis]) for W, axis in zip(turns, self.joint_axes, strict=True)
+        )
 
 
 @dataclass(frozen=True)
-class Chain:
+class ChainState:
     """Hold the tool's pose and the Jacobian of the virtual joints of every run, in world axes."""
 
     #: Jacobian dg / d theta of Eq. (2) at the tool's origin, translation rows first, (6, n_theta, runs)
     #: [1, m]. Runs are last in all arrays of the hot path: every product is one long loop.
     J_theta: Array
-    position: Array  #: Tool position, (runs, 3) [m].
-    rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
+    tool_position: Array  #: Tool position, (runs, 3) [m].
+    tool_rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
     #: Origin, (3, runs) [m], and axes, world from body, (3, 3, runs), of the links' bodies from the base on
     #: and of the tool, n + 2 of them.
-    bodies: tuple[tuple[Array, Array], ...]
-    laws: Laws | None = None  #: Joint laws of the model.
+    body_frames: tuple[tuple[Array, Array], ...]
+    joint_laws: JointLawSet | None = None  #: Joint laws of the model.
 
-    def points(self, points: Array) -> Array:
+    def tool_points_in_world(self, points: Array) -> Array:
         """Transform points from the tool's frame to the world.
 
         Args:
@@ -152,13 +156,13 @@ class Chain:
         Returns:
             Points in the world, (runs, k, 3) [m].
         """
-        return points_on_tool((self.position, self.rotation), points)
+        return transform_tool_points((self.tool_position, self.tool_rotation), points)
 
 
 # --- Kinematics, Eq. (1) to (3) -----------------------------------------------------------------------------
 
 
-def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
+def evaluate_chain(vjm: Vjm, q: Array, theta: Array | None = None) -> ChainState:
     """Evaluate the extended chain: tool pose X = g(q, theta) of Eq. (1) and (2), and J_theta = dg / d theta.
 
     Mathematics: `vjm-1`, `vjm-3`.
@@ -182,14 +186,14 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     bent = (
         None
         if theta is None
-        else joint_law_rotations(vjm, check_array(theta, (runs, vjm.n_theta), "theta [m, rad]"))
+        else add_law_deflections(vjm, check_array(theta, (runs, vjm.n_theta), "theta [m, rad]"))
     )
     moved = (q if bent is None else q + bent[:, links:]).T
     sine, less = np.sin(moved), 1 - np.cos(moved)
     J = np.zeros((6, vjm.n_theta, runs))
     of_links, of_joints = np.empty((3, n + 1, 1, runs)), np.empty((3, n, runs))  # where they turn about
-    R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
-    p = np.tile(vjm.base[:3, 3:], runs)
+    R = np.tile(vjm.base_pose[:3, :3, None], runs)  # world axis, body axis, run
+    p = np.tile(vjm.base_pose[:3, 3:], runs)
     bodies = []
     for i, (frame, arm, behind) in enumerate(vjm.link_transforms):
         bodies.append((p, R))
@@ -197,7 +201,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
         p = p + arm @ R
         beam = hinges = J[:3, 6 * i : 6 * i + 3] = frame @ R
         if bent is not None:
-            p, hinges, beam = displace_link(p, beam, bent[:, 6 * i : 6 * i + 6])
+            p, hinges, beam = move_virtual_joint(p, beam, bent[:, 6 * i : 6 * i + 6])
         J[3:, 6 * i + 3 : 6 * i + 6] = hinges
         of_links[:, i, 0] = p
         R = behind @ beam
@@ -212,9 +216,9 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
     _add_lever_arms(J, p[:, None, None] - of_links, p[:, None] - of_joints)
     # a joint law turns with its joint: the same column
-    if vjm.laws is not None:
-        J[:, links + n :] = J[:, links + vjm.laws.joints]
-    return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
+    if vjm.joint_laws is not None:
+        J[:, links + n :] = J[:, links + vjm.joint_laws.joints]
+    return ChainState(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.joint_laws)
 
 
 def _add_lever_arms(J: Array, from_links: Array, from_joints: Array) -> None:
@@ -231,7 +235,7 @@ def _add_lever_arms(J: Array, from_links: Array, from_joints: Array) -> None:
     joints[:3] += cross(joints[3:], from_joints)
 
 
-def joint_law_rotations(vjm: Vjm, theta: Array) -> Array:
+def add_law_deflections(vjm: Vjm, theta: Array) -> Array:
     """Add the turns of joint laws to those of their joints.
 
     Args:
@@ -241,14 +245,14 @@ def joint_law_rotations(vjm: Vjm, theta: Array) -> Array:
     Returns:
         Coordinates of links and joints, (runs, 7 n + 6) [m, rad].
     """
-    if vjm.laws is None:
+    if vjm.joint_laws is None:
         return theta
     plain, links = theta[:, : vjm.arm.n_theta].copy(), 6 * len(vjm.arm.links)
-    np.add.at(plain.T, links + vjm.laws.joints, theta[:, vjm.arm.n_theta :].T)
+    np.add.at(plain.T, links + vjm.joint_laws.joints, theta[:, vjm.arm.n_theta :].T)
     return plain
 
 
-def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
+def tool_poses(vjm: Vjm, q: Array) -> tuple[Array, Array]:
     """Compute poses of the tool of the rigid arm.
 
     Args:
@@ -278,10 +282,10 @@ def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     Raises:
         BenchError: When q has another shape or is not finite.
     """
-    return points_on_tool(tool_pose(vjm, q), points)
+    return transform_tool_points(tool_poses(vjm, q), points)
 
 
-def points_on_tool(pose: tuple[Array, Array], points: Array) -> Array:
+def transform_tool_points(pose: tuple[Array, Array], points: Array) -> Array:
     """Compute world positions of points of the tool from the tool's poses.
 
     Args:
@@ -295,7 +299,7 @@ def points_on_tool(pose: tuple[Array, Array], points: Array) -> Array:
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 
-def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
+def marker_positions(vjm: Vjm, names: tuple[str, ...]) -> Array:
     """Return the positions of named markers in the tool's frame.
 
     Args:
@@ -329,10 +333,10 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
         BenchError: When q has another shape or is not finite.
     """
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
-    R = np.tile(vjm.base[:3, :3, None], len(q))
-    p = np.tile(vjm.base[:3, 3:], len(q))
+    R = np.tile(vjm.base_pose[:3, :3, None], len(q))
+    p = np.tile(vjm.base_pose[:3, 3:], len(q))
     bodies = [(p, R)]
-    steps = zip(vjm.arm.joints, vjm.placements, vjm.rodrigues_factors, q.T, strict=True)
+    steps = zip(vjm.arm.joints, vjm.joint_placements, vjm.rodrigues_factors, q.T, strict=True)
     for joint, placement, factors, moved in steps:
         p = p + placement[:3, 3] @ R
         R = placement[:3, :3].T @ R
@@ -342,37 +346,45 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
         else:
             R = R + np.sin(moved) * of[:, :3] + (1 - np.cos(moved)) * of[:, 3:6]
         bodies.append((p, R))
-    bodies.append((p + vjm.tool[:3, 3] @ R, vjm.tool[:3, :3].T @ R))
+    bodies.append((p + vjm.tool_placement[:3, 3] @ R, vjm.tool_placement[:3, :3].T @ R))
     return [(p.T, R.transpose(2, 0, 1)) for p, R in bodies]
 
 
 # --- Rotations of frames ------------------------------------------------------------------------------------
 
 
-def displace_link(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
+def move_virtual_joint(position: Array, beam_axes: Array, theta: Array) -> tuple[Array, Array, Array]:
     """Move a link's virtual joint away from zero: slides x, y, z, then hinges x, y, z in series.
 
     Mathematics: `vjm-2`.
 
     Args:
-        p: World position of the virtual joint, (3, runs) [m].
-        beam: Beam frame, world from beam, (3, 3, runs) [1].
+        position: World position of the virtual joint, (3, runs) [m].
+        beam_axes: Beam frame, world from beam, (3, 3, runs) [1].
         theta: Coordinates of this link, (runs, 6) [m, rad].
 
     Returns:
         Position behind the slides, (3, runs) [m]; axes of the hinges in the world as columns, (3, 3, runs)
         [1]; and the beam frame behind the hinges, world from beam, (3, 3, runs) [1].
     """
-    p = p + np.einsum("xbr,rb->xr", beam, theta[:, :3])
-    beam, hinges, sine, cosine = beam.copy(), np.empty_like(beam), np.sin(theta[:, 3:]), np.cos(theta[:, 3:])
+    position = position + np.einsum("xbr,rb->xr", beam_axes, theta[:, :3])
+    beam_axes, hinges, sine, cosine = (
+        beam_axes.copy(),
+        np.empty_like(beam_axes),
+        np.sin(theta[:, 3:]),
+        np.cos(theta[:, 3:]),
+    )
     for k in range(3):
         s, c, y, z = sine[:, k], cosine[:, k], (k + 1) % 3, (k + 2) % 3
-        hinges[:, k] = beam[:, k]
-        beam[:, y], beam[:, z] = c * beam[:, y] + s * beam[:, z], c * beam[:, z] - s * beam[:, y]
-    return p, hinges, beam
+        hinges[:, k] = beam_axes[:, k]
+        beam_axes[:, y], beam_axes[:, z] = (
+            c * beam_axes[:, y] + s * beam_axes[:, z],
+            c * beam_axes[:, z] - s * beam_axes[:, y],
+        )
+    return position, hinges, beam_axes
 
 
-def rotation(axis: Array, angle: float) -> Array:
+def rotation_about_axis(axis: Array, angle: float) -> Array:
     """Compute the rotation about a unit axis by an angle, by Rodrigues' formula 1 + sin W + (1 - cos) W^2.
 
     Args:
@@ -397,7 +409,7 @@ def skew(vectors: Array) -> Array:
     return W
 
 
-def marker_motion(points: Array) -> Array:
+def rigid_motion_matrix(points: Array) -> Array:
     """Compute G of points of a rigid tool, (m, 3) [m]: motion = G @ twist in its frame, (3 m, 6) [1, m].
 
     Mathematics: `vjm-4`.
@@ -422,7 +434,7 @@ def cross(a: Array, b: Array) -> Array:
 # --- Loads, Eq. (3), and the observation matrix, Eq. (12) ---------------------------------------------------
 
 
-def translation_rows(chain: Chain, points: Array) -> Array:
+def translational_jacobian(chain: ChainState, points: Array) -> Array:
     """Compute the translational rows J_p of J_theta at points fixed to the tool.
 
     Mathematics: `vjm-4`.
@@ -435,11 +447,11 @@ def translation_rows(chain: Chain, points: Array) -> Array:
         J_p, world axes, three rows per point, (3 p, n_theta, runs) [1, m].
     """
     v, omega = chain.J_theta[:3], chain.J_theta[3:]
-    arms = [(chain.rotation @ point).T[:, None] for point in points]
+    arms = [(chain.tool_rotation @ point).T[:, None] for point in points]
     return np.concatenate([v + cross(omega, arm) for arm in arms])
 
 
-def generalised_load(chain: Chain, wrench: Array, point: Array) -> Array:
+def generalised_load(chain: ChainState, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of every virtual joint, Eq. (10), J_F the Jacobian where the wrench acts.
 
     Args:
@@ -454,10 +466,10 @@ def generalised_load(chain: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    return append_law_loads(chain, load_without_laws(chain, wrench, point))
+    return append_law_loads(chain, generalised_load_without_laws(chain, wrench, point))
 
 
-def load_without_laws(chain: Chain, wrench: Array, point: Array) -> Array:
+def generalised_load_without_laws(chain: ChainState, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of the virtual joints of links and joints, joint laws left out.
 
     Mathematics: `obs-7`, `vjm-5`.
@@ -473,31 +485,35 @@ def load_without_laws(chain: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    runs, plain = len(chain.position), 7 * len(chain.bodies) - 8
+    runs, plain = len(chain.tool_position), 7 * len(chain.body_frames) - 8
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
     # the wrench moved to the tool's origin, then J_theta^T w
-    force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", chain.rotation, point)
+    force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", chain.tool_rotation, point)
     at_tool = np.concatenate([force, wrench[:, 3:].T + cross(arm, force)])
     return np.asarray(np.einsum("xtr,xr->tr", chain.J_theta[:, :plain], at_tool))
 
 
-def append_law_loads(chain: Chain, u: Array) -> Array:
+def append_law_loads(chain: ChainState, load: Array) -> Array:
     """Append the turns of joint laws per unit of size to the loads of links and joints.
 
     Args:
         chain: Tool and Jacobian of every run, with the laws if there are some.
-        u: Loads of links and joints, (7 n + 6, runs) [N, N m].
+        load: Loads of links and joints, (7 n + 6, runs) [N, N m].
 
     Returns:
         Loads of all virtual joints, (n_theta, runs) [N, N m; rad, m for laws].
     """
-    if chain.laws is None:
-        return u
-    return np.concatenate([u, chain.laws.load(chain, u[6 * (len(chain.bodies) - 1) :])])
+    if chain.joint_laws is None:
+        return load
+    return np.concatenate(
+        [load, chain.joint_laws.unit_deflections(chain, load[6 * (len(chain.body_frames) - 1) :])]
+    )
 
 
-def observation(chain: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
+def observation_matrix(
+    chain: ChainState, structure: Structure, wrench: Array, point: Array, targets: Array
+) -> Array:
     """Compute the observation matrix A of Eq. (12), so that the deflection of Eq. (11) is A @ pi.
 
     Mathematics: `obs-1`.
@@ -516,12 +532,12 @@ def observation(chain: Chain, structure: Structure, wrench: Array, point: Array,
         BenchError: When an array has another shape or is not finite, or the structure is of another arm.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
-    J, u = translation_rows(chain, targets), generalised_load(chain, wrench, point)
-    A = np.stack([*parameter_rows(structure, J, u)])
-    return A.reshape(-1, 3, structure.n, A.shape[-1]).transpose(3, 0, 1, 2)
+    J, u = translational_jacobian(chain, targets), generalised_load(chain, wrench, point)
+    A = np.stack([*observation_rows(structure, J, u)])
+    return A.reshape(-1, 3, structure.n_parameters, A.shape[-1]).transpose(3, 0, 1, 2)
 
 
-def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
+def observation_rows(structure: Structure, reading_jacobian: Array, load: Array) -> Iterator[Array]:
     """Compute the observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
 
     A row is linear in the load u = J_F^T w. The parameter C_theta[a, b] moves the reading by J[a] u[b] + J[b]
@@ -531,8 +547,8 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
 
     Args:
         structure: Structure of the unknowns, n_par of them.
-        J: Readings per unit of each virtual joint, (rows, n_theta, runs).
-        u: Load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
+        reading_jacobian: Readings per unit of each virtual joint, (rows, n_theta, runs).
+        load: Load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
 
     Yields:
         One row of every run, (n_par, runs): transposed for LAPACK.
@@ -540,13 +556,13 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
     Raises:
         BenchError: When the structure is of another arm.
     """
-    if structure.n_theta != len(u):
+    if structure.n_theta != len(load):
         raise BenchError(
-            f"structure {structure.name}: expected {len(u)} virtual joints, got {structure.n_theta}"
+            f"structure {structure.name}: expected {len(load)} virtual joints, got {structure.n_theta}"
         )
-    a, b = structure.a, structure.b
-    u_b, u_a = u[b], u[a] * structure.fills_two_entries[:, None]
-    for row in J:
+    a, b = structure.rows, structure.columns
+    u_b, u_a = load[b], load[a] * structure.fills_two_entries[:, None]
+    for row in reading_jacobian:
         yield row[a] * u_b + row[b] * u_a
 
 
@@ -569,17 +585,17 @@ def rotation_vectors_between(start: Array, end: Array) -> Array:
     return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
 
 
-def rotation_matrices(turn: Array) -> Array:
+def rotation_matrices(rotation_vectors: Array) -> Array:
     """Compute rotation matrices exp([r]_x) of rotation vectors by Rodrigues' formula.
 
     Args:
-        turn: Rotation vectors r, (points, 3) [rad].
+        rotation_vectors: Rotation vectors r, (points, 3) [rad].
 
     Returns:
         Rotation matrices, (points, 3, 3) [1].
     """
-    angle = np.linalg.norm(turn, axis=1)[:, None, None]
-    K = skew(turn)
+    angle = np.linalg.norm(rotation_vectors, axis=1)[:, None, None]
+    K = skew(rotation_vectors)
     half = np.sinc(angle / (2 * np.pi))
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * K @ K)
 
@@ -604,7 +620,7 @@ def _vectors(sine: Array, cosine: Array) -> Array:
     return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
 
 
-def tool_motion(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
+def tool_pose_and_jacobian(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
     """Compute the tool's pose and the Jacobian of the actuated joints at its origin, the arm rigid.
 
     Args:
@@ -620,7 +636,7 @@ def tool_motion(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
     """
     _, *bodies, (position, rotation) = body_poses(vjm, q)
     J = np.zeros((6, vjm.arm.n_joints, len(q)))
-    for k, (joint, axis, (origin, R)) in enumerate(zip(vjm.arm.joints, vjm.axes, bodies, strict=True)):
+    for k, (joint, axis, (origin, R)) in enumerate(zip(vjm.arm.joints, vjm.joint_axes, bodies, strict=True)):
         along = (R @ axis).T
         if joint.prismatic:
             J[:3, k] = along
@@ -647,12 +663,12 @@ class WorkArea:
     cone: float = np.pi  #: Largest angle between the two [rad].
 
 
-def in_work_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
+def in_work_area(vjm: Vjm, work_area: WorkArea, q: Array) -> Mask:
     """Tell which poses have their tool in a work area, the arm rigid.
 
     Args:
         vjm: Kinematics of the arm.
-        area: The work area.
+        work_area: The work area.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -661,26 +677,27 @@ def in_work_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
     Raises:
         BenchError: When q has another shape or is not finite.
     """
-    position, rotation = tool_pose(vjm, q)
-    inside = ((position >= area.lower) & (position <= area.upper)).all(axis=1)
-    cosine = rotation[:, :, 0] @ np.array(area.direction)
-    return np.asarray(inside & (cosine >= np.cos(area.cone)))
+    position, rotation = tool_poses(vjm, q)
+    inside = ((position >= work_area.lower) & (position <= work_area.upper)).all(axis=1)
+    cosine = rotation[:, :, 0] @ np.array(work_area.direction)
+    return np.asarray(inside & (cosine >= np.cos(work_area.cone)))
 
 
 def random_poses(
     vjm: Vjm,
-    area: WorkArea | None,
+    work_area: WorkArea | None,
     count: int,
-    clear: Callable[[Array], Mask],
+    is_collision_free: Callable[[Array], Mask],
     rng: np.random.Generator,
 ) -> Array:
     """Draw poses evenly over the joint limits; keep those in the work area that are clear of collision.
 
     Args:
         vjm: Nominal kinematics of the arm.
-        area: Where the tool must be; None for anywhere.
+        work_area: Where the tool must be; None for anywhere.
         count: Number of poses to return.
-        clear: Function that tells which of the poses, (poses, n) [rad, m], are free of collision, (poses,).
+        is_collision_free: Function that tells which poses, (poses, n) [rad, m], are free of collision,
+            (poses,).
         rng: Source of the poses.
 
     Returns:
@@ -696,9 +713,9 @@ def random_poses(
         q = vjm.arm.draw_poses(rng, POSES_PER_BATCH)
         drawn += len(q)
         for piece in np.split(q, range(POSES_PER_CHECK, POSES_PER_BATCH, POSES_PER_CHECK)):
-            inside = piece if area is None else piece[in_work_area(vjm, area, piece)]
+            inside = piece if work_area is None else piece[in_work_area(vjm, work_area, piece)]
             reached += len(inside)
-            kept.extend(inside[clear(inside)])
+            kept.extend(inside[is_collision_free(inside)])
             if len(kept) >= count:
                 return np.array(kept[:count])
     raise PoseError(

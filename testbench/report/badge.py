@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.errors import Array
-from testbench.model.structure import JOINTS
+from testbench.model.structure import JOINTS_ONLY
 from testbench.report.markdown import Markdown, as_markdown, counted, listed
 from testbench.report.schema import ALIKE
 from testbench.report.table import MODEL, Row, Trials, aligned, shared
@@ -268,7 +268,7 @@ def incumbents(models: Iterable[Row], ours: str) -> list[str]:
         name
         for name, m in known.items()
         if name != ours
-        and (m.constraint in LEAST_SQUARES or m.structure == JOINTS)
+        and (m.constraint in LEAST_SQUARES or m.structure == JOINTS_ONLY)
         and bool(m.prior) <= prior
     ]
 
@@ -377,6 +377,6 @@ def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str
     Returns:
         The names.
     """
-    names = [*others, *([badge.rival, JOINTS, badge.winner] if badge else [JOINTS])]
+    names = [*others, *([badge.rival, JOINTS_ONLY, badge.winner] if badge else [JOINTS_ONLY])]
     last = {name: None for name in reversed(names) if name in known}
     return list(last)[::-1]

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypedDict, runtime_checkable
 
-from testbench.model.structure import PAPER_GCO, Constraint
+from testbench.model.structure import PAPER_GCO_METHOD, Constraint
 
 Colour = tuple[int, ...]
 
@@ -177,7 +177,7 @@ class Modelled(Protocol):
 
 def look_of(row: Modelled) -> Look:
     """Give the look of the model of a row; GCO without a trace weight is told by its method."""
-    filling = "paper" if getattr(row, "method", "") == PAPER_GCO else "none"
+    filling = "paper" if getattr(row, "method", "") == PAPER_GCO_METHOD else "none"
     return look(row.structure, row.constraint, row.prior, filling)
 
 

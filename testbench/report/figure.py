@@ -30,7 +30,7 @@ from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
 from testbench.errors import Array
-from testbench.model.structure import JOINTS
+from testbench.model.structure import JOINTS_ONLY
 from testbench.report.colours import GREY, SCALE, Look, hexadecimal
 from testbench.report.markdown import capital, ended
 from testbench.report.schema import Table, TableColumn, best_rows, looks
@@ -351,7 +351,7 @@ def headed(figure: Figure, words: str, winner: str = "") -> Figure:
     if words:
         own = figure.get_suptitle()
         say(figure, words, " ".join([ended(own), *figure.get_supxlabel().split()]))
-    names = {row_words(name): name for name in (winner, JOINTS)}  # of lines that have words
+    names = {row_words(name): name for name in (winner, JOINTS_ONLY)}  # of lines that have words
     for line in figure.findobj(Line2D):
         label = str(line.get_label()) if isinstance(line, Line2D) else ""
         if isinstance(line, Line2D) and (heavy := weight(names.get(label, label), winner)):
@@ -531,7 +531,7 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
 
 def weight(name: str, winner: str) -> int:
     """How much a model stands out: 2 of the winner, 1 of joint stiffness alone, 0 of all others."""
-    return 2 if name and name == winner else int(name == JOINTS)
+    return 2 if name and name == winner else int(name == JOINTS_ONLY)
 
 
 def sweeps(

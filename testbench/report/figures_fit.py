@@ -56,7 +56,7 @@ from testbench.runs.rows import Row
 from testbench.runs.spread import middle
 from testbench.workflows.fit_numbers import COMPLIANCES
 from testbench.workflows.model_names import in_words, row_words
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import JOINTS_ONLY
 
 # --- Figures of fits ----------------------------------------------------------------------------------------
 
@@ -604,7 +604,9 @@ def identify_figures(words: ReportWords, seen: PageContent, f: Row) -> Mapping[s
 def compared(f: Row) -> list[str]:
     """Name the model of least squares that is compared, where there is one, and the model to take."""
     own = {m.name: m for m in f.models}
-    squares = [n for n in f.details.eigenvalues if own[n].constraint == "none" and own[n].structure != JOINTS]
+    squares = [
+        n for n in f.details.eigenvalues if own[n].constraint == "none" and own[n].structure != JOINTS_ONLY
+    ]
     return list(dict.fromkeys([*squares[:1], f.recommended]))
 
 

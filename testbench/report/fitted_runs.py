@@ -8,7 +8,7 @@ import numpy as np
 from testbench.data.dataset import select_rows
 from testbench.errors import Array, Ids
 from testbench.model.laws import for_load_history, model_for
-from testbench.model.vjm import chain, generalised_load, joint_law_rotations
+from testbench.model.vjm import add_law_deflections, evaluate_chain, generalised_load
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents, ratios
 from testbench.report.colours import MEASURED, NOMINAL, look
@@ -96,9 +96,9 @@ def _runs(
     at = before + M * moved
     start, one = at_one_target(at, off, taken)
     vjm = model_for(cell.vjm, identified.taken.structure)
-    where = chain(for_load_history(vjm, data.taken_off, some), data.q[some])
+    where = evaluate_chain(for_load_history(vjm, data.taken_off, some), data.q[some])
     load = generalised_load(where, data.wrench[some], data.point[some])
-    theta = joint_law_rotations(vjm, (identified.taken.C_theta @ load).T)  # Eq. (6)
+    theta = add_law_deflections(vjm, (identified.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]
     bent = elastic_frames(cell.plant, data.q[some], M * theta)
     looks = {name: _line(f, name, at).look for name in one}
@@ -116,7 +116,7 @@ def _runs(
         bent=bent,
         layers=[
             *loads(on_tool(cell, bent, data.point[some]), data.wrench[some, :3], reach),
-            *read_along(select_rows(data, some), where.position, reach),
+            *read_along(select_rows(data, some), where.tool_position, reach),
             Layer("targets read unloaded", NOMINAL, "dots", before),
             Layer("read under load", MEASURED, "dots", at),
             Layer("deflection as read", MEASURED, "lines", before, at),

@@ -9,7 +9,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import select_evenly
 from testbench.design.planning import Plan
 from testbench.errors import Array
-from testbench.model.vjm import chain, marker_points, tool_points
+from testbench.model.vjm import evaluate_chain, marker_positions, tool_points
 from testbench.plant.shapes import rigid_frames
 from testbench.plant.tracker import PlaneProbe
 from testbench.report.colours import GREY, MEASURED, NOMINAL, TASK, Look
@@ -105,7 +105,7 @@ class World:
         markers = tool_points(self.cell.vjm, q, self.cell.vjm.markers)
         layers = [Layer("markers", MEASURED, "dots", markers)]
         if points := [(own, name) for own, name in self.instruments if own.direction is None]:
-            read = marker_points(self.cell.vjm, tuple(own.marker for own, _ in points))
+            read = marker_positions(self.cell.vjm, tuple(own.marker for own, _ in points))
             to = tool_points(self.cell.vjm, q, read)
             fixed = np.array([own.fixed for own, _ in points])
             layers.append(Layer("distances", MEASURED, "lines", np.broadcast_to(fixed, to.shape), to))
@@ -138,7 +138,7 @@ class World:
         Returns:
             The group.
         """
-        tool = Layer("tool", MEASURED, "dots", chain(self.cell.vjm, q).position[:, None])
+        tool = Layer("tool", MEASURED, "dots", evaluate_chain(self.cell.vjm, q).tool_position[:, None])
         return workspace(self.cell, q, words, [tool, *self._still()], first)
 
     def _still(self) -> list[Layer]:
@@ -180,7 +180,7 @@ def seen(made: Planned, f: Row) -> PageContent:
     plan, work = (np.array([row.tool_m for row in rows]).reshape(-1, 3) for rows in (f.plan, tasks))
     instruments = made.settings.mounted
     named_instruments = [*zip(instruments, names_of(instruments), strict=True)]
-    feasible = chain(cell.vjm, made.found.q).position
+    feasible = evaluate_chain(cell.vjm, made.found.q).tool_position
     world = World(cell, f.tracker_m, plan, work, feasible, named_instruments)
     force = np.array([row.get("pull_N") or [0, 0, -GRAVITY * row.get("load_kg", 0.0)] for row in f.plan])
     named = {f"Run {row.run}": _said(cell, row, q) for row, q in zip(f.plan, made.plan.q, strict=True)}
@@ -217,7 +217,9 @@ def _gauges(made: Planned) -> list[Layer]:
     vjm, q = made.cell.vjm, made.plan.q
     direction = np.zeros((len(q), len(vjm.markers), 3))
     direction[np.arange(len(q))[:, None], placed.marker] = np.eye(3)[placed.axis]
-    return gauges(tool_points(vjm, q, vjm.markers), direction, chain(vjm, q).position, vjm.reach)
+    return gauges(
+        tool_points(vjm, q, vjm.markers), direction, evaluate_chain(vjm, q).tool_position, vjm.reach
+    )
 
 
 def _said(cell: Cell, row: Row, q: Sequence[float] | Array) -> str:

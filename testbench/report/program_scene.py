@@ -8,7 +8,7 @@ import numpy as np
 from testbench.correct.newton import equilibrium
 from testbench.errors import Array, Ids
 from testbench.model.load import Load
-from testbench.model.vjm import joint_law_rotations
+from testbench.model.vjm import add_law_deflections
 from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, TASK, Look
@@ -180,7 +180,7 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     end = start + M * prediction.deflection[some]
     ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.axes[some])
     ways = ways.transpose(0, 2, 1)  # a row an axis
-    bent = elastic_frames(made.cell.plant, q, M * joint_law_rotations(state.vjm, theta))
+    bent = elastic_frames(made.cell.plant, q, M * add_law_deflections(state.vjm, theta))
     acting = [layer for load in made.asked.loads for layer in _acting(made.cell, bent, load.select(some))]
     words = [
         f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, select_evenly
 from testbench.errors import Array, Ids
-from testbench.model.structure import JOINTS
+from testbench.model.structure import JOINTS_ONLY
 from testbench.plant.shapes import BodyFrames, rigid_frames
 from testbench.report.colours import GREY, LOAD, MEASURED, SCALE, STIFFNESS, Colour, Look
 from testbench.report.schema import Table, show
@@ -200,7 +200,7 @@ class PlaceMap:
     @property
     def difference(self) -> tuple[ModelLine, ModelLine] | None:
         """The last model, the winner, and joint stiffness beside it; None where one is not there."""
-        model_lines = [line for line in self.lines[:-1] if line.name == JOINTS]
+        model_lines = [line for line in self.lines[:-1] if line.name == JOINTS_ONLY]
         return (self.lines[-1], model_lines[0]) if model_lines else None
 
 

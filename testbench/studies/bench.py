@@ -39,7 +39,7 @@ from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.prior import Prior, cad_prior
 from testbench.identify.regression import Regression
 from testbench.model.structure import Structure, all153
-from testbench.model.vjm import chain, marker_points, observation
+from testbench.model.vjm import evaluate_chain, marker_positions, observation_matrix
 from testbench.plant.disturbance import Disturbances
 from testbench.report.badge import MIN_PAIRS, Badge
 from testbench.report.colours import look_of
@@ -259,8 +259,8 @@ def _observation_of(cell: Cell, truth: Dataset) -> Array:
     Returns:
         Rows of the observation matrix, (runs, m, 3, n).
     """
-    where, points = chain(cell.vjm, truth.q), marker_points(cell.vjm, truth.markers)
-    return observation(where, all153(cell.arm), truth.wrench, truth.point, points)
+    where, points = evaluate_chain(cell.vjm, truth.q), marker_positions(cell.vjm, truth.markers)
+    return observation_matrix(where, all153(cell.arm), truth.wrench, truth.point, points)
 
 
 def _weight(task: Task, true: Cell, seed: int) -> tuple[Dataset, Dataset]:
@@ -365,7 +365,7 @@ def _with_data(row: EntryRow, own: BenchProblem) -> EntryRow:
 
 def _task(task: str, own: BenchProblem, entries: Sequence[EstimatorSource]) -> Iterator[EntryRow]:
     """Rows of a task, those without a prior first."""
-    size = MM * score(own.predict(np.zeros(own.structure.n)), own.true).rms
+    size = MM * score(own.predict(np.zeros(own.structure.n_parameters)), own.true).rms
     about = (task, own.true_arm, size)
     for prior in (None, own.prior):
         for k, entry in enumerate(entries, 1):

@@ -10,7 +10,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, deflections_of_models, score
-from testbench.model.structure import JOINTS, Constraint
+from testbench.model.structure import JOINTS_ONLY, Constraint
 from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested, plain
 from testbench.report.table import rows as as_rows
@@ -84,7 +84,9 @@ def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
         The name; empty for none.
     """
     own = {
-        m.name: m for m in models if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS
+        m.name: m
+        for m in models
+        if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS_ONLY
     }
     alike = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
     return max(alike, key=lambda name: own[name].parameters, default="")
@@ -167,7 +169,7 @@ def user_estimators(models: Sequence[Row]) -> list[str]:
 
 
 WORST = "name place_error_mm x_m y_m z_m joints"
-PRINTED = (DEFAULT, DEFAULT_WITHOUT_CONE, JOINTS, "MGCO56", f"MGCO56{IN_PAPER}", "MLS56")
+PRINTED = (DEFAULT, DEFAULT_WITHOUT_CONE, JOINTS_ONLY, "MGCO56", f"MGCO56{IN_PAPER}", "MLS56")
 """The models that are printed, in this order."""
 
 
@@ -294,7 +296,11 @@ def _fit(name: str, estimate: Estimate, fits: Fits) -> FitRow:
     prior, structure = name in fits.filled, estimate.structure
     if has_failed(estimate):
         return FitRow(
-            name=name, structure=structure.name, prior=prior, status=estimate.status, parameters=structure.n
+            name=name,
+            structure=structure.name,
+            prior=prior,
+            status=estimate.status,
+            parameters=structure.n_parameters,
         )
     return fit_row(name, estimate, fits.seconds.get(name), prior=prior or estimate.weighted_prior is not None)
 

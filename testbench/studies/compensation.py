@@ -69,7 +69,7 @@ from testbench.workflows.campaign import LoadedPoses, Setup, read_markers, settl
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import WITHOUT_CONE
 from testbench.workflows.models import (
-    JOINTS,
+    JOINTS_ONLY,
     PRIORS,
     UNCERTAINTY,
     Model,
@@ -108,10 +108,10 @@ NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
 """Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
 DEFAULT = "default"  #: What `identify` takes by default.
 LEAST_SQUARES = "MLS56"
-MODELS_WITHOUT_PRIOR = (JOINTS, LEAST_SQUARES, "MGCO56")  #: Identified without a prior.
+MODELS_WITHOUT_PRIOR = (JOINTS_ONLY, LEAST_SQUARES, "MGCO56")  #: Identified without a prior.
 IDENTIFIED = (*MODELS_WITHOUT_PRIOR, DEFAULT_WITHOUT_CONE, DEFAULT)
 MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
-DRAWN = (JOINTS, DEFAULT)
+DRAWN = (JOINTS_ONLY, DEFAULT)
 
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
@@ -427,7 +427,7 @@ def _certain_model(state: ArmState, name: str) -> ArmModel:
     structure = all153(state.vjm.arm)
     pi = structure.entries(state.C_theta)
     return model_of_compliances(
-        state, structure, Posterior.normal(pi, np.zeros((0, structure.n))), ModelOrigin(name)
+        state, structure, Posterior.normal(pi, np.zeros((0, structure.n_parameters))), ModelOrigin(name)
     )
 
 
@@ -536,7 +536,7 @@ def _distances(off: Array) -> tuple[float, ...]:
 
 PART = 0.9  #: Share removed that cases are counted at.
 LOOKS = {
-    JOINTS: look("Joints", "none"),
+    JOINTS_ONLY: look("Joints", "none"),
     LEAST_SQUARES: look("MLS56", "none"),
     "MGCO56": look("MGCO56", "psd"),
     DEFAULT_WITHOUT_CONE: look(WITHOUT_CONE, "none", prior=True),
@@ -545,7 +545,7 @@ LOOKS = {
 """How models are drawn."""
 DRAWN_AS = {
     "no correction": Look(MEASURED, 1, prior=True),
-    "Joints-only": LOOKS[JOINTS],
+    "Joints-only": LOOKS[JOINTS_ONLY],
     "the default": LOOKS[DEFAULT],
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
@@ -584,7 +584,7 @@ def _report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report
         chosen=[Row(name=name, fits=chosen.count(name)) for name in sorted(set(chosen))],
         dataset=Row(runs=RUNS * ADVISED.poses, points=ADVISED.poses, sigma_um=UM * SIGMA),
     )
-    badge = of_rivals(left, DEFAULT, [LEAST_SQUARES, JOINTS, DEFAULT_WITHOUT_CONE], "left_mm")
+    badge = of_rivals(left, DEFAULT, [LEAST_SQUARES, JOINTS_ONLY, DEFAULT_WITHOUT_CONE], "left_mm")
     way = (REAL, ADVISED.campaign, ADVISED.poses)
     ours = [g for g in f.groups if (g.arm, g.campaign, g.poses) == way]
     return Report(
@@ -664,7 +664,7 @@ def _tables(f: Row) -> dict[str, Table]:
     title = "share of a disturbed arm's deflection removed, median over all points, %"
     own = [g for g in f.groups if g.arm == REAL and g.poses == f.featured]
     campaign, model, share = columns("campaign name removed_percent")
-    by_arm = [g for g in f.by_truth if g.arm == REAL and g.name in (JOINTS, DEFAULT)]
+    by_arm = [g for g in f.by_truth if g.arm == REAL and g.name in (JOINTS_ONLY, DEFAULT)]
     words = f"by true arm, disturbed: {f.featured} planned poses, weight and pull"
     return {
         "short": pivot(Table((), own, title), campaign, model, replace(share, exact=True)),

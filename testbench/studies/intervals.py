@@ -79,7 +79,7 @@ def stein_parameters(case: RegressionWithPrior) -> Array:
 
 def _minimum(case: RegressionWithPrior) -> tuple[Array, float]:
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
-    scaling, n = case.prior.scaling, case.prior.scaling.structure.n
+    scaling, n = case.prior.scaling, case.prior.scaling.structure.n_parameters
     e, (A, y) = scaling.expected_x, rows_in_prior_units(case.regression, scaling)
     scale = max(1e-6, float(np.linalg.solve(scaling.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
@@ -109,7 +109,7 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
         The estimate.
     """
     best = solve_gco(regression).f_m
-    n, count = scaling.structure.n, len(regression.terms)
+    n, count = scaling.structure.n_parameters, len(regression.terms)
     allowed = (1 + SLACK) * max(best, EXACT_FIT_SHARE * f_m(regression, np.zeros(n)))
     total = cone.ConeConstraint("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
     parts = [(term.R @ scaling.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
@@ -257,7 +257,7 @@ def bootstrap(
             another length.
     """
     check_confidence(confidence)
-    a = check_array(functionals, (None, estimate.structure.n), "functionals [m per unit of pi]")
+    a = check_array(functionals, (None, estimate.structure.n_parameters), "functionals [m per unit of pi]")
     tail = (1 - confidence) / 2
     k = int((draws + 1) * tail * (1 + 1e-12))
     if k < 1:

@@ -26,7 +26,7 @@ from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
-from testbench.model.vjm import WorkArea, chain
+from testbench.model.vjm import WorkArea, evaluate_chain
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
@@ -51,7 +51,7 @@ from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import (
     DEFAULT,
-    JOINTS,
+    JOINTS_ONLY,
     MODELS,
     PRIORS,
     SCALE,
@@ -81,12 +81,12 @@ from testbench.workflows.rows import MM
 NAME = "pose_selection"
 RANDOM = "random"  #: Poses without a plan, beside the criteria of criteria.CRITERIA.
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
-MODELS_WITHOUT_PRIOR = ("MGCO68", "MGCO56", JOINTS)
+MODELS_WITHOUT_PRIOR = ("MGCO68", "MGCO56", JOINTS_ONLY)
 #: How runs are identified.
 FITS = (*(f"{name}{FILLED}" for name in MODELS_WITHOUT_PRIOR), *MODELS_WITHOUT_PRIOR)
 #: The fit that plans are made for, and the same without its prior.
 PLANNED, BARE = FITS[0], MODELS_WITHOUT_PRIOR[0]
-INCUMBENT = JOINTS  #: Six joint compliances by plain least squares.
+INCUMBENT = JOINTS_ONLY  #: Six joint compliances by plain least squares.
 WHOLE = DEFAULT  #: What `identify` does by default.
 
 
@@ -366,7 +366,9 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
         after = linear_fit_after(spec, prior, partial(measured_rows, q=q, load=np.zeros(len(q), dtype=int)))
         promise = forecast_on(after, whole.tasks.q, whole.tasks.load)
         [off] = bench.off([fit_model(cell, models[fit], data)], tasks)
-        own = (off @ chain(cell.vjm, tasks.q).rotation).reshape(len(off), -1)  # along the tool's axes
+        own = (off @ evaluate_chain(cell.vjm, tasks.q).tool_rotation).reshape(
+            len(off), -1
+        )  # along the tool's axes
         yield PlanErrorRow(
             "promise",
             plan,
@@ -733,7 +735,10 @@ def _write(run: Run[PlanningSettings]) -> PageContent:
     n, scene = settings.scope.featured, settings.scene
     q, places = _poses_of(settings, "test", n, settings.seed), np.array(scene.workspace)
     left = np.array([middle(value) for value in run.report.numbers["where"].each_place_mm])
-    at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
+    at = [
+        evaluate_chain(cell.vjm, np.array(own)).tool_position
+        for own in (q, scene.tasks, scene.candidates, places)
+    ]
     world = World(cell, settings.scope.ground.station, at[0], at[1], at[2])
     force = np.tile([0.0, 0.0, -GRAVITY * settings.scope.payload], (n, 1))
     named = {f"Run {k}": f"Joints at {cell.arm.pose_text(own)}." for k, own in enumerate(q, start=1)}

@@ -58,7 +58,7 @@ from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READING_LOSS
 from testbench.model.load import read_weights
-from testbench.model.structure import TEMPLATE
+from testbench.model.structure import BEAM_ENTRIES
 from testbench.model.vjm import Vjm
 from testbench.runs.manifest import digest
 from testbench.runs.rows import Row
@@ -477,7 +477,7 @@ def unobservable(
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
     found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
     names = [joint.name for joint in unknowns.vjm.arm.joints]
-    return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
+    return (*structure_words(every, names, unknowns.structure.n_parameters), *sentences(found, names))
 
 
 def structure_words(found: StructuralDirections, joints: Sequence[str], compliances: int) -> Iterator[str]:
@@ -677,9 +677,9 @@ def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
 def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     errors, first = unknowns.errors, unknowns.first_columns["errors"]
     orders = np.tile(errors.orders, 2)
-    kinds, bands = np.array(errors.kinds), errors.bands
+    kinds, bands = np.array(errors.coefficient_kinds), errors.coefficient_bands
     for j, joint in enumerate(unknowns.vjm.arm.joints):
-        own = first + j * errors.size
+        own = first + j * errors.n_coefficients
         for band in np.unique(bands[bands >= 0]) if not joint.prismatic else ():
             at = np.flatnonzero(bands == band)
             low, high = orders[at].min(), orders[at].max()
@@ -693,20 +693,20 @@ def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
 def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.first_columns["elastic"]
     links = 6 * len(arm.links)
-    kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.a, structure.b, strict=True)])
+    kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.rows, structure.columns, strict=True)])
     for k, link in enumerate(arm.links):
         for name in (STRETCH, TWIST, BENDING, COUPLING):
-            own = np.flatnonzero((structure.a // 6 == k) & (structure.a < links) & (kind == name))
+            own = np.flatnonzero((structure.rows // 6 == k) & (structure.rows < links) & (kind == name))
             if len(own):
                 yield _of(unknowns, f"{link.name}'s {name}", first + own)
-    for k in np.flatnonzero(structure.a >= links).tolist():
-        name = arm.joints[structure.a[k] - links].name
+    for k in np.flatnonzero(structure.rows >= links).tolist():
+        name = arm.joints[structure.rows[k] - links].name
         yield _of(unknowns, f"{name}'s compliance", first + np.array([k]))
 
 
 def _kind(a: int, b: int) -> str:
     """What an entry of a link's compliance stands for."""
     a, b = min(a, b), max(a, b)
-    if (a, b) not in TEMPLATE:
+    if (a, b) not in BEAM_ENTRIES:
         return COUPLING
     return {(0, 0): STRETCH, (3, 3): TWIST}.get((a, b), BENDING)

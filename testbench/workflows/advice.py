@@ -8,7 +8,7 @@ from testbench.identify.conic import TIE_BREAK_WEIGHT, total_trace
 from testbench.identify.estimate import Estimate, ModelAverage
 from testbench.identify.prior import WeightedPrior
 from testbench.identify.solve import COMPLETED_METHOD, NO_OUTLIERS, REJECTION_THRESHOLD
-from testbench.model.structure import PAPER_GCO
+from testbench.model.structure import PAPER_GCO_METHOD
 from testbench.workflows.rows import FitRow
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
@@ -40,9 +40,9 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         constraint=estimate.constraint,
         prior=prior,
         status=estimate.status,
-        parameters=regression.structure.n,
+        parameters=regression.structure.n_parameters,
         rank=regression.rank,
-        unique=regression.rank == regression.structure.n,
+        unique=regression.rank == regression.structure.n_parameters,
         conservative=estimate.conservative,
         min_eigenvalue=estimate.min_eigenvalue,
         f_m=estimate.f_m,
@@ -52,7 +52,9 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
         held_by_trace_weight=estimate.bounded_by_tie_break,
         trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
-        total_trace_rad_per_Nm=total_trace(regression.structure, estimate.pi[: regression.structure.n]),
+        total_trace_rad_per_Nm=total_trace(
+            regression.structure, estimate.pi[: regression.structure.n_parameters]
+        ),
         solve_seconds=seconds,
         advice=advice(estimate),
     )
@@ -72,10 +74,11 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
 
 def _of_rank(estimate: Estimate) -> list[str]:
     s, rank = estimate.compliance_regression.structure, estimate.compliance_regression.rank
-    if rank == s.n:
+    if rank == s.n_parameters:
         return []
-    free = s.n - rank
-    text = f"{s.name} has {s.n} unknowns and rank {rank}: the readings do not determine {free} directions"
+    free = s.n_parameters - rank
+    size = f"{s.name} has {s.n_parameters} unknowns and rank {rank}"
+    text = f"{size}: the readings do not determine {free} directions"
     unseen = int((estimate.compliance_regression.columns == 0).sum())
     return [f"{text}, and {unseen} unknowns have no effect on any reading" if unseen else text]
 
@@ -90,12 +93,12 @@ def _of_fit(estimate: Estimate) -> list[str]:
 
 def _of_method(estimate: Estimate) -> list[str]:
     """What filled free directions, and what is not as it should be."""
-    name, free = estimate.structure.name, estimate.regression.rank < estimate.structure.n
+    name, free = estimate.structure.name, estimate.regression.rank < estimate.structure.n_parameters
     if estimate.weighted_prior is not None:
         return [of_prior(estimate.weighted_prior)]
     if estimate.constraint == "psd" and estimate.certificate is not None:
         penalty = estimate.penalty
-        if penalty is not None and not estimate.method.startswith(PAPER_GCO):
+        if penalty is not None and not estimate.method.startswith(PAPER_GCO_METHOD):
             return [f"GCO: trace weight {penalty.weight:.3g} N m/rad"]
         said = [
             "in directions that no reading determines, GCO chooses the compliances of least trace "

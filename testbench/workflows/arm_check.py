@@ -13,7 +13,7 @@ from testbench.arm.elastic import ElasticDocument, LinkEntry, read_elastic
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
-from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
+from testbench.model.vjm import Vjm, body_poses, evaluate_chain, generalised_load
 from testbench.plant.shapes import CIRCLE
 from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell, build_cell, check_agreement
@@ -76,7 +76,7 @@ class ToolSag:
 def tool_sag(cell: Cell) -> ToolSag:
     """Compute the sag of an arm per kilogram of payload, at poses drawn evenly over its joint limits."""
     q = work_area(cell)
-    where, n = chain(cell.vjm, q), len(q)
+    where, n = evaluate_chain(cell.vjm, q), len(q)
     wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
     load = generalised_load(where, wrench, np.tile(cell.vjm.load_point, (n, 1)))
     theta = cell.arm.C_theta @ load
@@ -234,7 +234,9 @@ def _behind(arm: ArmContext) -> Iterator[str]:
     if len(links) == 1:
         return
     com = arm.cell.room.model.body(links[-1].name).ipos
-    way = flange_axis(vjm.axes[-1], vjm.placements[-1], vjm.tool, com, COINCIDE * vjm.reach)
+    way = flange_axis(
+        vjm.joint_axes[-1], vjm.joint_placements[-1], vjm.tool_placement, com, COINCIDE * vjm.reach
+    )
     tool, end = float(vjm.body_offsets[-1] @ way), 0.0
     if (drawn := _drawn(arm.cell).get(len(links) - 1)) is not None:
         end = float((drawn @ way).max())
@@ -243,7 +245,7 @@ def _behind(arm: ArmContext) -> Iterator[str]:
         yield f"{arm.cell.arm.tool} is {inside}: is that where the tool is?"
     names = arm.cell.arm.load_point, *arm.cell.arm.markers
     for name, place in zip(names, (vjm.load_point, *vjm.markers), strict=True):
-        hidden = min(tool, end) - tool - float(way @ vjm.tool[:3, :3] @ place)
+        hidden = min(tool, end) - tool - float(way @ vjm.tool_placement[:3, :3] @ place)
         if hidden > BEHIND * vjm.reach:
             yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is that where it is on the tool?"
 
@@ -308,7 +310,7 @@ def base_stance(cell: Cell) -> tuple[int | None, float, float]:
     if turning is None:
         return None, 0.0, 0.0
     bodies = body_poses(cell.vjm, np.zeros((1, cell.arm.n_joints)))
-    axis = bodies[turning + 1][1][0] @ cell.vjm.axes[turning]
+    axis = bodies[turning + 1][1][0] @ cell.vjm.joint_axes[turning]
     tilt = float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
     return turning, tilt, float(bodies[0][0][0, 2] - bodies[turning + 2][0][0, 2])
 
@@ -500,7 +502,7 @@ class Checked(ArmContext):
         arm, q = self.cell.arm, self.poses
         force = np.array([0, 0, -GRAVITY * (arm.payload or 1.0), 0, 0, 0])
         load = np.tile(force, (len(q), 1)), np.tile(self.vjm.load_point, (len(q), 1))
-        return np.asarray((arm.C_theta @ generalised_load(chain(self.vjm, q), *load)).T)
+        return np.asarray((arm.C_theta @ generalised_load(evaluate_chain(self.vjm, q), *load)).T)
 
     def doubted(self, name: str) -> bool:
         """Tell whether a doubt is about a link, joint or point of that name."""

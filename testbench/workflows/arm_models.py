@@ -33,11 +33,11 @@ from testbench.identify.absolute.align import EQUATION_KINDS, Noise
 from testbench.identify.absolute.state import ArmState, Mount, Unknowns
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.registration import Frame
-from testbench.model.kinematics import JointErrors, build_vjm
+from testbench.model.kinematics import JointErrorTerms, build_vjm
 from testbench.model.laws import STRUT, joint_laws, model_for, with_laws
 from testbench.model.load import Load, Weights, resultant
-from testbench.model.structure import Structure, all153, labels_of
-from testbench.model.vjm import Vjm, tool_pose
+from testbench.model.structure import Structure, all153, theta_row_labels
+from testbench.model.vjm import Vjm, tool_poses
 from testbench.runs import manifest as files
 from testbench.runs.manifest import ARM_FILES, DOCUMENT, MAX_ROOT, POSTERIOR, arm_files, input_error
 from testbench.runs.rows import finite
@@ -281,27 +281,27 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
 
 
 def _structure(said: StructurePart, arm: Arm) -> Structure:
-    plain, joints = labels_of(arm), [joint.name for joint in arm.joints]
+    plain, joints = theta_row_labels(arm), [joint.name for joint in arm.joints]
     rows = [entry.row.rpartition(" ") for entry in said.entries if entry.row not in plain]
     kinds = [*dict.fromkeys(kind for joint, _, kind in rows if joint in joints and kind != STRUT)]
     if unlike := [kind for kind in kinds if kind not in joint_laws]:
         raise ValueError(f"structure.entries: no joint law {unlike[0]!r}; install the package that has it")
     lawful = with_laws(all153(arm), arm, kinds)
-    place = {label: k for k, label in enumerate(lawful.labels)}
+    place = {label: k for k, label in enumerate(lawful.row_labels)}
     names = {name for entry in said.entries for name in (entry.row, entry.column)}
     if unknown := sorted(names - set(place)):
         raise ValueError(f"structure.entries: {arm.name} has no {unknown[0]!r}")
     a, b = np.array([(place[entry.row], place[entry.column]) for entry in said.entries]).T
     if b.max() < arm.n_theta:
-        return Structure(said.name, arm.n_theta, a, b, labels_of(arm), said.symmetric)
-    return Structure(said.name, lawful.n_theta, a, b, lawful.labels, said.symmetric, lawful.laws)
+        return Structure(said.name, arm.n_theta, a, b, theta_row_labels(arm), said.symmetric)
+    return Structure(said.name, lawful.n_theta, a, b, lawful.row_labels, said.symmetric, lawful.n_laws)
 
 
 def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
     arm, said = vjm.arm, document.errors
-    errors = JointErrors(tuple(said.orders), said.ratio, said.play, said.stiffening)
+    errors = JointErrorTerms(tuple(said.orders), said.ratio, said.play, said.stiffening)
     joints, bodies = arm.n_joints, arm.n_joints + 2
-    coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.size)
+    coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.n_coefficients)
     return ArmState(
         vjm=vjm,
         weights=Weights(
@@ -311,7 +311,7 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
         theta_0=check_array(document.theta_0, (structure.n_theta,), "theta_0 [m, rad]"),
         C_theta=structure.matrix(np.array([entry.value for entry in document.structure.entries])),
         errors=errors,
-        n=check_array(coefficients, (joints, errors.size), "errors"),
+        n=check_array(coefficients, (joints, errors.n_coefficients), "errors"),
         torque_scale=check_array(said.torque_scale, (joints,), "torque_scale [N m, N]"),
         frames={
             name: Frame(
@@ -427,8 +427,8 @@ def _origin_document(origin: ModelOrigin) -> dict[str, object]:
 def _structure_document(structure: Structure, C_theta: Array) -> dict[str, object]:
     values = structure.entries(C_theta).tolist()
     entries = [
-        {"row": structure.labels[a], "column": structure.labels[b], "value": value}
-        for a, b, value in zip(structure.a, structure.b, values, strict=True)
+        {"row": structure.row_labels[a], "column": structure.row_labels[b], "value": value}
+        for a, b, value in zip(structure.rows, structure.columns, values, strict=True)
     ]
     return {"name": structure.name, "symmetric": structure.symmetric, "entries": entries}
 
@@ -473,4 +473,4 @@ def loads_about_tool(vjm: Vjm, data: Dataset | Series) -> Array:
     Returns:
         Force and moment, world axes, (rows, 6) [N, N m].
     """
-    return resultant(tool_pose(vjm, data.q)[1], [Load(data.wrench, data.point)])
+    return resultant(tool_poses(vjm, data.q)[1], [Load(data.wrench, data.point)])

@@ -27,7 +27,7 @@ from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, series_equilibrium
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.runs.rows import Row
 from testbench.workflows.absolute import FREE_DEVIATION as LOOSE_FRAME
 from testbench.workflows.absolute import (
@@ -118,8 +118,8 @@ def _errors(active: ActiveUnknowns) -> Iterator[Named]:
     """Coefficients of the joint errors that are on."""
     unknowns, errors, every = active.unknowns, active.unknowns.errors, np.eye(active.unknowns.size)
     words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
-    words += errors.kinds[len(words) :]
-    places = product(unknowns.vjm.arm.joints, zip(words, errors.kinds, strict=True))
+    words += errors.coefficient_kinds[len(words) :]
+    places = product(unknowns.vjm.arm.joints, zip(words, errors.coefficient_kinds, strict=True))
     for column, (joint, (word, kind)) in enumerate(places, unknowns.first_columns["errors"]):
         if column in active.columns and not (joint.prismatic and kind == "harmonics"):
             yield f"{joint.name} {word}", "um" if joint.prismatic else "urad", every[column]
@@ -128,7 +128,7 @@ def _errors(active: ActiveUnknowns) -> Iterator[Named]:
 def _joints(active: ActiveUnknowns) -> Iterator[Named]:
     """A joint's compliance and that of the link before it about, of a slide along, its axis."""
     unknowns, arm = active.unknowns, active.unknowns.vjm.arm
-    a, b = unknowns.structure.a, unknowns.structure.b
+    a, b = unknowns.structure.rows, unknowns.structure.columns
     for k, joint in enumerate(arm.joints):
         v, row = np.zeros(arm.n_theta), np.zeros(unknowns.size)
         v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = unknowns.vjm.axes_in_beam[k]
@@ -142,7 +142,10 @@ def _entries(active: ActiveUnknowns) -> Iterator[Named]:
     structure, arm, every = active.unknowns.structure, active.unknowns.vjm.arm, np.eye(active.unknowns.size)
     links = 6 * len(arm.links)
     for column in active.columns[active.n_rigid :].tolist():
-        a, b = (int(x[column - active.unknowns.first_columns["elastic"]]) for x in (structure.a, structure.b))
+        a, b = (
+            int(x[column - active.unknowns.first_columns["elastic"]])
+            for x in (structure.rows, structure.columns)
+        )
         if a < links:
             name = f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}"
             turns = (a % 6 > 2) + (b % 6 > 2)
@@ -425,7 +428,11 @@ def unread_ranges(f: Row) -> list[Row]:
 def _spectrum(calibration: Calibration) -> Iterator[Row]:
     """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
     unknowns, active = calibration.active.unknowns, calibration.active
-    orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.first_columns["errors"]
+    orders, size, first = (
+        unknowns.errors.orders,
+        unknowns.errors.n_coefficients,
+        unknowns.first_columns["errors"],
+    )
     if not orders or not np.isin(first, active.columns):
         return
     known = posterior_of_calibration(calibration)
@@ -553,7 +560,9 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
         L = WIDE_PRIOR.relative * active.compliance_prior.L
         prior[-len(L) :, -len(L) :] = L @ L.T
     state = replace(
-        calibration.state, errors=few.errors, n=np.zeros((len(calibration.state.n), few.errors.size))
+        calibration.state,
+        errors=few.errors,
+        n=np.zeros((len(calibration.state.n), few.errors.n_coefficients)),
     )
     information = calibration.information[np.ix_(columns, columns)]
     return unobservable(few, information, prior, further_information(few, state, calibration.series))
@@ -562,10 +571,14 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
 def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     """The unknowns without periodic errors of higher orders, and where they stand among all."""
     unknowns, errors = active.unknowns, active.unknowns.errors
-    few = JointErrors(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
+    few = JointErrorTerms(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
     k, m = len(errors.orders), len(few.orders)
-    of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.size)]
-    at = unknowns.first_columns["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
+    of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.n_coefficients)]
+    at = (
+        unknowns.first_columns["errors"]
+        + errors.n_coefficients * np.arange(unknowns.vjm.arm.n_joints)[:, None]
+        + of
+    )
     before, after = (
         np.arange(unknowns.first_columns["errors"]),
         np.arange(unknowns.first_columns["elastic"], unknowns.size),
@@ -601,14 +614,20 @@ def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:
 
 def _rows_of_one(state: ArmState, series: Series, left: Sequence[Array], targets: int) -> Row:
     equilibrium = series_equilibrium(state, series)
-    read = equilibrium.chain.points(state.mount(series).points) + left[1]
+    read = equilibrium.chain.tool_points_in_world(state.mount(series).points) + left[1]
     before, after, at = (np.full((series.rows, targets, 3), np.nan) for _ in range(3))
     for values, own in ((before, left[0]), (after, left[1]), (at, read)):
         values[:, : len(series.markers)] = np.where(series.seen[..., None], own, np.nan)
     sag = (state.C_theta @ equilibrium.u).T
     names = np.full(series.rows, series.name, dtype=object)
     return Row(
-        **{"name": names, "row": series.row, "q": series.q, "tool": equilibrium.chain.position, "sag": sag},
+        **{
+            "name": names,
+            "row": series.row,
+            "q": series.q,
+            "tool": equilibrium.chain.tool_position,
+            "sag": sag,
+        },
         **{"read": at, "before": before, "after": after},
     )
 

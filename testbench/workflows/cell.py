@@ -11,7 +11,7 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, InputError, Mask
 from testbench.model.kinematics import build_vjm
-from testbench.model.structure import labels_of
+from testbench.model.structure import theta_row_labels
 from testbench.model.vjm import Vjm, WorkArea, body_poses, random_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
@@ -75,7 +75,7 @@ class Cell(Displayed):
             return found.model()
         if not isinstance(found, Estimate):
             raise BenchError(f"model: expected an Estimate or a Calibration, got {type(found).__name__}")
-        names, own = found.structure.labels, labels_of(self.arm)
+        names, own = found.structure.row_labels, theta_row_labels(self.arm)
         if names[: len(own)] != own:
             raise BenchError(f"model: expected an estimate of {self.arm.name}, got one of {names[0]} ...")
         return model_of_estimate(self.vjm, found, weights_with_note(self.arm)[0])

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.workflows.cell import Cell
 from testbench.workflows.rows import MM
 
@@ -117,7 +117,7 @@ def places_of(cell: Cell, data: Dataset) -> WorkspacePoses:
     Returns:
         The poses.
     """
-    position, _ = tool_pose(cell.vjm, data.q)
+    position, _ = tool_poses(cell.vjm, data.q)
     workspace_poses = places_at(cell.arm, data.q, position, rms(data.deflection))
     return replace(workspace_poses, run=tuple(data.run.tolist()))
 

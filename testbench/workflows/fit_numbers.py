@@ -30,12 +30,12 @@ from testbench.identify.regression import Regression
 from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, cross, generalised_load, tool_pose
+from testbench.model.vjm import Vjm, cross, evaluate_chain, generalised_load, tool_poses
 from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.workflows.fits import IdentifyResult
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import JOINTS_ONLY
 from testbench.workflows.rows import MM, UM
 
 # --- Details of fits that figures show ----------------------------------------------------------------------
@@ -170,14 +170,14 @@ def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
         with its `least_percent` and `most_percent`.
     """
     vjm, arm = model_for(vjm, estimate.structure), vjm.arm
-    where = chain(for_load_history(vjm, data.taken_off), data.q)
+    where = evaluate_chain(for_load_history(vjm, data.taken_off), data.q)
     theta = estimate.C_theta @ generalised_load(where, data.wrench, data.point)
-    arm_of_load = np.einsum("rxy,ry->xr", where.rotation, data.point)[:, None]
+    arm_of_load = np.einsum("rxy,ry->xr", where.tool_rotation, data.point)[:, None]
     moved = (where.J_theta[:3] + cross(where.J_theta[3:], arm_of_load)) * theta  # (3, n_theta, runs)
     links, joints = len(arm.links), arm.n_joints
     owner = np.r_[np.repeat(np.arange(links), 6), links + np.arange(joints)]
-    if vjm.laws is not None:
-        owner = np.r_[owner, links + vjm.laws.joints]
+    if vjm.joint_laws is not None:
+        owner = np.r_[owner, links + vjm.joint_laws.joints]
     whole = moved.sum(axis=1)
     size = np.linalg.norm(whole, axis=0)
     bent = size > 0
@@ -271,17 +271,17 @@ def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequen
     links, joints, structure = vjm.arm.links, vjm.arm.joints, estimate.structure
     share = {row.part: float(row.share_percent) for row in sag}
     first, upper = 6 * len(links), structure.fills_two_entries
-    functionals = np.zeros((len(links), 6, 6, structure.n))
+    functionals = np.zeros((len(links), 6, 6, structure.n_parameters))
     rows = []
     for k, link in enumerate(links):
-        own = (structure.a // 6 == k) & (structure.a < first)
-        a, b, p = structure.a[own] % 6, structure.b[own] % 6, np.flatnonzero(own)
+        own = (structure.rows // 6 == k) & (structure.rows < first)
+        a, b, p = structure.rows[own] % 6, structure.columns[own] % 6, np.flatnonzero(own)
         functionals[k, a, b, p] = 1.0
         functionals[k, b[upper[own]], a[upper[own]], p[upper[own]]] = 1.0
         block = reference[6 * k : 6 * k + 6, 6 * k : 6 * k + 6].copy()
         if k < len(joints):
             v = _axis_in_link(vjm, k)
-            springs = (structure.a == structure.b) & (structure.a == first + k)
+            springs = (structure.rows == structure.columns) & (structure.rows == first + k)
             functionals[k][:, :, springs] += np.outer(v, v)[:, :, None]
             block += reference[first + k, first + k] * np.outer(v, v)
         rows.append(
@@ -294,7 +294,9 @@ def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequen
                 reference=_square(block),
             )
         )
-    half = posterior_of_estimate(estimate).half_widths(functionals.reshape(-1, structure.n), CONFIDENCE)
+    half = posterior_of_estimate(estimate).half_widths(
+        functionals.reshape(-1, structure.n_parameters), CONFIDENCE
+    )
     half = np.where(functionals.any(axis=-1), half.reshape(-1, 6, 6), np.nan)
     return [
         Row(row, estimate=_square(own @ estimate.pi), half=_square(width))
@@ -327,7 +329,7 @@ def joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
     """
     links, v = 6 * len(vjm.arm.links), np.zeros(structure.n_theta)
     v[6 * k : 6 * k + 6] = _axis_in_link(vjm, k)
-    a, b = structure.a, structure.b
+    a, b = structure.rows, structure.columns
     return np.asarray(v[a] * v[b] * np.where(a == b, 1.0, 2.0) + ((a == b) & (a == links + k)))
 
 
@@ -591,7 +593,7 @@ def _seen(cell: Cell, identified: IdentifyResult) -> Row:
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
     return Row(
         structure=regression.structure.name,
-        unknowns=regression.structure.n,
+        unknowns=regression.structure.n_parameters,
         seen=regression.rank,
         prior_uncertainty_percent=100 * USUAL.relative,
         blocks=[
@@ -617,9 +619,9 @@ def compared_models(models: Sequence[Row], taken: str) -> list[str]:
         Names of the models.
     """
     others = [m for m in models if not m.prior and m.name != taken]
-    links = [m for m in others if m.structure != JOINTS]
+    links = [m for m in others if m.structure != JOINTS_ONLY]
     kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
-    joints = [m for m in others if m.structure == JOINTS]
+    joints = [m for m in others if m.structure == JOINTS_ONLY]
     mine = [m.name for m in models if m.constraint == "own" and m.name != taken]
     return [*mine, *(rows[0].name for rows in (*kinds, joints) if rows), taken]
 
@@ -654,9 +656,9 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
             missing.append(name)
         else:
             moved[name], half[name] = there.deflection[:, 0], there.widest[:, 0]
-    workspace_poses = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
+    workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
     # joints alone are not compared: what they leave out is in no half width
-    shown = [name for name in half if name != JOINTS or name == taken]
+    shown = [name for name in half if name != JOINTS_ONLY or name == taken]
     errors = error_places(
         workspace_poses, {name: bounded_mm(own) for name, own in half.items()}, shown, HALF_WIDTH
     )

@@ -34,7 +34,7 @@ from testbench.identify.regression import (
 )
 from testbench.model.laws import law_sizes, law_unit, model_for
 from testbench.model.load import weights_with_note
-from testbench.model.vjm import chain, generalised_load
+from testbench.model.vjm import evaluate_chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
 from testbench.workflows.advice import advice, fit_row
@@ -201,10 +201,12 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
         BenchError: When they move none.
     """
     blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
-    loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
+    loads = (
+        generalised_load(evaluate_chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks
+    )
     u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
     acts = u > ZERO_COLUMN * u.max()
-    entries = [np.concatenate([m.structure.a, m.structure.b]) for m in models]
+    entries = [np.concatenate([m.structure.rows, m.structure.columns]) for m in models]
     moved = [m for m, own in zip(models, entries, strict=True) if acts[own[own < len(acts)]].any()]
     still = [m.name for m in models if m not in moved]
     if not moved:
@@ -391,7 +393,8 @@ def write_stiffness(
             "sigma_rotation_rad": used.sigma_rotation,
         },
         "unseen": {
-            "directions": estimate.compliance_regression.structure.n - estimate.compliance_regression.rank,
+            "directions": estimate.compliance_regression.structure.n_parameters
+            - estimate.compliance_regression.rank,
             "without_bound": len(model.posterior.unobservable),
             "stiffer": list(fits.unchecked.stiffer),
             "softer": list(fits.unchecked.softer),

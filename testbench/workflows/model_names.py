@@ -7,7 +7,7 @@ names too.
 import re
 from collections.abc import Mapping
 
-from testbench.model.structure import FULL, JOINTS
+from testbench.model.structure import FULL_ENTRIES, JOINTS_ONLY
 
 WITHOUT_CONE = "LS153"  #: All links and joints by least squares: what the default is without its cone.
 EQUAL_FIT, RIDGE, CLIPPED = "MLS56, PSD of equal fit", "Ridge", "Clipped LS"
@@ -16,7 +16,7 @@ FILLED = " + prior"  #: Behind the name of a model with a prior.
 IN_PAPER = " (paper)"  #: Behind the name of a model that GCO identifies without a trace weight.
 
 WORDS: Mapping[str, str] = {
-    JOINTS: "the joints-only model",
+    JOINTS_ONLY: "the joints-only model",
     "MLS32": "least squares of beam links, redundancy removed",
     "MLS36": "least squares of links without symmetry",
     "MGCO47": "GCO of two links and joints",
@@ -47,7 +47,9 @@ WORDS: Mapping[str, str] = {
 METHODS = {"MLS": "least squares", "LS": "least squares", "MGCO": "GCO", "ALL": "GCO"}
 """Methods by the letters of a name."""
 KIND = re.compile(r"(MLS|LS|MGCO|ALL)([1-9]\d*)")
-FULL_LINK = len(FULL)  #: Unknowns of a link in full: counts of models of full links are multiples of it.
+FULL_LINK = len(
+    FULL_ENTRIES
+)  #: Unknowns of a link in full: counts of models of full links are multiples of it.
 
 
 def in_words(name: str) -> str:

@@ -37,8 +37,8 @@ from testbench.identify.trace import (
 )
 from testbench.model.laws import with_joint_couplings, with_laws
 from testbench.model.structure import (
-    FULL,
-    TEMPLATE,
+    BEAM_ENTRIES,
+    FULL_ENTRIES,
     Structure,
     all153,
     joints_only,
@@ -48,7 +48,7 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
-from testbench.model.structure import JOINTS as JOINTS
+from testbench.model.structure import JOINTS_ONLY as JOINTS_ONLY
 from testbench.model.vjm import Vjm
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
@@ -75,7 +75,7 @@ class Model(Displayed):
 
     def summary(self) -> dict[str, object]:
         """Summarise name and number of unknowns."""
-        return {"name": self.name, "unknowns": self.structure.n}
+        return {"name": self.name, "unknowns": self.structure.n_parameters}
 
 
 def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callable[[Cell], Model]:
@@ -104,7 +104,7 @@ class _Named(dict[str, Callable[[Cell], Model]]):
 
 MODELS = _Named(
     {
-        JOINTS: _made(joints_only, least_squares),
+        JOINTS_ONLY: _made(joints_only, least_squares),
         "MLS32": _mls32,
         "MLS56": _made(partial(template56, name="MLS56"), least_squares),
         "MGCO47": _made(mgco47, gco),
@@ -124,7 +124,7 @@ has its own count.
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""
 PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and parameters.
-ANY_ARM = (JOINTS, "MLS56", "MGCO56", "MGCO147", "ALL153")
+ANY_ARM = (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO147", "ALL153")
 """Kinds of models that take all links or none, and so are of any arm."""
 LEVEL = 1e-9  #: Of a direction's upward part: rounding.
 ALL_UNKNOWNS = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
@@ -134,11 +134,11 @@ def arm_model_names(arm: Arm) -> dict[str, str]:
     """Map the names of an arm's models to their kinds, keys of `MODELS`."""
     if arm.n_joints == PAPERS_JOINTS:
         return {name: name for name in MODELS}
-    full, single = len(FULL) * len(arm.links), len(TEMPLATE) * len(arm.links)
+    full, single = len(FULL_ENTRIES) * len(arm.links), len(BEAM_ENTRIES) * len(arm.links)
     counts = ("", single, single, full, full + arm.n_joints)
     names = (f"{kind.rstrip(digits)}{count}" for kind, count in zip(ANY_ARM, counts, strict=True))
     found = dict(zip(names, ANY_ARM, strict=True))
-    return found if arm.joints else {name: kind for name, kind in found.items() if kind != JOINTS}
+    return found if arm.joints else {name: kind for name, kind in found.items() if kind != JOINTS_ONLY}
 
 
 def arm_model_name(cell: Cell, kind: str) -> str | None:
@@ -168,7 +168,7 @@ def _first_is_loaded(vjm: Vjm) -> bool:
     """Whether gravity moves joint 1: a hinge that is not upright, a slide that is not level."""
     if not vjm.arm.joints:
         return False
-    upward = abs(float(vjm.base[2, :3] @ vjm.placements[0, :3, :3] @ vjm.axes[0]))
+    upward = abs(float(vjm.base_pose[2, :3] @ vjm.joint_placements[0, :3, :3] @ vjm.joint_axes[0]))
     return upward > LEVEL if vjm.arm.joints[0].prismatic else upward < 1 - LEVEL
 
 
@@ -243,7 +243,7 @@ def fit_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
         raise EstimatorFailed(model, " ".join(why.split())) from err
     if not isinstance(estimate, Estimate):
         raise EstimatorFailed(model, f"expected an Estimate, got {type(estimate).__name__}")
-    n = model.structure.n
+    n = model.structure.n_parameters
     if estimate.pi.shape != (n,) or not (
         np.isfinite(estimate.pi).all() and np.isfinite(estimate.C_theta).all()
     ):
@@ -266,7 +266,7 @@ def fit_or_rigid(cell: Cell, model: Model, data: Dataset) -> Estimate:
         return fit_model(cell, model, data)
     except EstimatorFailed as err:
         regression = reduce(cell.vjm, model.structure, data)
-        rigid = make_estimate(regression, np.zeros(model.structure.n), method="own estimator")
+        rigid = make_estimate(regression, np.zeros(model.structure.n_parameters), method="own estimator")
         return replace(rigid, status=FAILED + err.why)
 
 
@@ -286,15 +286,19 @@ def failed_row(err: EstimatorFailed) -> FitRow:
     """Make the row of an estimator that failed."""
     name, structure, status = err.model.name, err.model.structure, FAILED + err.why
     return FitRow(
-        name=name, structure=structure.name, prior=err.model.filled, status=status, parameters=structure.n
+        name=name,
+        structure=structure.name,
+        prior=err.model.filled,
+        status=status,
+        parameters=structure.n_parameters,
     )
 
 
 # --- Choice of the model to take ----------------------------------------------------------------------------
 
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
-MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
-WITH_PRIOR = (JOINTS, "MGCO56", "MGCO68", "ALL153")
+MODELS_WITHOUT_PRIOR = (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO68")
+WITH_PRIOR = (JOINTS_ONLY, "MGCO56", "MGCO68", "ALL153")
 """What is fitted to a user's runs where no model is named, without and with a prior."""
 MIN_POSES = 4  #: Below it what is held out in turn is too little to overthrow a default.
 
@@ -402,7 +406,7 @@ def with_priors(
 def _with_prior(arm: Arm, model: Model, prior: Prior, uncertainty: PriorUncertainty | None) -> Model:
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, uncertainty), model.structure
-    whole = s.has_full_blocks and len(s.blocks) == 2 * s.links - 1
+    whole = s.has_full_blocks and len(s.blocks) == 2 * s.n_links - 1
     structure = with_joint_couplings(with_laws(s, arm)) if method.learns_prior and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
@@ -419,7 +423,7 @@ def choose_model(cell: Cell, data: Dataset, prior: Prior) -> ChosenModel:
         The model with its estimate.
     """
     models = [
-        *named_models(cell, (JOINTS,)),
+        *named_models(cell, (JOINTS_ONLY,)),
         *with_priors(cell.arm, named_models(cell, (ALL_UNKNOWNS,)), prior),
     ]
     recommendation = recommend(cell, models, data)
@@ -484,13 +488,13 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
     """
     runs = runs if isinstance(runs, ReducedRuns) else reduce_runs(cell, models, runs)
     default = default_name(cell.arm)
-    first = min(models, key=lambda m: (m.name != default, m.structure.n))
+    first = min(models, key=lambda m: (m.name != default, m.structure.n_parameters))
     if runs.poses < MIN_POSES or len(models) == 1:
         few = f"with fewer than {MIN_POSES} poses, no pose is held out to compare models"
         why = few if runs.poses < MIN_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
-    rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
+    rivals = [c for c in every if first.name != default or c.name in (default, JOINTS_ONLY)]
     duel = keep_first_unless_beaten(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name, default), every)
 
@@ -513,7 +517,7 @@ def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
     def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
             pi = method.fit_reduced(cell.vjm, fold.parts, for_intervals=False).pi
-            return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
+            return np.pad(pi, (0, model.structure.n_parameters - len(pi)))  # laws are last
         return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.fitted_parts))).pi
 
     held = folds(runs.parts[model.structure.name])

@@ -388,7 +388,7 @@ def parameters_of(structure: Structure, found: Array) -> Array:
         BenchError: When it has another shape, has a number that no arm can have, or its compliances are not
             symmetric or have entries that are no unknowns.
     """
-    n, size = structure.n, structure.n_theta
+    n, size = structure.n_parameters, structure.n_theta
     if found.shape not in ((n,), (size, size)):
         raise BenchError(f"wrong shape: expected ({n},) or ({size}, {size}), got {found.shape}")
     if not np.isfinite(found).all():
@@ -400,10 +400,10 @@ def parameters_of(structure: Structure, found: Array) -> Array:
     scale = unit_diagonal_scale(found)
     if np.abs((found - found.T) / np.outer(scale, scale)).max() > SYMMETRY_TOLERANCE:
         raise BenchError("not symmetric: expected compliances that are their own transpose")
-    rest = np.argwhere((found != 0) & (structure.matrix(np.ones(structure.n)) == 0))
+    rest = np.argwhere((found != 0) & (structure.matrix(np.ones(structure.n_parameters)) == 0))
     if len(rest):
         a, b = rest[0]
         raise BenchError(
-            f"expected 0 between {structure.labels[a]} and {structure.labels[b]}: no unknown there"
+            f"expected 0 between {structure.row_labels[a]} and {structure.row_labels[b]}: no unknown there"
         )
     return structure.entries(found)

@@ -44,9 +44,9 @@ from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.posterior import ArmModel
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import MIN_POSES, Frame
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import Load, read_weights, weight
-from testbench.model.vjm import Vjm, marker_points, tool_points
+from testbench.model.vjm import Vjm, marker_positions, tool_points
 from testbench.plant.site import build_site, contacts
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
@@ -388,7 +388,7 @@ def _ranges(cell: Cell, instruments: Sequence[Mounted], q: Array) -> Callable[[A
     meters = [own for own in instruments if own.direction is None]
 
     def lengths(q: Array) -> Array:
-        at = tool_points(cell.vjm, q, marker_points(cell.vjm, tuple(own.marker for own in meters)))
+        at = tool_points(cell.vjm, q, marker_positions(cell.vjm, tuple(own.marker for own in meters)))
         return np.asarray(np.linalg.norm(at - np.array([own.fixed for own in meters]), axis=2))
 
     middle = np.median(lengths(q), axis=0)
@@ -452,16 +452,16 @@ def union_of(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
     every = tuple({one.name: one for own in kinds for one in own}.values()) or (pose,)
     pose = replace(pose, frame=every[0].frame)
     unknowns = unknowns_of(
-        vjm, every, JointErrors(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
+        vjm, every, JointErrorTerms(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
     )
     prior, n = cad_prior(cell.arm), cell.arm.n_joints
     state = replace(
         nominal_state(vjm, read_weights(cell.arm), np.ones(n)),
         C_theta=prior.C_theta,
         errors=unknowns.errors,
-        n=np.zeros((n, unknowns.errors.size)),
+        n=np.zeros((n, unknowns.errors.n_coefficients)),
         frames={one.frame: stated_frame(one) for one in every},
-        mounts={MOUNT: Mount(marker_points(vjm, pose.markers), np.eye(3), pose.markers)},
+        mounts={MOUNT: Mount(marker_positions(vjm, pose.markers), np.eye(3), pose.markers)},
     )
     assert settings.uncertainty_percent is not None
     L = absolute.expected_root(

@@ -20,7 +20,7 @@ from testbench.files.columns import Columns, find_columns, joint_coordinates, ve
 from testbench.files.mapping import read_map
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, WorkArea, chain, in_work_area
+from testbench.model.vjm import Vjm, WorkArea, evaluate_chain, in_work_area
 from testbench.plant.site import ContactCategory, Payload, Site, build_site, contacts, hidden_markers
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.progress import tell
@@ -399,9 +399,9 @@ def _view(checks: Checks, q: Array) -> dict[str, Mask]:
     station = checks.conditions.station
     if station is None:
         return {}
-    where = chain(checks.vjm, q)
-    turned = where.rotation.swapaxes(1, 2)  # rows are turned from the tool's axes into the world's
-    targets = where.position[:, None] + checks.vjm.markers @ turned
+    where = evaluate_chain(checks.vjm, q)
+    turned = where.tool_rotation.swapaxes(1, 2)  # rows are turned from the tool's axes into the world's
+    targets = where.tool_position[:, None] + checks.vjm.markers @ turned
     return out_of_view(station, targets, checks.site.facing @ turned)
 
 

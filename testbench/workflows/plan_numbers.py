@@ -30,7 +30,7 @@ from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.errors import Array, Ids
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.site import has_surroundings
 from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, places_at, rms
@@ -68,7 +68,7 @@ def numbers(made: Planned) -> Row:
     own = Row(
         vars(made.settings),
         arm=arm.name,
-        base_m=cell.vjm.base[:3, 3].tolist(),
+        base_m=cell.vjm.base_pose[:3, 3].tolist(),
         joints=[joint.name for joint in arm.file_joints],
         units=[joint.display_unit for joint in arm.file_joints],
         margins=margins.tolist(),
@@ -174,7 +174,7 @@ def _pairs(made: Planned) -> Row:
     hidden = MM * math.sqrt(influence.unseen_mean_square)
     return Row(
         model=scaling.structure.name,
-        whole_arm=scaling.structure.n == all153(cell.arm).n,
+        whole_arm=scaling.structure.n_parameters == all153(cell.arm).n_parameters,
         prior=None if spec.uncertainty is None else scaling.prior_name,
         within_percent=100 * prior_uncertainty(spec),
         half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
@@ -254,7 +254,7 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_paths)]
-    tools, gauges, faces = chain(made.cell.vjm, q).position, gauge_words(made), face_words(made)
+    tools, gauges, faces = evaluate_chain(made.cell.vjm, q).tool_position, gauge_words(made), face_words(made)
     return [
         Row(
             row
@@ -287,7 +287,7 @@ def _runs(made: Planned, plan: Plan) -> list[Row]:
 def _tasks(made: Planned, plan: Plan, moved: Array) -> list[Row]:
     tasks, vjm = plan.specification.tasks, made.cell.vjm
     wrench, point = (np.broadcast_to(x, (len(tasks.q), x.shape[-1])) for x in vars(tasks.load).values())
-    at = tasks.q, chain(vjm, tasks.q).position
+    at = tasks.q, evaluate_chain(vjm, tasks.q).tool_position
     return [
         Row(
             row,
@@ -305,7 +305,7 @@ def _directions(plan: Plan, influence: PriorInfluence) -> Row:
     spec, problem = plan.specification, plan.examined.problem
     believed = spec.uncertainty is not None
     return Row(
-        unknowns=spec.experiment.scaling.structure.n,
+        unknowns=spec.experiment.scaling.structure.n_parameters,
         shown=problem.r,
         seen=observability(problem, plan.chosen).seen,
         outweighed=influence.directions_from_readings if believed else problem.r,
@@ -359,7 +359,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
     scale = _scale(made) if union.kinds else None
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy(problem, criterion, problem.rows, counts[-1])
-    workspace_poses = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag(union, q))
+    workspace_poses = places_at(arm, q, tool_poses(made.cell.vjm, q)[0], absolute.sag(union, q))
     return Row(
         model=union.unknowns.structure.name,
         prior=cad_prior(arm).name,

@@ -20,11 +20,11 @@ from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, prior_r
 from testbench.model.laws import for_load_history, with_joint_laws, with_laws
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only
-from testbench.model.vjm import Vjm, chain, tool_pose
+from testbench.model.vjm import Vjm, evaluate_chain, tool_poses
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import ErrorPlaces, Meaning, bounded_mm, error_places, places_at, rms
 from testbench.workflows.model_names import FILLED
-from testbench.workflows.models import JOINTS, arm_model_name, named_models
+from testbench.workflows.models import JOINTS_ONLY, arm_model_name, named_models
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.rows import MM
 
@@ -34,7 +34,10 @@ EXPECTED = Meaning(
     "of the predicted deflection, RMS over the markers and over arms of which every link and joint gives",
     "RMS",
 )
-OTHERS = ("MLS56", JOINTS)  #: Kinds of models that stand beside: least squares of links, and joints alone.
+OTHERS = (
+    "MLS56",
+    JOINTS_ONLY,
+)  #: Kinds of models that stand beside: least squares of links, and joints alone.
 OPEN_ERROR_SHARE = 0.1  #: Share of the expected error that has to stay open for such joints to be told [1].
 ZERO_TORQUE = 1e-6  #: Share of the largest torque below which a joint is not turned [1].
 
@@ -133,7 +136,7 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
         found[other] = bounded_mm(error_on(fit, q, load))
     found[name] = bounded_mm(forecast.error)
     moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.scaling.expected_x)
-    workspace_poses = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], moved)
+    workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], moved)
     return error_places(workspace_poses, found, list(found), EXPECTED)
 
 
@@ -220,7 +223,7 @@ def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
 
 def _torques(vjm: Vjm, q: Array, load: Load) -> Array:
     """Torques of the joints, forces of slides, under a load, (n, poses) [N m, N]."""
-    u = on_joints(chain(vjm, q), [load.for_poses(len(q))])
+    u = on_joints(evaluate_chain(vjm, q), [load.for_poses(len(q))])
     return np.asarray(u[-vjm.arm.n_joints :])
 
 
@@ -267,7 +270,7 @@ def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
     """
     spec, vjm = plan.specification, plan.specification.experiment.vjm
     plain = all153(vjm.arm)
-    linear = spec.experiment.scaling.structure.n < plain.n or not vjm.arm.joints
+    linear = spec.experiment.scaling.structure.n_parameters < plain.n_parameters or not vjm.arm.joints
     if spec.uncertainty is None or linear:
         return []
     whole = scale_by_prior(prior, with_joint_laws(vjm), with_laws(plain, vjm.arm))
@@ -277,15 +280,15 @@ def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
     specification = replace(
         spec, experiment=replace(spec.experiment, vjm=with_joint_laws(vjm), scaling=whole)
     )
-    M = block_diag(B.T @ B, np.eye(whole.structure.laws)) + _information(specification, plan)
-    stays = _open(M, plain.n)
+    M = block_diag(B.T @ B, np.eye(whole.structure.n_laws)) + _information(specification, plan)
+    stays = _open(M, plain.n_parameters)
     tells = {
-        words: stays & ~_open(M + _information(s, plan), plain.n)
+        words: stays & ~_open(M + _information(s, plan), plain.n_parameters)
         for words, s in further_readings(specification, plan).items()
     }
     kinds: dict[str, dict[str, int]] = {}
     for k in np.flatnonzero(stays).tolist():
-        joint, _, kind = whole.structure.labels[whole.structure.n_compliance_rows + k].rpartition(" ")
+        joint, _, kind = whole.structure.row_labels[whole.structure.n_compliance_rows + k].rpartition(" ")
         kinds.setdefault(kind, {})[joint] = k
     return [_open_law(kind, places, tells) for kind, places in kinds.items()]
 
@@ -325,7 +328,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
 
 def _information(spec: Specification, plan: Plan) -> Array:
     """What the plan's poses tell of all unknowns, (n, n)."""
-    A = plan.read(spec).reshape(-1, spec.experiment.scaling.structure.n)
+    A = plan.read(spec).reshape(-1, spec.experiment.scaling.structure.n_parameters)
     return np.asarray(A.T @ A)
 
 

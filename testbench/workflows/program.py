@@ -48,7 +48,7 @@ from testbench.files.table import read_table
 from testbench.files.write import write_program
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load, weight
-from testbench.model.vjm import WorkArea, tool_pose
+from testbench.model.vjm import WorkArea, tool_poses
 from testbench.plant.site import Site
 from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, inside
@@ -198,7 +198,7 @@ def _of_flags(model: ArmModel, program: Program, motions: RobotMotions, k: int) 
 
 def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
     """Loads at every point, one at least: the process at the tool or where the file says; what hangs."""
-    position, rotation = tool_pose(model.vjm, q)
+    position, rotation = tool_poses(model.vjm, q)
     tip = np.array(aim.point)
     try:
         names = [f"line {line}" for line in program.line]
@@ -337,7 +337,7 @@ def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], 
     if form == CSV:
         write_program(files[0], program, q, more_columns(corrected_program))
     elif motions is not None and motions.text.language.name == form:
-        position, rotation = tool_pose(corrected_program.model.vjm, q)
+        position, rotation = tool_poses(corrected_program.model.vjm, q)
         changes = changed_numbers(motions, arm, q, position, rotation)
         for file, (source, content) in zip(files, changed_texts(motions.text, changes), strict=True):
             text = with_mark(content.decode(source.encoding), motions.text.language)
@@ -346,7 +346,7 @@ def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], 
         language = known_languages()[form]
         motion = Motion(arm.to_file_joints(q), arm.file_joints, program.labels, corrected=True)
         if motions is not None and motions.linear.any():
-            at = motions.to_program(*tool_pose(corrected_program.model.vjm, q))
+            at = motions.to_program(*tool_poses(corrected_program.model.vjm, q))
             posed = motions.linear & (language.linear_by == "pose")
             motion = replace(motion, linear=motions.linear, posed=posed, position=at[0], rotation=at[1])
         write_moves(files[0], language, motion)
@@ -631,7 +631,7 @@ def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> St
     """The compliance of Eq. (7) under own weight alone, times a force, at clear poses drawn at random."""
     q = clear_poses(cell, area, PLACES, trial_rng(0))
     found = stiffness(model, q)
-    position, _ = tool_pose(model.vjm, q)
+    position, _ = tool_poses(model.vjm, q)
     half = compliance_half_widths(model, q, found, force)
     worst: Array = force * found.displacement_per_force[:, 0]
     order = np.argsort(-worst, kind="stable")

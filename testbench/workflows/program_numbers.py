@@ -20,7 +20,7 @@ from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, quantile
-from testbench.model.vjm import joint_law_rotations, tool_pose
+from testbench.model.vjm import add_law_deflections, tool_poses
 from testbench.runs.rows import Row, finite
 from testbench.workflows.error_places import Meaning, bounded_mm, error_places, places_at
 from testbench.workflows.program import (
@@ -147,7 +147,7 @@ def _ellipsoids_of_program(corrected_program: CorrectedProgram, force: float) ->
     some = some_poses(corrected_program.program.points)
     q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]
     tool = stiffness(model, q, [load.select(some) for load in corrected_program.loads])
-    lever = tool_pose(model.vjm, q)[1] @ np.array(corrected_program.aim.point)
+    lever = tool_poses(model.vjm, q)[1] @ np.array(corrected_program.aim.point)
     return ellipsoids(tool.compliance, lever, compensated.target.position[some], labels, force)
 
 
@@ -293,7 +293,7 @@ def predicted_bending(corrected_program: CorrectedProgram, some: Ids) -> Array:
     state, q = corrected_program.model.state, corrected_program.found.start[some]
     loaded = equilibrium(state, q, [load.select(some) for load in corrected_program.loads]).theta
     own = loaded if corrected_program.found.reference == "drawn" else loaded - equilibrium(state, q).theta
-    return joint_law_rotations(state.vjm, own)
+    return add_law_deflections(state.vjm, own)
 
 
 TABLE = "predictions.csv"

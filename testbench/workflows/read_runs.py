@@ -37,7 +37,7 @@ from testbench.identify.registration import Frame, Registration, largest_deviati
 from testbench.identify.regression import BLOCK_RUNS
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import all153
-from testbench.model.vjm import Vjm, chain, marker_points, tool_points, tool_pose
+from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, tool_points, tool_poses
 from testbench.runs.interrupt import SESSION
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
@@ -86,7 +86,7 @@ def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
     frames = ["readings are in the base's frame"]
     if registered.frame == "tracker":
         every = registered.registration.frames.items()
-        frames = [_frame_note(name, frame.at_new_base(registered.vjm.base)) for name, frame in every]
+        frames = [_frame_note(name, frame.at_new_base(registered.vjm.base_pose)) for name, frame in every]
     fit = _fit_note(registered.registration, _sag(registered.vjm, registered.data))
     return (*frames, fit, *_target_notes(registered, registered.registration))
 
@@ -139,7 +139,7 @@ def _sag(vjm: Vjm, data: Dataset) -> float | None:
         return None
     total = 0.0
     for first in range(0, data.runs, BLOCK_RUNS):
-        where = chain(vjm, data.q[first : first + BLOCK_RUNS])
+        where = evaluate_chain(vjm, data.q[first : first + BLOCK_RUNS])
         moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight(where, weights))
         total += float((moved**2).sum())
     return math.sqrt(total / data.runs)
@@ -335,7 +335,7 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
     if frame in words:
         choice = next(word for word in words if word == frame)
     elif files := _frame_files(frame):
-        to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
+        to_world = np.asarray(np.linalg.inv(cell.vjm.base_pose), dtype=float)
         choice = {f"{STATION} {k}": one.at_new_base(to_world) for k, one in read_frames(files[0]).items()}
     else:
         raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
@@ -383,7 +383,8 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
                 "rotation_sd_deg": math.degrees(frame.deviation),
             }
             for name, frame in (
-                (name, frame.at_new_base(registered.vjm.base)) for name, frame in registration.frames.items()
+                (name, frame.at_new_base(registered.vjm.base_pose))
+                for name, frame in registration.frames.items()
             )
         ],
         "targets": [
@@ -530,7 +531,7 @@ def farthest_off(registered: RegisteredDataset) -> Row | None:
 def nominal_targets(registered: RegisteredDataset) -> Array:
     """Find the targets of the rigid arm in all runs, (runs, m, 3) [m]."""
     vjm, data = registered.vjm, registered.data
-    return tool_points(vjm, data.q, marker_points(vjm, data.markers))
+    return tool_points(vjm, data.q, marker_positions(vjm, data.markers))
 
 
 def shown_runs(registered: RegisteredDataset, some: Ids) -> Row:
@@ -546,7 +547,7 @@ def shown_runs(registered: RegisteredDataset, some: Ids) -> Row:
     """
     data = registered.data
     hidden = np.where(data.seen[some], 0.0, np.nan)[..., None]
-    position, rotation = tool_pose(registered.vjm, data.q[some])
+    position, rotation = tool_poses(registered.vjm, data.q[some])
     return Row(
         nominal=nominal_targets(registered)[some] + hidden,
         before=data.before[some] + hidden,

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.plant.shapes import unloaded_body_poses
 from testbench.workflows.cell import build_cell
 
@@ -101,7 +101,7 @@ def ours(folder: Path, q):
         coms.append(data.subtree_com[first].copy())
     mass = float(model.body_subtreemass[first])
     M = _inertia(model, data, [j.name for j in cell.arm.joints])
-    position, rotation = tool_pose(cell.vjm, q)
+    position, rotation = tool_poses(cell.vjm, q)
     [(p, R)] = unloaded_body_poses(cell.plant, q, (cell.arm.tool,))
     return [
         Reading(np.array([_pose(*pair) for pair in zip(Rs, ps, strict=True)]), mass, np.array(coms), M)

@@ -16,7 +16,7 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 from testbench.arm.folder import load_arm
 from testbench.files.robot.chain import read_chain
 from testbench.model.kinematics import build_vjm
-from testbench.model.vjm import body_poses, tool_pose
+from testbench.model.vjm import body_poses, tool_poses
 from testbench.plant.site import build_site, collisions
 from testbench.workflows.arm_check import check
 from testbench.workflows.new_arm import sentence
@@ -120,7 +120,7 @@ def test_a_parallelogram_is_a_chain_whose_rod_follows_joint_2(tmp_path):
     q = np.random.default_rng(2).uniform(-1, 1, (5, 6))
     theirs = pinocchio_urdf(tmp_path / "free.urdf", "tool0", [*names, "rod"], np.c_[q, -q[:, 1]]).tips
     arm = load_arm(tmp_path / "mine")
-    p, R = tool_pose(build_vjm(arm), arm.to_chain_joints(q))
+    p, R = tool_poses(build_vjm(arm), arm.to_chain_joints(q))
     np.testing.assert_allclose(theirs[:, :3, 3], p, atol=1e-9)
     np.testing.assert_allclose(theirs[:, :3, :3], R, atol=1e-9)
 
@@ -553,7 +553,7 @@ def test_a_dh_table_as_a_urdf_is_the_robot_that_its_convention_says(tmp_path, mo
     table = "[joints]\nj2 = { j2 = 1, offset_deg = -90 }\n\n[[link]]"
     elastic.write_text(elastic.read_text().replace("[[link]]", table, 1))
     arm, q = load_arm(tmp_path / "mine"), np.random.default_rng(4).uniform(-1, 1, (5, 6))
-    p, R = tool_pose(build_vjm(arm), arm.to_chain_joints(q))
+    p, R = tool_poses(build_vjm(arm), arm.to_chain_joints(q))
     for k, own in enumerate(q):
         pose = np.eye(4)
         for (alpha, a, d, theta), angle in zip(rows, own, strict=True):

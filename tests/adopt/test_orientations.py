@@ -13,7 +13,7 @@ from testbench.files.beside import clear_fit, fits_of, notations
 from testbench.files.propose_map import map_text, propose
 from testbench.files.read_series import read_series
 from testbench.model.kinematics import build_vjm
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 
 ARM = load_arm(find_arm("kr500_l480"))
 WRONG_JOINTS = np.radians(0.1)  #: The drawn arm is off by so much a joint.
@@ -24,7 +24,7 @@ def measured(poses=8, spread=1.0, seed=4):
     rng, vjm = np.random.default_rng(seed), build_vjm(ARM)
     q = ARM.draw_poses(rng, poses)
     q = q[0] + spread * (q - q[0])
-    x, R = tool_pose(vjm, q + rng.normal(0, WRONG_JOINTS, q.shape))
+    x, R = tool_poses(vjm, q + rng.normal(0, WRONG_JOINTS, q.shape))
     X, Y = (own.as_matrix() for own in Rotation.random(2, rng=rng))
     return q, np.array([3.0, -2.0, 1.0]) + (x + R @ [0.1, 0.2, 0.05]) @ X.T, X @ R @ Y
 

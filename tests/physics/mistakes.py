@@ -14,7 +14,7 @@ from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.prior import Prior
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.
 
@@ -87,7 +87,7 @@ def names_once(own, rng):
 
 
 def target(own, rng):
-    off = tool_pose(own.cell.vjm, own.data.q)[1] @ bump(rng, 0.06)
+    off = tool_poses(own.cell.vjm, own.data.q)[1] @ bump(rng, 0.06)
     return both(lambda x: np.concatenate([x[:, :-1], x[:, -1:] + off[:, None]], axis=1))(own, rng)
 
 
@@ -167,9 +167,9 @@ def bumped(own, rng):
 
 def longer(own, _):
     """Another arm's folder."""
-    vjm, placements = own.cell.vjm, own.cell.vjm.placements.copy()
+    vjm, placements = own.cell.vjm, own.cell.vjm.joint_placements.copy()
     placements[2, :3, 3] *= 1 + 0.15 / np.linalg.norm(placements[2, :3, 3])
-    return replace(own, cell=replace(own.cell, vjm=replace(vjm, placements=placements)))
+    return replace(own, cell=replace(own.cell, vjm=replace(vjm, joint_placements=placements)))
 
 
 def swapped(own, _):
@@ -245,7 +245,7 @@ def sensor_zero(own, w, rng):
 
 
 def tool_axes(own, w, _):
-    w[:, :3] = np.einsum("ryx,ry->rx", tool_pose(own.cell.vjm, own.data.q)[1], w[:, :3])
+    w[:, :3] = np.einsum("ryx,ry->rx", tool_poses(own.cell.vjm, own.data.q)[1], w[:, :3])
     return w
 
 

@@ -57,11 +57,11 @@ from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.identify.registration import READING_LOSS, SQUARED_LOSS, Frame
 from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
-from testbench.model.kinematics import BACKLASH_SMOOTHING, BANDS, JointErrors
+from testbench.model.kinematics import BACKLASH_SMOOTHING, ORDER_BANDS, JointErrorTerms
 from testbench.model.kinematics import joint_error_basis as errors_of
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.workflows.absolute import DRIFT, with_drift
 from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import functionals
@@ -85,7 +85,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     W = Rotation.from_rotvec((0.4, -1.2, 0.7)).as_matrix()
     one = replace(series[0], rotation=series[0].rotation @ W)
     state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
-    unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
+    unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     step = 1e-5 * rng.standard_normal(unknowns.first_columns["geometry"])
     frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
     rows = series_rows(unknowns, state, one)
@@ -117,15 +117,15 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     n = 1e-3 * (1 + np.arange(6.0))
     bare = nominal_state(vjm, read_weights(kr500.arm), np.full(6, 1000.0))
     light = replace(bare.weights, mass=np.zeros_like(bare.weights.mass))
-    state = replace(bare, weights=light, errors=JointErrors(**{kind: True}), n=n[:, None])
+    state = replace(bare, weights=light, errors=JointErrorTerms(**{kind: True}), n=n[:, None])
     q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
     wrench = np.concatenate([rng.normal(0, 2e3, (1, 3)), np.zeros((1, 3))], axis=1)
     step = 1e-6 * np.eye(6)
-    tip = [np.array([tool_pose(vjm, q + sign * one)[0][0] for one in step]) for sign in (1, -1)]
+    tip = [np.array([tool_poses(vjm, q + sign * one)[0][0] for one in step]) for sign in (1, -1)]
     torque = (tip[0] - tip[1]) @ wrench[0, :3] / 2e-6 / 1000
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
     where = joint_equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).chain
-    np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(where.tool_position, tool_poses(vjm, q + turned)[0], rtol=0, atol=1e-6)
 
 
 def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_to_nothing(kr500, series):
@@ -189,7 +189,7 @@ def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500
     """Each by its distance in its own covariance; means and differences mix those of a pose."""
     C, noise = covariances(rng, 6, 1), Noise(OPEN, OPEN_TURN, np.array([1.1, 1, 1, 1]))
     series = read_by(state, still(6, rng, pose=np.repeat([0, 1], 3), precision=np.linalg.inv(C)))
-    unknowns = unknowns_of(kr500.vjm, (series,), JointErrors(), joints_only(kr500.arm))
+    unknowns = unknowns_of(kr500.vjm, (series,), JointErrorTerms(), joints_only(kr500.arm))
     far, own = rng.normal(size=(6, 3, 1)), noise.factor[0] ** 2 * (C[:, 0] + OPEN**2 * np.eye(3))
     far /= np.sqrt((far * np.linalg.solve(own, far)).sum(axis=1, keepdims=True))
     far *= READING_LOSS.threshold / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])[:, None, None]
@@ -274,7 +274,7 @@ def read_by(state, series):
     """The series with the targets where the state has them."""
     told = series_equilibrium(state, series)
     frame = state.frame(series)
-    x = told.chain.points(state.mount(series).points) @ frame.rotation.T + frame.translation
+    x = told.chain.tool_points_in_world(state.mount(series).points) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
 
 
@@ -308,7 +308,7 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     np.testing.assert_allclose(again.posterior.root, placed.posterior.root, rtol=1e-6, atol=1e-12)
     left, covariance = predict_series(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
-    every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
+    every = unknowns_of(kr500.vjm, (series,), JointErrorTerms(), structure)
     A = series_rows(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
     F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
     S = noise.factor[0] ** 2 * (R.T @ C[:, 0] @ R + OPEN**2 * np.eye(3))
@@ -333,12 +333,12 @@ def test_of_a_series_to_come_a_model_is_less_sure_by_how_far_geometry_moves(kr50
 def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(slides, rng):
     """A joint's with that of the link before it about, or along, its axis, which points anywhere."""
     vjm, structure, arm = slides.vjm, all153(slides.arm), slides.arm
-    unknowns = Unknowns(vjm, (), {}, JointErrors(), structure)
+    unknowns = Unknowns(vjm, (), {}, JointErrorTerms(), structure)
     rigid = unknowns.first_columns["elastic"]
     own = SimpleNamespace(
         unknowns=unknowns, columns=np.arange(unknowns.size), n_rigid=rigid, compliance_prior=0
     )
-    C = structure.matrix(rng.normal(size=structure.n))
+    C = structure.matrix(rng.normal(size=structure.n_parameters))
     x, shown = np.r_[np.zeros(rigid), structure.entries(C)], {}
     for group in functionals(own):
         rows = zip(group.names, group.scale * (group.of @ x), group.units, strict=True)
@@ -359,7 +359,7 @@ def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(
 
 
 ORDERS = tuple(range(1, 21))
-ERRORS = JointErrors(ORDERS, play=True)
+ERRORS = JointErrorTerms(ORDERS, play=True)
 HIGH = np.arange(3, 21)  #: Orders that a pattern may have.
 K = len(HIGH)
 READ, NOISE, SIZE, OWN = 200, 50e-6, 60e-6, 20e-6
@@ -385,10 +385,10 @@ def test_held_out_readings_are_as_probable_as_by_their_dense_covariance(rng):
 def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_to_none(rng):
     """Whatever joints without the pattern, low orders and other unknowns are."""
     pattern = ErrorPattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
-    first, size = 7, 7 + 4 * ERRORS.size + 5
+    first, size = 7, 7 + 4 * ERRORS.n_coefficients + 5
     B, z = pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
-    at = first + ERRORS.size * np.arange(4)[:, None] + pattern_coefficients(ERRORS)
+    at = first + ERRORS.n_coefficients * np.arange(4)[:, None] + pattern_coefficients(ERRORS)
     x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
     np.testing.assert_allclose(x[rest], z[rest])
     # its inverse is its transpose
@@ -442,8 +442,8 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     They spend the trace of the hat matrix: free ones a whole equation each.
     """
     pattern = ErrorPattern((0, 1), (0.0, 1.1), (1, -1))
-    errors = JointErrors(tuple(range(1, 5)))
-    size = 2 * errors.size
+    errors = JointErrorTerms(tuple(range(1, 5)))
+    size = 2 * errors.n_coefficients
     B, A, y = pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
     deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
@@ -489,9 +489,9 @@ def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series
 def test_errors_of_a_joint_together_are_those_of_every_kind_alone_in_their_order(slides, rng):
     """Against the formulas; an order belongs to the last band that begins at or below it."""
     orders, arm, runs = (1, 2, 4, 5, 7, 8, 1000), slides.arm, 9
-    errors = JointErrors(orders, ratio=True, play=True, stiffening=True)
-    band = [max(k for k, first in enumerate(BANDS) if first <= order) for order in orders]
-    assert errors.bands.tolist() == [*band, *band, -1, -1, -1]
+    errors = JointErrorTerms(orders, ratio=True, play=True, stiffening=True)
+    band = [max(k for k, first in enumerate(ORDER_BANDS) if first <= order) for order in orders]
+    assert errors.coefficient_bands.tolist() == [*band, *band, -1, -1, -1]
     q, torque = rng.normal(size=(runs, arm.n_joints)), 100 * rng.normal(size=(arm.n_joints, runs))
     scale = np.array([50.0, 0.0, 10.0, 20.0, 30.0])
     found = errors_of(errors, arm, q, torque, scale)
@@ -506,5 +506,5 @@ def test_errors_of_a_joint_together_are_those_of_every_kind_alone_in_their_order
         "stiffening": (pull * np.abs(pull))[None],
     }
     for kind, own in expected.items():
-        some = [k for k, name in enumerate(errors.kinds) if name == kind]
+        some = [k for k, name in enumerate(errors.coefficient_kinds) if name == kind]
         np.testing.assert_allclose(found[:, some].swapaxes(0, 1), own, rtol=0, atol=1e-9)

@@ -13,9 +13,9 @@ from testbench.identify.absolute import state as absolute
 from testbench.identify.absolute.evidence import WIDE_PRIOR, ErrorScales, solve_active_unknowns
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.state import nominal_state, series_equilibrium
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import read_weights
-from testbench.model.vjm import chain
+from testbench.model.vjm import evaluate_chain
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.equilibrium import solve_equilibrium
@@ -29,16 +29,16 @@ EXACT = AbsoluteCampaign(poses=12, series=2, targets=3, orientations=True, noise
 def seen(truth, series, where):
     """Targets and mount of a chain as a tracker sees them: three frames, one after the other."""
     station, mount = truth.stations[series], truth.mounts[series]
-    tool = where.rotation @ mount.rotation
-    targets = np.einsum("rxy,my->rmx", where.rotation, truth.markers @ mount.rotation.T + mount.position)
-    world = where.position[:, None] + targets
+    tool = where.tool_rotation @ mount.rotation
+    targets = np.einsum("rxy,my->rmx", where.tool_rotation, truth.markers @ mount.rotation.T + mount.position)
+    world = where.tool_position[:, None] + targets
     return world @ station.rotation.T + station.position, station.rotation @ tool
 
 
 def true_poses(truth, series, *at):
     """The same of the true arm at rest, in poses under loads."""
     rest = solve_equilibrium(truth.arm, *at)
-    return seen(truth, series, SimpleNamespace(position=rest.tool, rotation=rest.rotation))
+    return seen(truth, series, SimpleNamespace(tool_position=rest.tool, tool_rotation=rest.rotation))
 
 
 def rms(x):
@@ -57,7 +57,7 @@ def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
     errors = Disturbances(geometry=GeometryErrors(5e-3, 10e-3), sensor_offset=1e-3)
     both, truth = simulate_series(cell, EXACT.model_copy(update={"disturbances": errors}), 3)
     for k, series in enumerate(both):
-        where = chain(cell.vjm, series.q, np.tile(truth.theta_0, (series.rows, 1)))
+        where = evaluate_chain(cell.vjm, series.q, np.tile(truth.theta_0, (series.rows, 1)))
         position, rotation = seen(truth, k, where)
         np.testing.assert_allclose(series.position, position, rtol=0, atol=1e-12)  # rounding of 10 m
         np.testing.assert_allclose(series.rotation, rotation, rtol=0, atol=1e-12)
@@ -133,10 +133,10 @@ def off(cell, disturbances, mass):
     if (gears := truth.gears) is not None:
         orders = tuple(range(1, len(gears.sine) + 1))
         n = np.concatenate([gears.sine, gears.cosine, gears.ratio[None]]).T
-        state = replace(state, errors=JointErrors(orders=orders, ratio=True), n=n)
+        state = replace(state, errors=JointErrorTerms(orders=orders, ratio=True), n=n)
     tool = series_equilibrium(state, series).chain
     points = truth.markers @ mount.rotation.T + mount.position
-    seen = tool.points(points) @ station.rotation.T + station.position
+    seen = tool.tool_points_in_world(points) @ station.rotation.T + station.position
     return np.linalg.norm(seen - series.position, axis=2)[:, 0]
 
 

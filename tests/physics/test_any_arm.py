@@ -89,7 +89,9 @@ def test_models_are_called_by_their_unknowns_joint_1_among_them_where_gravity_lo
     cell, names = build_cell(folder), names.split()
     models, cad = named_models(cell, names), cad_prior(cell.arm)
     assert [m.name for m in models] == [m.structure.name for m in models] == names
-    assert [int(m.name.strip("MLSGCOA")) for m in models[1:]] == [m.structure.n for m in models[1:]]
+    assert [int(m.name.strip("MLSGCOA")) for m in models[1:]] == [
+        m.structure.n_parameters for m in models[1:]
+    ]
     assert named_models(cell, ["all"])[0].name == names[-1]
     plain, default = [[m.name for m in default_models(cell, prior)] for prior in (None, cad)]
     assert plain_name(cell) == names[2]

@@ -10,7 +10,7 @@ from spoil import swap
 
 from testbench.cli.check import report
 from testbench.files.robot.chain import read_chain
-from testbench.model.vjm import chain
+from testbench.model.vjm import evaluate_chain
 from testbench.workflows.arm_check import check
 from testbench.workflows.new_arm import UserInputs, elastic_toml, propose
 
@@ -83,10 +83,10 @@ def test_shares_of_the_sag_are_each_spring_s_alone_and_what_is_to_confirm_is_in_
     cell = sound.cell
     assert sound.sag.shares.sum() == pytest.approx(1)
     [weight] = [item for item in sound.items if item.words.startswith("joint_5's compliance")]
-    where = chain(cell.vjm, sound.sag.q)
+    where = evaluate_chain(cell.vjm, sound.sag.q)
     axis = where.J_theta[:3, 46].T  # joint 5 stands behind 42 of the links and four joints
     load = -9.81 * (
-        axis[:, 2] + np.cross(where.J_theta[3:, 46].T, where.rotation @ cell.vjm.load_point)[:, 2]
+        axis[:, 2] + np.cross(where.J_theta[3:, 46].T, where.tool_rotation @ cell.vjm.load_point)[:, 2]
     )
     alone = 0.7e-6 * load[:, None] * axis
     whole = sound.sag.whole

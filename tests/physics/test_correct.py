@@ -31,7 +31,7 @@ from testbench.identify.posterior import (
 )
 from testbench.model.load import no_weights, read_weights, resultant
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.site import collisions
 from testbench.workflows.program import extrapolation_warnings
@@ -55,8 +55,8 @@ def drawn(kr500, rng):
 
 def regular(kr500, q):
     """Poses in which turns of the tool cost joints little while its tip stays."""
-    J = chain(kr500.vjm, q).J_theta.transpose(2, 0, 1)[:, :, -6:].copy()
-    R = tool_pose(kr500.vjm, q)[1]
+    J = evaluate_chain(kr500.vjm, q).J_theta.transpose(2, 0, 1)[:, :, -6:].copy()
+    R = tool_poses(kr500.vjm, q)[1]
     J[:, :3] += np.cross(J[:, 3:], (R @ TIP)[:, :, None], axisa=1, axisb=1, axisc=1)
     stay = np.linalg.svd(J[:, :3])[2][:, 3:].swapaxes(1, 2)
     return np.linalg.svd(J[:, 3:] @ stay)[1][:, -1] > 1.5 * MIN_SINGULAR_VALUE
@@ -158,7 +158,7 @@ FEW = 12
 def sure_of(structure, state, unseen=None):
     """A belief of 1 % in every entry, and rows that nothing has seen."""
     pi = structure.entries(state.C_theta)
-    rows = np.zeros((0, structure.n)) if unseen is None else unseen
+    rows = np.zeros((0, structure.n_parameters)) if unseen is None else unseen
     return Posterior(pi, np.diag(0.01 * np.abs(pi)), rows, np.abs(pi) + 1e-30)
 
 
@@ -239,7 +239,7 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_fo
 def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
     """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
     structure = model.structure
-    first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
+    first = np.eye(structure.n_parameters)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
     blind = replace(model, posterior=sure_of(structure, model.state, first))
     forces = np.array([0, 0, -4500.0, 0, 0, 0]), np.array([0, 4500.0, 0, 0, 0, 0])
     down, aside = (predict(blind, poses, [Load(force, model.vjm.load_point)]) for force in forces)
@@ -355,7 +355,7 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     none = replace(known, origin=ModelOrigin("made up", largest_force=0.0, largest_moment=0.0))
     assert "under own weight only" in extrapolation_warnings(load_extent(none, q, [FORCE]))[0]
     assert not extrapolation_warnings(load_extent(replace(known, origin=ModelOrigin("made up")), q, [FORCE]))
-    lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
+    lever = np.cross(tool_poses(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
     assert load_extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
@@ -364,7 +364,7 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
 
 def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr500, rng):
     """By hand, about the tool's origin, a load a pose and one for all."""
-    R = tool_pose(kr500.vjm, np.array([Q, -Q]))[1]
+    R = tool_poses(kr500.vjm, np.array([Q, -Q]))[1]
     each = Load(rng.normal(size=(2, 6)), rng.normal(size=(2, 3)))
     same = Load(rng.normal(size=6), rng.normal(size=3))
     expected = [

@@ -24,7 +24,7 @@ from testbench.identify.equations import beams, series_rows
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Linearisation, reduce_series
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import read_weights
 from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
@@ -92,7 +92,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
     if kind == "point and constant":
         one = replace(one, zero_sigma=1.0, distance=one.distance - 0.7)
     state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
-    unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
+    unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     rows, (u, _) = series_rows(unknowns, state, one), beams(state, one, series_equilibrium(state, one))
     across = rows - u[:, :, None] * np.einsum("sxr,sxcr->scr", u, rows)[:, None]
     np.testing.assert_allclose(across, 0, atol=1e-9)  # of 1e4, rounding
@@ -146,7 +146,7 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     one = replace(one, distance=length.T + size * rng.standard_normal((rows, 1)))
     noise = estimate_model_error(state, (one,), 1.0)
     assert noise.position_model_error == pytest.approx(size, rel=0.04)
-    unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
+    unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     few = select_rows(one, np.arange(50))
     assert reduce_series(Linearisation(unknowns, state, noise), (few,)).counts.tolist() == [50]
 
@@ -166,7 +166,7 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
             replace(one, frame=name, q=one.q + spread * rng.standard_normal(one.q.shape))
             for one, name in zip(touched, frames, strict=True)
         ]
-        unknowns = unknowns_of(stiff.vjm, tuple(series), JointErrors(), joints_only(stiff.arm))
+        unknowns = unknowns_of(stiff.vjm, tuple(series), JointErrorTerms(), joints_only(stiff.arm))
         rows = [
             series_rows(unknowns, state, one)[0, :, : unknowns.first_columns["elastic"]] for one in series
         ]
@@ -334,7 +334,7 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
         assert one.frame_deviation == own.frame_deviation
     rough = replace(again[0], tilt=2 * again[0].tilt)
     for block in ((rough, again[1]), (again[1], rough)):  # the largest of its faces, in any order
-        unknowns = unknowns_of(kr500.vjm, block, JointErrors(), joints_only(kr500.arm))
+        unknowns = unknowns_of(kr500.vjm, block, JointErrorTerms(), joints_only(kr500.arm))
         assert unknowns.frame_deviations["d block"] == rough.frame_deviation
     mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
     with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):

@@ -41,7 +41,7 @@ from testbench.identify.diagnosis.moves import p_value
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import displacement
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
+from testbench.model.vjm import evaluate_chain, generalised_load, tool_points, tool_poses
 from testbench.runs.rows import trial_rng
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,11 +119,11 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     blocks = np.repeat(np.arange(len(prior.block_orders)), [n * (n + 1) // 2 for n in prior.block_orders])
     size = np.exp(h[blocks])
     D = size**2 * np.where(prior.is_link_coupling, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
-    G = fitted.readings.A.reshape(-1, structure.n) @ prior.L
+    G = fitted.readings.A.reshape(-1, structure.n_parameters) @ prior.L
     S = G @ (D[:, None] * G.T) + np.exp(2 * h[-1]) * np.eye(len(G))
     apart = fitted.readings.y.ravel() - G @ (size * prior.expected_x)
     mean = prior.L @ (size * prior.expected_x + D * (G.T @ np.linalg.solve(S, apart)))
-    unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
+    unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n_parameters))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
     joints = backlash_and_stiffening_columns(vjm, own.data, structure, fitted.pi)
     known = np.eye(len(G)) / fitted.misfit**2 - fitted.U @ fitted.U.T
@@ -141,7 +141,7 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
     found = backlash_and_stiffening_columns(vjm, data, s, s.entries(C)).reshape(
         data.runs, len(data.markers), 3, -1, 2
     )
-    turn = (C @ generalised_load(chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
+    turn = (C @ generalised_load(evaluate_chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
     for j in range(turn.shape[1]):
         for k, size in enumerate((USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn))):
             q = data.q + size * np.eye(turn.shape[1])[j]
@@ -221,7 +221,7 @@ def test_a_hanging_arm_with_the_orientation_that_is_told_raises_no_doubt(made):
     quat = [float(x) for x in re.search(r'quat="([^"]+)" of the body link_0', doubt.sentence)[1].split()]
     base = np.eye(4)
     base[:3, :3] = Rotation.from_quat(quat, scalar_first=True).as_matrix()
-    cell = replace(own.cell, vjm=replace(own.cell.vjm, base=base @ own.cell.vjm.base))
+    cell = replace(own.cell, vjm=replace(own.cell.vjm, base_pose=base @ own.cell.vjm.base_pose))
     data = replace(own.data, before=own.data.before @ base[:3, :3].T, after=own.data.after @ base[:3, :3].T)
     assert named(replace(own, cell=cell, data=data)) == []
 
@@ -260,9 +260,9 @@ def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
     links = [replace(link, beam_axes=frame) for link in arm_6r.arm.links]
     vjm = replace(arm_6r.vjm, arm=replace(arm_6r.arm, links=tuple(links)))
     q, step = np.random.default_rng(2).uniform(-1, 1, (20, 6)), np.array([0.06, 0.02, -0.04])
-    placements = vjm.placements.copy()
+    placements = vjm.joint_placements.copy()
     placements[2, :3, 3] += step
-    read = tool_points(replace(vjm, placements=placements), q, vjm.markers)
+    read = tool_points(replace(vjm, joint_placements=placements), q, vjm.markers)
     ids, there = np.arange(20), np.ones(read.shape[:2], dtype=bool)
     seen = Observations(vjm, q, vjm.markers, read, there, arm_6r.arm.markers, ids, ids, 3e-3)
     found, _ = best_hypothesis(seen, HYPOTHESES.kinematics)
@@ -343,7 +343,7 @@ def test_a_tracker_that_moved_between_two_readings_is_named_with_run_and_size(hu
 
 def test_targets_that_slipped_on_the_tool_are_told_from_a_tracker_that_moved(hung):
     d, behind = hung.data, (hung.data.run >= 9)[:, None, None]
-    slip = behind * (tool_pose(hung.cell.vjm, d.q)[1] @ [1.2e-3, -0.9e-3, 1.3e-3])[:, None]
+    slip = behind * (tool_poses(hung.cell.vjm, d.q)[1] @ [1.2e-3, -0.9e-3, 1.3e-3])[:, None]
     slipped = replace(hung, data=replace(d, before=d.before + slip, after=d.after + slip))
     [doubt] = named(slipped)
     assert doubt.name == "target_moved"
@@ -357,7 +357,7 @@ def plate(cell, runs, targets):
     arm = replace(cell.arm, markers=tuple(f"T{k}" for k in range(targets)))
     vjm = replace(cell.vjm, arm=arm, markers=rng.uniform(-0.3, 0.3, (targets, 3)))
     q, (wrench, point), ids = random_q(cell, rng, runs) / 3, hung_load(cell, runs, 300.0), np.arange(runs) + 1
-    where = chain(vjm, q)
+    where = evaluate_chain(vjm, q)
     theta = (arm.C_theta @ generalised_load(where, wrench, point)).T
     before, sigma = tool_points(vjm, q, vjm.markers), 3e-5
     after = before + displacement(where, theta, vjm.markers)

@@ -44,7 +44,7 @@ def test_of_section_5_2_the_nearest_conservative_model_of_equal_fit_is_found(arm
     moved = [deflections(arm_6r.vjm, e, data) for e in (plain, filled)]
     np.testing.assert_allclose(*moved, rtol=0, atol=1e-10)  # of millimetres: readings agree to 1e-7
     assert np.abs(filled.pi - plain.pi).max() > 0.1 * np.abs(plain.pi).max()  # and yet another model
-    if s.n > 56:
+    if s.n_parameters > 56:
         return  # the projections end after many more rounds
     root_2 = np.where(s.fills_two_entries, np.sqrt(2), 1)
     unit = sensitivity_units(plain.regression) / root_2  # pi = unit svec(X)
@@ -70,7 +70,7 @@ def test_a_seen_compliance_below_zero_leaves_no_conservative_model(kr500):
     true = np.array([1.0, 1.0, -0.5, 1.0, 1.0, 1.0]) * 1e-6
     data = deflected(kr500, structure, true)
     plain, filled = both(kr500, structure, data)
-    assert plain.regression.rank == structure.n - 1
+    assert plain.regression.rank == structure.n_parameters - 1
     np.testing.assert_allclose(filled.pi, np.r_[0, true[1:]], rtol=0, atol=1e-12)
     assert not filled.conservative
     assert NO_CONSERVATIVE_FIT in filled.status
@@ -108,9 +108,9 @@ def seen(kr500):
     data = calibrate(kr500, Scenario(arm="kr500_l480", workspace_poses=1), 3).identification
     beams = template56(kr500.arm)
     regression = reduce(kr500.vjm, beams, data)
-    each = [make_estimate(regression, 1e-6 * e, method="one") for e in np.eye(beams.n)]
+    each = [make_estimate(regression, 1e-6 * e, method="one") for e in np.eye(beams.n_parameters)]
     sigma = np.sqrt(2) * data.sigma * 1e-6
-    A = deflections_of_models(kr500.vjm, each, data)[:, data.seen].reshape(beams.n, -1).T / sigma
+    A = deflections_of_models(kr500.vjm, each, data)[:, data.seen].reshape(beams.n_parameters, -1).T / sigma
     return data, beams, A, 1e-6 * data.deflection[data.seen].ravel() / sigma
 
 
@@ -121,7 +121,7 @@ def test_ridge_leaves_readings_out_by_their_weight_and_clipping_makes_the_neares
     largest = np.linalg.norm(A, 2) ** 2
 
     def fit(size):
-        return np.linalg.solve(A.T @ A + size * largest * np.eye(beams.n), A.T)
+        return np.linalg.solve(A.T @ A + size * largest * np.eye(beams.n_parameters), A.T)
 
     def score(size):
         hat = A @ fit(size)
@@ -269,7 +269,7 @@ def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_g
     found = fits.methods([reduce(kr500.vjm, structure, noisy(clean, 50e-6))], [])
     [ls], [gco], [lent] = found[fits.SQUARES], found[fits.GCO], found[fits.LENT]
     A, _ = weighed_rows(ls.regression)
-    assert ls.regression.rank < structure.n
+    assert ls.regression.rank < structure.n_parameters
     np.testing.assert_allclose(A @ lent.pi, A @ ls.pi, atol=1e-9 * np.abs(A @ ls.pi).max())
     # here a conservative model fits as well: GCO has the fit of least squares, and the rest from `lent`
     assert found[fits.EQUAL][0].conservative

@@ -19,10 +19,10 @@ from testbench.files.export import best_offsets, draft_new, draft_robot_urdf, ex
 from testbench.files.export_own import STAMP, frame_distance, nominal_rigid, random_joints, tool_poses
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.posterior import elastic_state
-from testbench.model.kinematics import JointErrors, build_vjm
+from testbench.model.kinematics import JointErrorTerms, build_vjm
 from testbench.model.laws import with_joint_laws
 from testbench.model.load import read_weights
-from testbench.model.vjm import chain, generalised_load, load_without_laws
+from testbench.model.vjm import evaluate_chain, generalised_load, generalised_load_without_laws
 from testbench.workflows.cell import build_cell
 
 SHIFT, TURN, SLIDE = 0.5e-3, 1e-3, 0.5e-3  #: Planted errors [m], [rad], of a slide's offset [m].
@@ -37,10 +37,10 @@ def planted(arm, rng, *, ends=False):
     links[inner] = rng.uniform(-1, 1, (n + 1, 6))[inner] * ([SHIFT] * 3 + [TURN] * 3)
     theta[6 * n + 6 :] = [rng.uniform(-1, 1) * (SLIDE if j.prismatic else TURN) for j in arm.joints]
     errors, state = (
-        JointErrors(orders=(1, 2), ratio=True),
+        JointErrorTerms(orders=(1, 2), ratio=True),
         nominal_state(vjm, read_weights(arm), np.full(n, 50.0)),
     )
-    gears = rng.uniform(-1e-4, 1e-4, (n, errors.size))
+    gears = rng.uniform(-1e-4, 1e-4, (n, errors.n_coefficients))
     return replace(state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=gears)
 
 
@@ -138,8 +138,8 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
     export(state, draft_robot_urdf(state, file), tmp_path / "new.urdf")
     said = json.loads((tmp_path / "new.json").read_text())
     q, wrench = random_joints(state.vjm)[:1], rng.uniform(-500, 500, (1, 6))
-    where = chain(state.vjm, q)
-    load, tool = generalised_load(where, wrench, np.zeros((1, 3)))[:, 0], where.position[0]
+    where = evaluate_chain(state.vjm, q)
+    load, tool = generalised_load(where, wrench, np.zeros((1, 3)))[:, 0], where.tool_position[0]
     links = ["base", *(f"l{k}" for k in range(1, 7))]
     at = {name: root @ poses_by_mujoco(text, name, names, q)[0][0] for name in links[1:]} | {"base": root}
     moved = np.zeros(3)
@@ -155,7 +155,7 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
         moved += J @ turn * joint["compliance"] * (turn @ u)
     np.testing.assert_allclose(moved, where.J_theta[:3, :, 0] @ state.C_theta @ load, rtol=1e-8)
     np.testing.assert_allclose([j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.n)
-    bodies = zip(links, said["weights"], where.bodies, state.weights.centre, strict=False)
+    bodies = zip(links, said["weights"], where.body_frames, state.weights.centre, strict=False)
     for link, weight, (p, R), centre in bodies:
         found = at[link] @ [*weight["centre_m"], 1]
         np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)
@@ -213,16 +213,16 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
     state = elastic_state(vjm, C, read_weights(kr500.arm))
     export(state, draft_new(state), tmp_path / "arm.urdf")
     said = json.loads((tmp_path / "arm.json").read_text())
-    where = chain(vjm, q)
-    u = load_without_laws(
+    where = evaluate_chain(vjm, q)
+    u = generalised_load_without_laws(
         where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load_point, (12, 1))
     )[42:]
-    turned = C[48:, 48:] @ vjm.laws.load(where, u)
+    turned = C[48:, 48:] @ vjm.joint_laws.unit_deflections(where, u)
     turned = turned[:18].reshape(3, 6, -1).sum(axis=0) + np.outer(np.eye(6)[1], turned[18])
     step = 1e-6 * np.eye(6)[1]
     lever = (strut_length(vjm, q + step) - strut_length(vjm, q - step)) / 2e-6
-    r = lever / np.linalg.norm(np.cross(vjm.axes[1], arm.compensator.head))
-    before = vjm.laws.before(where)
+    r = lever / np.linalg.norm(np.cross(vjm.joint_axes[1], arm.compensator.head))
+    before = vjm.joint_laws.before(where)
     for row, joint, tau_0, tau, own in zip(said["joints"], arm.joints, before, u, turned, strict=True):
         x_0, x_1, s = joint.compliance * tau_0, joint.compliance * (tau_0 + tau), row["laws"]
         f_0, f_1 = (
@@ -239,7 +239,7 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
 
 
 def strut_length(vjm, q):
-    (foot, R_1), (joint, R_2) = chain(vjm, q).bodies[1:3]
+    (foot, R_1), (joint, R_2) = evaluate_chain(vjm, q).body_frames[1:3]
     spring = vjm.arm.compensator
     return np.linalg.norm(foot + spring.foot @ R_1 - joint - spring.head @ R_2, axis=0)
 

@@ -14,7 +14,7 @@ from testbench.identify.observability import of_regression, sampled_tasks
 from testbench.identify.prior import PriorUncertainty, cad_prior, rows_in_prior_units, scale_by_prior
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mls36, template56
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.workflows.advice import advice
 from testbench.workflows.fit_numbers import unseen_poses
 
@@ -42,14 +42,14 @@ def test_least_squares_solves_eq_15_and_f_m_is_eq_19_with_its_gradient(arm_6r, r
     """On readings as they are, positions and orientations; what the certificate takes for the gradient."""
     data = axis_loads(arm_6r, rng)
     s = Structure.of(arm_6r.arm, joints=[j.name for j in arm_6r.arm.joints])
-    args = (chain(arm_6r.vjm, data.q), s, data.wrench, data.point)
-    A = observation(*args, np.zeros((1, 3))).reshape(-1, s.n) / (np.sqrt(2) * SIGMA)
-    B = rotation_observation(*args).reshape(-1, s.n) / (np.sqrt(2) * SIGMA_ROTATION)
+    args = (evaluate_chain(arm_6r.vjm, data.q), s, data.wrench, data.point)
+    A = observation_matrix(*args, np.zeros((1, 3))).reshape(-1, s.n_parameters) / (np.sqrt(2) * SIGMA)
+    B = rotation_observation(*args).reshape(-1, s.n_parameters) / (np.sqrt(2) * SIGMA_ROTATION)
     y = data.deflection.ravel() / (np.sqrt(2) * SIGMA)
     z = data.rotation.ravel() / (np.sqrt(2) * SIGMA_ROTATION)
     estimate = least_squares(arm_6r.vjm, s, data)
     np.testing.assert_allclose(estimate.pi, np.linalg.solve(A.T @ A + B.T @ B, A.T @ y + B.T @ z), rtol=1e-8)
-    regression, pi = reduce(arm_6r.vjm, s, data), rng.uniform(0, 1e-6, s.n)
+    regression, pi = reduce(arm_6r.vjm, s, data), rng.uniform(0, 1e-6, s.n_parameters)
     expected = (np.linalg.norm(A @ pi - y) + np.linalg.norm(B @ pi - z)) / np.sqrt(data.runs)
     assert f_m(regression, pi) == pytest.approx(expected, rel=1e-12)
     dual = gradient_dual(regression, pi).y
@@ -73,7 +73,7 @@ def test_reduced_rows_are_those_of_the_full_weight_matrix(kr500, data, lost):
     if lost:
         P[2, 1] = P[5] = 0
     data, s = replace(data, precision=P), mgco68(kr500.arm)
-    A = observation(chain(kr500.vjm, data.q), s, data.wrench, data.point, kr500.vjm.markers)
+    A = observation_matrix(evaluate_chain(kr500.vjm, data.q), s, data.wrench, data.point, kr500.vjm.markers)
     y, [term] = data.deflection, reduce(kr500.vjm, s, data).terms
     normal, right = np.einsum("rmin,rmij,rmjk->nk", A, P, A), np.einsum("rmin,rmij,rmj->n", A, P, y)
     ours = term.equations / 3 * term.R.T @ np.column_stack([term.R, term.z])
@@ -119,8 +119,8 @@ def test_ranks_under_gravity_are_those_of_the_paper(kr500, data, structure, many
     assert report.rank == reduce(kr500.vjm, report.structure, data).rank
     assert report.rank <= report.equations == 48
     lost = len(report.lost_to_structure) + len(report.lost_to_loads) + report.lost_to_poses
-    assert report.rank + lost == report.structure.n
-    assert len(report.lost_to_structure) + report.rank_of_structure == report.structure.n
+    assert report.rank + lost == report.structure.n_parameters
+    assert len(report.lost_to_structure) + report.rank_of_structure == report.structure.n_parameters
     # the spread is the diagonal of a projector: its trace is its dimension, up to rounding
     assert report.spread.sum() == pytest.approx(report.lost_to_poses, abs=1e-9)
 
@@ -165,7 +165,7 @@ def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, data):
     report = report_of(kr500, structure, data, known)
     m = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure)
     A, _ = rows_in_prior_units(reduce(kr500.vjm, structure, data), m)
-    rng, n, draws = np.random.default_rng(5), structure.n, 2000
+    rng, n, draws = np.random.default_rng(5), structure.n_parameters, 2000
     x = 0.3 * rng.standard_normal((draws, n))
     y = x @ A.T + rng.standard_normal((draws, len(A)))
     both = np.vstack([A, np.eye(n) / 0.3]), np.vstack([y.T, np.zeros((n, draws))])
@@ -188,4 +188,4 @@ def test_data_without_load_are_a_report_not_a_crash(kr500, data):
     assert report.rank == 0
     assert not report.share.any()
     assert report.error == np.inf
-    assert sum(row.directions for row in unseen_poses(report)) == report.structure.n
+    assert sum(row.directions for row in unseen_poses(report)) == report.structure.n_parameters

@@ -27,7 +27,7 @@ from testbench.identify.prior import (
 )
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import chain, marker_points, observation
+from testbench.model.vjm import evaluate_chain, marker_positions, observation_matrix
 from testbench.plant.disturbance import GearErrors
 from testbench.runs.rows import trial_rng
 from testbench.studies.absolute.simulated import check, true_state
@@ -103,9 +103,12 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
     scale = uncertainty.scale if np.isfinite(uncertainty.scale) else 0.0
     back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
-        x = own.expected_x * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
+        x = own.expected_x * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n_parameters)
         found = solve(again(own.L @ x, rng), "none", WeightedPrior(own, uncertainty))
-        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.is_link_coupling]
+        any_, some = rng.standard_normal((2, s.n_parameters)) * [
+            np.ones(s.n_parameters),
+            own.is_link_coupling,
+        ]
         a = np.vstack([row, any_ @ back, some @ back, own.expected_x @ back])
         z.append(a @ (found.pi - own.L @ x) / posterior_of_estimate(found).deviations(a))
     for found in np.transpose(z)[: 4 if scale else 3]:
@@ -204,14 +207,14 @@ def test_bad_input_is_named(kr500, campaign):
     linear, rng = posterior_of_estimate(estimate), np.random.default_rng(0)
     for confidence in (0.0, 1.0, -0.5, 95.0, np.nan):
         with pytest.raises(BenchError, match="confidence: expected a number between 0 and 1"):
-            linear.intervals(np.eye(s.n), confidence)
+            linear.intervals(np.eye(s.n_parameters), confidence)
     with pytest.raises(BenchError, match="expected shape"):
         scale_by_prior(Prior("small", np.eye(6)), kr500.vjm, s)
-    for rows in (np.ones((1, 5)), np.ones(s.n), np.full((1, s.n), np.nan)):
+    for rows in (np.ones((1, 5)), np.ones(s.n_parameters), np.full((1, s.n_parameters), np.nan)):
         with pytest.raises(BenchError, match="functionals"):
             linear.deviations(rows)
     with pytest.raises(BenchError, match="draws: expected at least 39 for 95 %, got 38"):
-        bootstrap(estimate, np.eye(s.n), 0.95, draws=38, rng=rng)
+        bootstrap(estimate, np.eye(s.n_parameters), 0.95, draws=38, rng=rng)
     with pytest.raises(BenchError, match="expected a conservative model among"):
         draw_conservative(other, PriorUncertainty(50.0), rng)
 
@@ -235,7 +238,7 @@ def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, camp
     s = all153(kr500.arm)
     estimate = least_squares(kr500.vjm, s, campaign.identification)
     linear = posterior_of_estimate(estimate)
-    assert np.isinf(linear.deviations(np.eye(s.n))[s.labels.index("joint_1") - s.n_theta])
+    assert np.isinf(linear.deviations(np.eye(s.n_parameters))[s.row_labels.index("joint_1") - s.n_theta])
     assert np.isinf(linear.deviations(rows_of(kr500, s, campaign.truth))).mean() > 0.5
     data = campaign.identification
     seen = rows_of(kr500, s, data, kr500.vjm.markers)
@@ -250,11 +253,13 @@ def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, camp
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     regression = reduce(kr500.vjm, own.structure, data)
     found = posterior_of_estimate(solve(regression, "none", WeightedPrior(own, PriorUncertainty(1e6))))
-    where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
-    rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
+    where, points = evaluate_chain(kr500.vjm, data.q), marker_positions(kr500.vjm, data.markers)
+    rows = observation_matrix(where, own.structure, data.wrench, data.point, points).reshape(
+        -1, own.structure.n_parameters
+    )
     assert len(found.unobservable) > 0
     assert np.isfinite(found.deviations(rows)).all()
-    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
+    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n_parameters)) / found.scale)).all()
 
 
 def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_pose):
@@ -284,7 +289,7 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
         return most, found.centre.size
 
     few, many = peak(500), peak(1000)
-    rows = 8 * s.n * (many[1] - few[1])
+    rows = 8 * s.n_parameters * (many[1] - few[1])
     assert many[0] - few[0] < rows / 10
 
 

@@ -6,7 +6,7 @@ from serial_arms import write_arm
 
 from testbench.correct.compensated import POSE_TOLERANCE, joints_along, solve_poses
 from testbench.correct.newton import Target
-from testbench.model.vjm import rotation, tool_pose
+from testbench.model.vjm import rotation_about_axis, tool_poses
 from testbench.workflows.cell import build_cell
 
 
@@ -35,10 +35,10 @@ def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng)
     vjm, point = request.getfixturevalue(name).vjm, np.array([0.1, -0.05, 0.2])
     for _ in range(2):
         q = planted(vjm, rng, 500)
-        position, R = tool_pose(vjm, q)
+        position, R = tool_poses(vjm, q)
         found = joints_along(vjm, position + R @ point, R, start=q[0], point=point)
         assert found.converged.all()
-        for own, wanted in zip(tool_pose(vjm, found.q), (position, R), strict=True):
+        for own, wanted in zip(tool_poses(vjm, found.q), (position, R), strict=True):
             np.testing.assert_allclose(own, wanted, rtol=0, atol=1e-10)  # rounding alone is 1e-15 m
         assert ((found.q >= vjm.arm.limits[0]) & (found.q <= vjm.arm.limits[1])).all()
         assert np.abs(np.diff(found.q, axis=0)).max() < 0.3 or name == "seven"
@@ -50,7 +50,7 @@ def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
     """A line outwards leaves the workspace and comes back: the gap grows by what the line goes beyond."""
     vjm = kr500.vjm
     q0 = np.radians([10.0, -60, 70, 20, 50, 30])
-    (p,), (R,) = tool_pose(vjm, q0[None])
+    (p,), (R,) = tool_poses(vjm, q0[None])
     out = np.concatenate([np.linspace(0, 3, 61), np.linspace(3, 0, 61)])
     path = p + out[:, None] * np.array([1.0, 0, 0])
     found = joints_along(vjm, path, np.tile(R, (122, 1, 1)), start=q0)
@@ -69,15 +69,15 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     upper = vjm.arm.limits[1][5]
     q = np.tile(np.radians([10.0, -60, 70, 20, 50, 0]), (40, 1))
     q[:, 5] = upper + np.linspace(-0.5, 0.5, 40)
-    position, R = tool_pose(vjm, q)
+    position, R = tool_poses(vjm, q)
     found = solve_poses(vjm, Target(position, R), np.tile(q[0], (40, 1)))
     np.testing.assert_array_equal(found.converged, q[:, 5] <= upper)
     assert (found.q <= vjm.arm.limits[1]).all()
     q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))
     q[:, 4] = np.linspace(-0.3, 0.3, 101)
-    position, R = tool_pose(vjm, q)
+    position, R = tool_poses(vjm, q)
     found = joints_along(vjm, position, R, start=q[0])
     np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-6)
-    beside = rotation(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
+    beside = rotation_about_axis(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
     found = joints_along(vjm, position, beside, start=q[0])
     assert found.converged.all()

@@ -23,7 +23,7 @@ from testbench.files.program import read_poses
 from testbench.files.robot.chain import read_chain
 from testbench.files.write import write_program, write_series
 from testbench.model.structure import all153
-from testbench.model.vjm import rotation_vectors_between, tool_pose
+from testbench.model.vjm import rotation_vectors_between, tool_poses
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import rigid_frames
 from testbench.runs.rows import trial_rng
@@ -211,7 +211,7 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
     assert any(note.startswith("joints that follow others") for note in notes)
     model = mujoco.MjModel.from_xml_string(text)
     data, q = mujoco.MjData(model), arm.to_file_joints(arm.draw_poses(trial_rng(4), 20))
-    p, _ = tool_pose(cell.vjm, arm.to_chain_joints(q))
+    p, _ = tool_poses(cell.vjm, arm.to_chain_joints(q))
     own = [model.joint(joint.name).qposadr[0] for joint in arm.joints]
     for k, pose in enumerate(arm.to_chain_joints(q)):
         data.qpos[:] = model.qpos0
@@ -326,7 +326,7 @@ def test_a_hand_held_by_mimics_keeps_its_tilt_in_mujoco_and_in_the_model(level):
     frames = rigid_frames(level.room, arm.to_chain_joints(q))
     tool = frames.rotations[:, level.room.model.body(arm.tool).id]
     assert tilt(tool).max() < 1e-9
-    assert tilt(tool_pose(level.vjm, arm.to_chain_joints(q))[1]).max() < 1e-9
+    assert tilt(tool_poses(level.vjm, arm.to_chain_joints(q))[1]).max() < 1e-9
     np.testing.assert_allclose(arm.to_file_joints(arm.to_chain_joints(q)), q, rtol=0, atol=ROUND_TRIP)
     for j, own in enumerate(np.radians(arm.distance_to_limits(arm.to_chain_joints(q))).T):
         ends = [arm.to_chain_joints(q + s * own[:, None] * np.eye(4)[j]) for s in (-1, 1)]
@@ -382,7 +382,7 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     for some in (q, tries.draw_around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
         possible(arm, some)
     way = arm.to_chain_joints(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
-    position, rotation = tool_pose(level.vjm, way)
+    position, rotation = tool_poses(level.vjm, way)
     found = joints_along(level.vjm, position, rotation)
     assert found.converged.all()
     possible(arm, found.q)

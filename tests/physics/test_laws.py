@@ -23,7 +23,7 @@ from testbench.model import laws as shapes
 from testbench.model.laws import LAW_PRIOR, joint_laws
 from testbench.model.load import read_weights
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import chain, load_without_laws
+from testbench.model.vjm import evaluate_chain, generalised_load_without_laws
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb
@@ -62,7 +62,7 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     """But for what the bent arm changes of the torques, a percent or two, and for link 1 under the strut."""
     q, wrench, point = loaded(kr500, 3)
     vjm, own_weight = kr500.vjm, Disturbances(own_weight=True)
-    longest = np.linalg.norm(np.cross(vjm.axes[1], kr500.arm.compensator.head))
+    longest = np.linalg.norm(np.cross(vjm.joint_axes[1], kr500.arm.compensator.head))
     stiffness = laws.UNIT_COMPENSATOR / kr500.arm.joints[1].compliance / longest**2
     ends = {end: tuple(getattr(kr500.arm.compensator, end)) for end in ("foot", "head")}
     strut = replace(KR500_COMPENSATOR, **ends, stiffness=stiffness)
@@ -74,8 +74,10 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
     if kind != "compensator":
         vjm = replace(vjm, arm=replace(kr500.arm, compensator=None))
-    where = chain(laws.with_joint_laws(vjm), q)
-    own = where.laws.load(where, load_without_laws(where, wrench, point)[LINKS:])
+    where = evaluate_chain(laws.with_joint_laws(vjm), q)
+    own = where.joint_laws.unit_deflections(
+        where, generalised_load_without_laws(where, wrench, point)[LINKS:]
+    )
     if kind == "compensator":
         expected, more = own[-1], more[:, 1]
     else:
@@ -91,8 +93,10 @@ def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     what, off = Disturbances(own_weight=True, hysteresis=shapes.UNIT_FRICTION_RAD), np.arange(len(q)) % 2 == 0
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
     on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
-    where = chain(laws.for_load_history(laws.with_joint_laws(kr500.vjm), off), q)
-    expected = where.laws.load(where, load_without_laws(where, wrench, point)[LINKS:])[12:18].T
+    where = evaluate_chain(laws.for_load_history(laws.with_joint_laws(kr500.vjm), off), q)
+    expected = where.joint_laws.unit_deflections(
+        where, generalised_load_without_laws(where, wrench, point)[LINKS:]
+    )[12:18].T
     np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * shapes.UNIT_FRICTION_RAD)
     np.testing.assert_array_equal(back[~off], on[~off])
     far = off[:, None] & (np.abs(clean) > 3 * shapes.UNIT_FRICTION_RAD)
@@ -126,15 +130,20 @@ def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_s
         laws.with_joint_laws(kr500.vjm),
         laws.for_load_history(laws.with_joint_laws(kr500.vjm), off),
     ):
-        where = chain(lawful, q)
-        u = 0.02 * load_without_laws(where, wrench, point)[LINKS:]  # some joints slip, some do not
+        where = evaluate_chain(lawful, q)
+        u = (
+            0.02 * generalised_load_without_laws(where, wrench, point)[LINKS:]
+        )  # some joints slip, some do not
         step = 1e-3
-        own = where.laws.slope(where, u)
-        by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)
+        own = where.joint_laws.unit_slopes(where, u)
+        by_steps = (
+            where.joint_laws.unit_deflections(where, u + step)
+            - where.joint_laws.unit_deflections(where, u - step)
+        ) / (2 * step)
         np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
     vjm, joints = laws.with_joint_laws(kr500.vjm), slice(LINKS, 48)
     C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
-    where = chain(vjm, loaded(kr500, 8, runs=2)[0])
+    where = evaluate_chain(vjm, loaded(kr500, 8, runs=2)[0])
     found = laws.tangent(vjm, C, where, np.zeros((48, 2)))
     np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
     pushed = laws.tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
@@ -186,20 +195,20 @@ def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500,
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
     s = laws.with_laws(all153(kr500.arm), kr500.arm)
-    assert s.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
-    assert s.labels[-1] == "joint_2 compensator"
+    assert s.row_labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
+    assert s.row_labels[-1] == "joint_2 compensator"
     assert laws.with_laws(s, kr500.arm) is s
     assert laws.without_laws(s) is laws.without_laws(s)  # what is remembered of a structure is of use
     assert laws.without_laws(laws.without_laws(s)) is laws.without_laws(s)
     for estimator in (least_squares, gco):
-        assert estimator(kr500.vjm, s, data).structure.laws == 0
+        assert estimator(kr500.vjm, s, data).structure.n_laws == 0
     [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
-    assert model.structure.laws == 0
+    assert model.structure.n_laws == 0
     with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
     firm = robust(with_prior(gco, cad_prior(kr500.arm)))  # as cross-validation has it, reduced with laws
     found = firm.fit_reduced(kr500.vjm, reduce(kr500.vjm, s, data))
     linear = firm.fit_reduced(kr500.vjm, reduce(kr500.vjm, all153(kr500.arm), data))
-    assert found.structure.laws == 0
+    assert found.structure.n_laws == 0
     np.testing.assert_allclose(found.pi, linear.pi, rtol=0, atol=1e-6 * np.abs(linear.pi).max())
 
 
@@ -235,7 +244,7 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     assert 0 < joint_2["strut_percent"] < 15
     assert said["laws"][0]["strut_percent"] is None
     own = load_model(out)
-    assert own.vjm.laws is not None
+    assert own.vjm.joint_laws is not None
     fresh = model_of_estimate(kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_weights(kr500.arm))
     some = campaigns["all"][0]
     ours, again = (predict(m, some.q, [Load(some.wrench, some.point)]).deflection for m in (fresh, own))

@@ -22,7 +22,7 @@ from testbench.identify.method import least_squares
 from testbench.identify.regression import reduce
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import marker_points
+from testbench.model.vjm import marker_positions
 from testbench.plant.tracker import PRELOAD, DistanceMeter, Gauge, Tracker, face_travel
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import poses_with_weight, read_instruments
@@ -57,10 +57,10 @@ def test_rows_of_readings_along_lines_are_the_derivatives_of_what_the_instrument
     data, structure = measured(kr500, mounted), all153(kr500.arm)
     A = unresolved_rows(kr500, data, structure)
     state = nominal_chain(kr500.vjm, data.q, [Load(data.wrench, data.point)])
-    points = marker_points(kr500.vjm, data.markers)
-    start = state.chain.points(points)
-    for n in rng.choice(structure.n, 20, replace=False):
-        pi = np.eye(structure.n)[n]
+    points = marker_positions(kr500.vjm, data.markers)
+    start = state.chain.tool_points_in_world(points)
+    for n in rng.choice(structure.n_parameters, 20, replace=False):
+        pi = np.eye(structure.n_parameters)[n]
         theta = structure.matrix(pi) @ state.u
         twist = np.einsum("xtr,tr->rx", state.chain.J_theta, theta)
         size = np.abs(twist).max()
@@ -70,9 +70,11 @@ def test_rows_of_readings_along_lines_are_the_derivatives_of_what_the_instrument
         read = []
         for h in (-1e-5 / size, 1e-5 / size):
             turn = Rotation.from_rotvec(h * twist[:, 3:]).as_matrix()
-            arms = np.einsum("rxy,ky->rkx", state.chain.rotation, points)
+            arms = np.einsum("rxy,ky->rkx", state.chain.tool_rotation, points)
             end = (
-                state.chain.position[:, None] + h * twist[:, None, :3] + np.einsum("rxy,rky->rkx", turn, arms)
+                state.chain.tool_position[:, None]
+                + h * twist[:, None, :3]
+                + np.einsum("rxy,rky->rkx", turn, arms)
             )
             if kind == "gauge":
                 u = data.direction
@@ -150,7 +152,9 @@ def test_readings_of_one_set_up_share_their_tilt_and_no_others_do(kr500):
     structure = joints_only(kr500.arm)
     A = unresolved_rows(kr500, data, structure)
     y = (data.direction * data.deflection).sum(axis=2).T
-    rows = np.concatenate([A.transpose(0, 2, 1), y[..., None]], axis=2).reshape(-1, structure.n + 1)
+    rows = np.concatenate([A.transpose(0, 2, 1), y[..., None]], axis=2).reshape(
+        -1, structure.n_parameters + 1
+    )
     slide = data.slide.swapaxes(0, 1).reshape(-1, 3)
     group = (np.arange(3)[:, None] * 10 + data.pose).ravel()
     C = np.where(group[:, None] == group, slide @ slide.T, 0.0) + 2 * 5e-6**2 * np.eye(len(slide))

@@ -21,7 +21,7 @@ from testbench.identify.regression import non_redundant, rank
 from testbench.model import load as loaded
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import template56
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.plant.build import weightless
 from testbench.plant.equilibrium import Batch, open_copies, solve_equilibrium
 from testbench.plant.equilibrium import tangent as plant_tangent
@@ -42,7 +42,7 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
     wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
     theta, row = solve_equilibrium(plant, q, wrench, point).theta, open_copies(plant)
-    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    K_w = loaded.geometric_stiffness(evaluate_chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
     for i in range(3):
@@ -69,12 +69,12 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
 def inverted_pendulum(cell):
     """Joint 2 alone elastic, the load straight above it: pose, point, C_theta, height, compliance."""
     q = np.deg2rad([[0.0, -90, 0, 0, 0, 0]])
-    where, C_theta = chain(cell.vjm, q), np.zeros_like(cell.arm.C_theta)
+    where, C_theta = evaluate_chain(cell.vjm, q), np.zeros_like(cell.arm.C_theta)
     joint_2 = 6 * 7 + 1
     compliance = cell.arm.joints[1].compliance
     C_theta[joint_2, joint_2] = compliance
-    height, above = 2.0, cell.vjm.base[:3, 3] + [0.5, 0, 1.045 + 2.0]
-    point = (above - where.position[0]) @ where.rotation[0]
+    height, above = 2.0, cell.vjm.base_pose[:3, 3] + [0.5, 0, 1.045 + 2.0]
+    point = (above - where.tool_position[0]) @ where.tool_rotation[0]
     return q, point[None], C_theta, height, compliance
 
 
@@ -85,7 +85,7 @@ def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_a_p
     for share in (0.0, 0.5, 0.9):
         wrench = np.array([[0, 0, -share * critical, 0, 0, 0]])
         theta = at_rest(kr500, C_theta, q, wrench, point)
-        where = chain(kr500.vjm, q, theta)
+        where = evaluate_chain(kr500.vjm, q, theta)
         K_w = loaded.geometric_stiffness(where, wrench, point)
         sideways = loaded.loaded_compliance(loaded.load_jacobian(where, point), C_theta, K_w)[0, 0, 0]
         # a dozen roundings, magnified ten times by the nearness of buckling
@@ -105,11 +105,13 @@ def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_a_p
 def test_wrong_shapes_say_what_was_expected(kr500):
     arm, vjm = kr500.arm, kr500.vjm
     q, wrench, point, theta = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 3)), np.zeros((2, 48))
-    where, K_w = chain(vjm, q), np.zeros((2, 48, 48))
+    where, K_w = evaluate_chain(vjm, q), np.zeros((2, 48, 48))
     J = loaded.load_jacobian(where, point)
     for text, call in {
-        r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: chain(vjm, q[:, :5]),
-        r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
+        r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: evaluate_chain(vjm, q[:, :5]),
+        r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: evaluate_chain(
+            vjm, q, theta[:1]
+        ),
         r"wrench .*\(2, 6\), got \(1, 6\)": lambda: loaded.geometric_stiffness(where, wrench[:1], point),
         r"point .*\(2, 3\), got \(3,\)": lambda: loaded.geometric_stiffness(where, wrench, point[0]),
         r"point .*\(2, 3\), got \(1, 3\)": lambda: loaded.load_jacobian(where, point[:1]),
@@ -129,9 +131,12 @@ def test_algebraic_reduction_finds_the_32_parameters_of_mls32(name, request, rng
     cell = request.getfixturevalue(name)
     full = template56(cell.arm)
     reduced = non_redundant(cell.vjm, full, name="MLS32")
-    assert (reduced.name, reduced.n) == ("MLS32", 32)
-    where, load = chain(cell.vjm, random_q(cell, rng, 30)), random_wrench(rng, 30, 1000, 1000)
-    A, B = (observation(where, s, *load, cell.vjm.markers).reshape(-1, s.n) for s in (full, reduced))
+    assert (reduced.name, reduced.n_parameters) == ("MLS32", 32)
+    where, load = evaluate_chain(cell.vjm, random_q(cell, rng, 30)), random_wrench(rng, 30, 1000, 1000)
+    A, B = (
+        observation_matrix(where, s, *load, cell.vjm.markers).reshape(-1, s.n_parameters)
+        for s in (full, reduced)
+    )
     assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32
     assert rank(np.hstack([A, B])) == rank(B)
 
@@ -225,7 +230,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
     found = fit_link_masses(cell.vjm, weights, parts)
 
     def error(found):
-        straight = chain(cell.vjm, q[301::2])
+        straight = evaluate_chain(cell.vjm, q[301::2])
         n = cell.arm.n_joints
         new = true_torques(cell, model, q[301::2], 0 * wrench[301::2], point[301::2])
         return rms(own_weight(straight, found)[-n:].T - new)

@@ -39,7 +39,7 @@ from testbench.identify.solve import (
     without_outliers,
 )
 from testbench.model.structure import all153, mgco68, template56
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.studies.campaign.noise_sensitivity import spoil
 from testbench.studies.campaign.trial import TrialCase, fitted
 from testbench.workflows.advice import advice
@@ -69,7 +69,9 @@ def prior(kr500):
 
 def rigid(vjm, structure, data):
     """An estimator of one's own: nothing moves but by a hair."""
-    return make_estimate(reduce(vjm, structure, data), np.full(structure.n, 1e-12), method="a hair")
+    return make_estimate(
+        reduce(vjm, structure, data), np.full(structure.n_parameters, 1e-12), method="a hair"
+    )
 
 
 def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_but_those_held_out(
@@ -91,7 +93,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
     q = campaign.truth.q
     for vjm, _ in seen:
         assert np.isnan(np.diag(vjm.arm.C_theta)).all()
-        np.testing.assert_array_equal(tool_pose(vjm, q)[0], tool_pose(kr500.vjm, q)[0])
+        np.testing.assert_array_equal(tool_poses(vjm, q)[0], tool_poses(kr500.vjm, q)[0])
     # a rigid arm's F_M is the RMS deflection over sqrt(2) sigma, fold by fold; a hair is 1e-4 of C
     moved = [data.deflection[data.pose == pose] for pose in np.unique(data.pose)]
     expected = [np.sqrt((d**2).sum() / d[..., 0].size) / (np.sqrt(2) * data.sigma) for d in moved]
@@ -102,7 +104,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
 def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
     data, cad = campaign.identification, cad_prior(kr500.arm)
     chosen = choose_model(kr500, data, cad)
-    assert (chosen.name, chosen.estimate.compliance_regression.structure.n) == (DEFAULT, 153)
+    assert (chosen.name, chosen.estimate.compliance_regression.structure.n_parameters) == (DEFAULT, 153)
     assert chosen.why.startswith("it is the default; in cross-validation no other")
 
 
@@ -157,7 +159,7 @@ def of_folder(vjm, structure, data):
 def test_an_estimator_of_ones_own_is_named_as_such_checked_and_runs_as_it_is(kr500, campaign, prior):
     """Neither least squares nor GCO; conservative is looked at, not believed; a NaN is no score."""
     data, structure = campaign.identification, template56(kr500.arm)
-    found = make_estimate(reduce(kr500.vjm, structure, data), -np.ones(structure.n), method="mine")
+    found = make_estimate(reduce(kr500.vjm, structure, data), -np.ones(structure.n_parameters), method="mine")
     assert found.constraint == "own"
     assert not found.conservative
     with pytest.raises(TypeError, match="conservative"):
@@ -247,7 +249,7 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
     )
     assert status == "solved"
     weight = np.sqrt(np.minimum(1, DELTA / np.maximum(length, DELTA)))
-    rows, right = np.vstack([(weight[:, None, None] * A).reshape(-1, s.n), B]), weight[:, None] * y
+    rows, right = np.vstack([(weight[:, None, None] * A).reshape(-1, s.n_parameters), B]), weight[:, None] * y
     x, _ = psd_least_squares(rows, np.r_[right.ravel(), c], units.block_orders if constraint == "psd" else ())
     left, off = A @ x - y, B @ x - c
     found = np.linalg.norm(left, axis=1)

@@ -45,7 +45,7 @@ def test_own_weight_tells_how_the_base_stands(upright, tmp_path, how):
     prior = cad_prior(upright.arm)
     calibration = calibrate(upright.vjm, series, prior, ONLY)
     found = mounting_by_own_weight(calibration.state, calibration.series, prior)
-    true = cell.vjm.base[:3, :3].T @ DOWN
+    true = cell.vjm.base_pose[:3, :3].T @ DOWN
     assert how in describe(found, upright.arm).sentence
     assert (
         np.degrees(angle_between(found.size[:3], true)) < 2
@@ -60,4 +60,4 @@ def test_weights_along_g_are_those_of_an_arm_whose_base_is_turned(upright):
     """Also where g is along +z, and from a base that does not stand in the world itself."""
     for g in (np.array([0.0, 0, 1]), np.array([0.6, 0, -0.8]), np.array([0.0, -1, 0])):
         np.testing.assert_allclose(rotation_from_down(g) @ DOWN, g, atol=1e-12)
-        np.testing.assert_allclose(with_base_rotated(upright.vjm, g).base[:3, :3] @ g, DOWN, atol=1e-12)
+        np.testing.assert_allclose(with_base_rotated(upright.vjm, g).base_pose[:3, :3] @ g, DOWN, atol=1e-12)

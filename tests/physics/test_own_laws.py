@@ -14,7 +14,7 @@ from run_here import do
 from testbench import BenchError, JointTurns, TrueArm, cad_prior, deflections, load_model, save_model, score
 from testbench.model.laws import joint_laws, law_kinds, law_sizes, model_for, with_joint_laws, with_laws
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, load_without_laws
+from testbench.model.vjm import evaluate_chain, generalised_load_without_laws
 from testbench.plant.disturbance import Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb, true_arms, true_plant
@@ -96,10 +96,12 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
         before, after = solve_unloaded_and_loaded(own, q, wrench, point)
         turns.append((after.theta - before.theta)[:, LINKS:48])
     vjm = replace(kr500.vjm, arm=replace(kr500.arm, compensator=None))
-    where = chain(with_joint_laws(vjm, ["wind_up"]), q)
+    where = evaluate_chain(with_joint_laws(vjm, ["wind_up"]), q)
     expected = (
         plant.spring_effects.law.share
-        * where.laws.load(where, load_without_laws(where, wrench, point)[LINKS:]).T
+        * where.joint_laws.unit_deflections(
+            where, generalised_load_without_laws(where, wrench, point)[LINKS:]
+        ).T
     )
     assert np.abs(expected).max() > 1e-4
     np.testing.assert_allclose(turns[0] - turns[1], expected, rtol=0, atol=0.06 * np.abs(expected).max())
@@ -113,7 +115,7 @@ def default(cell, structure, data):
 def test_unknowns_have_the_law_for_every_joint_beside_ours(installed, kr500):
     every = with_laws(all153(kr500.arm), kr500.arm)
     assert law_kinds(every) == ("stiffening", "backlash", "friction", "wind_up", "compensator")
-    assert every.labels[-7:-1] == tuple(f"joint_{k} wind_up" for k in range(1, 7))
+    assert every.row_labels[-7:-1] == tuple(f"joint_{k} wind_up" for k in range(1, 7))
     some = with_laws(all153(kr500.arm), kr500.arm, ["friction"])
     assert model_for(kr500.vjm, some).n_theta == some.n_theta == every.n_theta - 18
 
@@ -138,7 +140,7 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
     save_model(kr500.model(whole), tmp_path / "model")
     again = load_model(tmp_path / "model")
     np.testing.assert_allclose(again.state.C_theta, whole.C_theta, rtol=1e-12, atol=0)
-    assert again.vjm.laws.kinds == (*np.repeat(list(joint_laws), 6), "compensator")
+    assert again.vjm.joint_laws.kinds == (*np.repeat(list(joint_laws), 6), "compensator")
     del joint_laws["wind_up"]
     with pytest.raises(BenchError, match="no joint law 'wind_up'; install the package that has it"):
         load_model(tmp_path / "model")

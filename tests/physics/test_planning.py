@@ -41,7 +41,7 @@ from testbench.identify.prior import (
     scale_by_prior,
 )
 from testbench.model.structure import all153, joints_only, mgco68, template56
-from testbench.model.vjm import WorkArea, marker_points, random_poses, tool_points
+from testbench.model.vjm import WorkArea, marker_positions, random_poses, tool_points
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Gauge
 from testbench.runs.rows import trial_rng
@@ -272,7 +272,7 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
 
     def targets(moved):
         where = series_equilibrium(state, replace(series, q=series.q + moved)).chain
-        return where.points(state.mount(series).points).ravel()
+        return where.tool_points_in_world(state.mount(series).points).ravel()
 
     still = targets(0 * draws[0])
     J = np.stack([(targets(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.unmodelled))], axis=1)
@@ -345,7 +345,7 @@ def test_a_plan_touches_every_face_and_says_if_the_scale_stays_unknown(kr500, in
     assert (count >= 6).all()  # fewer leave a face open to calibrate
     assert len(count) == len(instruments)
     for q, k, row in zip(made.plan.q, made.plan.load, f.plan, strict=True):
-        at = tool_points(kr500.vjm, q[None], marker_points(kr500.vjm, ("P1",)))[0, 0]
+        at = tool_points(kr500.vjm, q[None], marker_positions(kr500.vjm, ("P1",)))[0, 0]
         assert abs(unit_normal(planes[k]) @ (at - planes[k].fixed)) < 1e-6
         assert row.face == f"plane {k + 1}"
     assert any("scale of the arm" in words for words in f.hidden) == left
@@ -357,7 +357,7 @@ def test_a_plan_touches_every_face_and_says_if_the_scale_stays_unknown(kr500, in
 def test_bars_are_planned_in_range_and_show_the_scale(kr500):
     bars = ("bar:P1:2.2,0,0.1", "bar:P1:0.5,2,0.8")
     made = plan_absolute(kr500, replace(TOUCHED, instruments=bars, candidates_wanted=60))
-    at = tool_points(kr500.vjm, made.plan.q, marker_points(kr500.vjm, ("P1",)))
+    at = tool_points(kr500.vjm, made.plan.q, marker_positions(kr500.vjm, ("P1",)))
     fixed = np.array([mounted(text).fixed for text in bars])
     length = np.linalg.norm(at - fixed, axis=2)
     assert (np.ptp(length, axis=0) <= 2.0).all()  # a metre to either side
@@ -551,7 +551,9 @@ def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
     """What a plan counts with is what a fit makes of gauges there: the same information, by another way."""
     light = Load(np.array([0, 0, -1.0, 0, 0, 0]), kr500.vjm.load_point)
     q, own = poses[:3], replace(spec, loads=(light,), tasks=replace(spec.tasks, load=light))
-    rows = gauge_rows(own, q, np.zeros(3, dtype=int), Gauges(3, 5e-6, 0.01), np.eye(mgco68(kr500.arm).n))
+    rows = gauge_rows(
+        own, q, np.zeros(3, dtype=int), Gauges(3, 5e-6, 0.01), np.eye(mgco68(kr500.arm).n_parameters)
+    )
     loaded = poses_with_weight(kr500, q, np.arange(3), 1 / GRAVITY)
     gauges = [
         Mounted(Gauge(resolution=0.0, tilt=0.01), f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)

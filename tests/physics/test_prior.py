@@ -56,7 +56,7 @@ from testbench.identify.trace import FOLDS, Candidate, divide_poses, keep_first_
 from testbench.model.laws import with_joint_couplings, with_laws, without_joint_couplings
 from testbench.model.load import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.studies import intervals as shrinkage
 from testbench.workflows.advice import of_average
 from testbench.workflows.campaign import true_cell
@@ -83,7 +83,7 @@ def structure(request, kr500):
 @pytest.mark.parametrize("uncertainty", [0.2, 2.0])
 def test_with_a_prior_least_squares_is_the_ridge_solution(kr500, structure, uncertainty):
     """With the common scale an unknown."""
-    n = structure.n
+    n = structure.n_parameters
     regression, own = scaled(kr500, structure, 3)
     (A, y), e = rows_in_prior_units(regression, own), own.expected_x
     rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
@@ -358,13 +358,13 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     whole = second_order_deflection(kr500.vjm, C, data)
     theta = at_rest(kr500, C, data.q, data.wrench, data.point)
     exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
-    where = chain(kr500.vjm, data.q)
+    where = evaluate_chain(kr500.vjm, data.q)
     linear = displacement(where, secant(where, C, data.wrench, data.point), kr500.vjm.markers)
     np.testing.assert_allclose(whole, exact - linear, rtol=0, atol=0.1 * np.abs(whole).max())
     method = with_prior(gco, cad_prior(kr500.arm))
     estimate = method(kr500.vjm, template56(kr500.arm), campaign.identification)
     found = intervals(kr500.vjm, estimate, data)
-    rows = observation(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
+    rows = observation_matrix(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
     half = posterior_of_estimate(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
     left_out = second_order_deflection(kr500.vjm, estimate.C_theta, data)
     np.testing.assert_allclose(
@@ -478,10 +478,10 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     _, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
     links, laws, ties, joints = (
-        make_estimate(restrict_to(regression, own), rng.normal(size=own.n), method="known")
+        make_estimate(restrict_to(regression, own), rng.normal(size=own.n_parameters), method="known")
         for own in (all153(kr500.arm), without_joint_couplings(s), tied(kr500.arm), joints_only(kr500.arm))
     )
-    roots = {id(own): rng.normal(size=(3, own.structure.n)) for own in (links, laws, ties, joints)}
+    roots = {id(own): rng.normal(size=(3, own.structure.n_parameters)) for own in (links, laws, ties, joints)}
     monkeypatch.setattr(
         posteriors, "posterior_of_estimate", lambda own: Posterior.normal(own.pi, roots[id(own)])
     )
@@ -502,12 +502,12 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
         ),
         "two priors": (ModelAverage(0, links, under_each_prior=(pair := ((0.4, links), (0.6, laws)))), pair),
     }[kind]
-    mean = make_estimate(regression, rng.normal(size=s.n), method="known")
-    expected = np.zeros((s.n, s.n))
+    mean = make_estimate(regression, rng.normal(size=s.n_parameters), method="known")
+    expected = np.zeros((s.n_parameters, s.n_parameters))
     for p, own in parts:
         x, root = (scatter_to(numbers, own.structure, s) for numbers in (own.pi, roots[id(own)]))
         expected += p * (root.T @ root + np.outer(x - mean.pi, x - mean.pi))
-    found = posterior_of_estimate(replace(mean, average=average)).covariance(np.eye(s.n))
+    found = posterior_of_estimate(replace(mean, average=average)).covariance(np.eye(s.n_parameters))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -564,7 +564,7 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
         )
 
     def solve(regression, constraint, weighted_prior):
-        pi = np.full(regression.structure.n, worth[regression.structure.name])
+        pi = np.full(regression.structure.n_parameters, worth[regression.structure.name])
         return replace(
             make_estimate(regression, pi, method="known", constraint=constraint),
             weighted_prior=weighted_prior,
@@ -585,9 +585,9 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     assert found.average.joint_laws_weight == pytest.approx(laws / (linear + laws))
     even = (average.LINEAR_JOINTS_PRIOR_ODDS * laws / linear) ** average.INTERVAL_ODDS_EXPONENT
     assert found.average.joint_laws_probability == pytest.approx(even / (1 + even))
-    straight = links / linear * 1.0 + joints / linear * 3.0 * (s.a >= 42)
+    straight = links / linear * 1.0 + joints / linear * 3.0 * (s.rows >= 42)
     expected = found.average.joint_laws_weight * 2.0 + (1 - found.average.joint_laws_weight) * np.where(
-        s.a < s.n_compliance_rows, straight, 0.0
+        s.rows < s.n_compliance_rows, straight, 0.0
     )
     np.testing.assert_allclose(found.pi, expected, rtol=1e-12)
 
@@ -685,7 +685,7 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
         A.T @ A + np.diag(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0].diagonal() ** 2)
     )
     open_ = weighted_prior.misfit**2 * weighted_prior.scaling.L @ M @ B.T @ B @ M @ weighted_prior.scaling.L.T
-    rows = rng.standard_normal((5, own.structure.n)) / np.sqrt(np.diag(open_))
+    rows = rng.standard_normal((5, own.structure.n_parameters)) / np.sqrt(np.diag(open_))
     expected = np.einsum(
         "ki,ij,kj->k",
         rows,
@@ -695,7 +695,7 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     whole, prior = (own**2 for own in posterior_of_estimate(found)._deviations(rows))
     np.testing.assert_allclose(prior, expected, rtol=1e-6)
     # what links do in a pose that nobody measured is no error of the prior
-    W = rng.standard_normal((7, own.structure.n)) / np.linalg.norm(rows, axis=0)
+    W = rng.standard_normal((7, own.structure.n_parameters)) / np.linalg.norm(rows, axis=0)
     wider = posterior_of_estimate(replace(found, regression=replace(r, pose_variation=W)))._deviations(rows)
     np.testing.assert_allclose(wider[0] ** 2, whole + ((rows @ W.T) ** 2).sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(wider[1] ** 2, prior, rtol=1e-9)
@@ -705,10 +705,10 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     """By the density of the readings of every pose, dense; the same unknowns, moments and size as by rows."""
     _, s = default(kr500, 3)
     regression, rho = reduce(kr500.vjm, s, campaign.identification), 0.2
-    data, pi = campaign.identification, cad_prior(kr500.arm).C_theta[s.a[:147], s.b[:147]]
+    data, pi = campaign.identification, cad_prior(kr500.arm).C_theta[s.rows[:147], s.columns[:147]]
     weighed = weight_for_pose_variation(regression, pi, rho)
-    H = np.zeros((s.n + 1, s.n + 1))
-    link = s.a // 6
+    H = np.zeros((s.n_parameters + 1, s.n_parameters + 1))
+    link = s.rows // 6
     for pose in np.unique(data.pose):
         [term] = reduce(kr500.vjm, s, select(data, data.pose == pose)).terms
         rows = math.sqrt(term.equations / 3) * np.c_[term.R, term.z]
@@ -760,7 +760,7 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     alone = scatter_to(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
     seen = alone > 0  # no weight turns joint 1: it has what the prior says
     np.testing.assert_allclose((found.pi - (1 - share) * changing.pi)[seen], share * alone[seen], rtol=2e-3)
-    links = found.structure.a < 6 * found.structure.links
+    links = found.structure.rows < 6 * found.structure.n_links
     np.testing.assert_allclose(found.pi[links], (1 - share) * changing.pi[links], rtol=1e-12, atol=1e-24)
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     told = posterior_of_estimate(found)
@@ -828,7 +828,7 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
     monkeypatch.setattr(average.LinksVersusJointsOnly, "held_out_errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)
     assert (found.average.joints_only_weight, found.average.joint_laws_weight) == (1, 0)
-    assert not found.pi[found.structure.a < 6 * found.structure.links].any()
+    assert not found.pi[found.structure.rows < 6 * found.structure.n_links].any()
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     assert (
         posterior_of_estimate(found).deviations(rows) > posterior_of_estimate(before).deviations(rows)

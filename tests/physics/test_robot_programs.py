@@ -25,7 +25,7 @@ from testbench.files.languages import (
 from testbench.files.mapping import Controller
 from testbench.files.motion import Motion, write_moves
 from testbench.files.program import changed_numbers, read_program, read_robot_program
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.workflows.program import (
     conversion_notes,
     correct_program,
@@ -384,7 +384,7 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
     """As a table of the same joints is corrected; from one of them into every other language."""
     language, arm = known_languages()[name], model.arm
     q = np.radians([[10, -80.5, 95.25, 5, 30, -10], [12, -80, 95, 6, 31, -10], [14, -79, 94, 7, 32, -11]])
-    p, R = tool_pose(model.vjm, q)
+    p, R = tool_poses(model.vjm, q)
     posed = np.array([False, True, True])
     path = tmp_path / f"way{language.suffix}"
     write_moves(path, language, Motion(q, arm.joints, (), posed, posed, p, R))
@@ -403,7 +403,7 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
     wanted = correct_program(model, plain, Aim()).found.q
     assert np.abs(wanted - q).max() > 1e-4
     np.testing.assert_allclose(found.found.q, wanted, rtol=0, atol=1e-7)
-    at, turned = tool_pose(model.vjm, wanted)
+    at, turned = tool_poses(model.vjm, wanted)
     for form in NAMES if name == "urscript" else (name,):
         out = tmp_path / f"right{known_languages()[form].suffix}"
         write_corrected(found, output_files(out, form, path), form)
@@ -450,7 +450,7 @@ def test_the_remark_that_a_program_was_corrected_is_a_line_of_its_own_in_every_f
 def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
     q = np.radians([[10, -80.5, 95.25, 0.0, 30, -10]] * 2)
     q[1, 3] = 1e-7
-    p, R = tool_pose(model.vjm, q)
+    p, R = tool_poses(model.vjm, q)
     path = tmp_path / "way.src"
     write_moves(path, known_languages()["krl"], Motion(q, ARM.joints, (), None, np.array([True, True]), p, R))
     program, _ = with_payload(model, read_program(path, model.arm), 300.0)
@@ -471,7 +471,7 @@ def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model,
     """From nothing, and behind joints of the other configuration; a linear move goes on as it was."""
     language, other = known_languages()[name], FLIPPED[FLIPPED[:, 4] != q[4]]
     joints, poses = np.array([other[0], q, q, q + 0.01]), np.array([False, True, True, True])
-    p, R = tool_pose(model.vjm, joints)
+    p, R = tool_poses(model.vjm, joints)
     path = tmp_path / f"way{language.suffix}"
     for some in (slice(None), slice(1, None)):
         linear = np.array([False, False, False, True])[some]
@@ -501,7 +501,7 @@ def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start
     language, posed = known_languages()[name], np.array([True, True])
     q = FLIPPED[[0, 0]] + [[0], [0.01]]
     path = tmp_path / f"way{language.suffix}"
-    write_moves(path, language, Motion(q, ARM.joints, (), None, posed, *tool_pose(model.vjm, q)))
+    write_moves(path, language, Motion(q, ARM.joints, (), None, posed, *tool_poses(model.vjm, q)))
     program, said = read_program(path, model.arm), language.flags.name
     np.testing.assert_allclose(correct_program(model, program, Aim(), start=q[0]).found.start, q, atol=1e-6)
     with pytest.raises(
@@ -520,7 +520,7 @@ def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start
 
 def test_joints_beside_a_pose_choose_its_configuration(model, tmp_path):
     """As Polyscope writes waypoints; without, and with no joints before, the configuration is not known."""
-    p, R = tool_pose(model.vjm, FLIPPED)
+    p, R = tool_poses(model.vjm, FLIPPED)
     pose = ", ".join(map(repr, np.r_[p[1], Rotation.from_matrix(R[1]).as_rotvec()].tolist()))
     text = f"""def way():
   global W_q=[{", ".join(map(repr, FLIPPED[1].tolist()))}]

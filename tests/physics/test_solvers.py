@@ -92,7 +92,7 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
     cell, asked = build_cell(name), Scenario(arm=name, workspace_poses=1, truth=truth, noise=False)
     for found in told_again(cell, structure, simulate(cell, asked, seed), rng):
         assert found.status == "solved"
-        unit = f_m(found.regression, np.zeros(found.structure.n))
+        unit = f_m(found.regression, np.zeros(found.structure.n_parameters))
         assert found.f_m < 1e-5 * unit
         squares = conic.solve_noise_free_gco(
             found.regression, conic.scaled_gco_program(found.regression, found.penalty)
@@ -186,7 +186,7 @@ def gravity(cell, seed, **options):
 
 def at_rest(regression):
     """F_M at C = 0."""
-    return f_m(regression, np.zeros(regression.structure.n))
+    return f_m(regression, np.zeros(regression.structure.n_parameters))
 
 
 def by_hand(regression, pi):
@@ -204,21 +204,21 @@ def best_within(regression, t):
     program = conic.scaled_gco_program(regression, tie_break_penalty(regression))
     s, count = program.touched_structure, len(regression.terms)
     of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
-    room = np.zeros((len(s.blocks), count + s.n))
+    room = np.zeros((len(s.blocks), count + s.n_parameters))
     for k, block in enumerate(s.blocks):
-        own = np.flatnonzero((s.a == s.b) & np.isin(s.a, block))
+        own = np.flatnonzero((s.rows == s.columns) & np.isin(s.rows, block))
         room[k, count + own] = (
-            program.parameter_units[own] / trace_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
+            program.parameter_units[own] / trace_units(s)[s.rows[own]] ** 2 / of_block[tuple(block)]
         )
     norms = conic.norm_constraints(program.R, program.z, program.unexplained)
     found = cone.solve(
         cone.ConeProgram(
-            cost=np.r_[np.ones(count), np.zeros(s.n)],
+            cost=np.r_[np.ones(count), np.zeros(s.n_parameters)],
             blocks=(cone.free_block(0, count), *conic.compliance_blocks(s, count)),
             constraints=(*norms, cone.ConeConstraint("nonnegative", room, np.ones(len(room)))),
         )
     )
-    return program.to_pi(found.x[count:], regression.structure.n)
+    return program.to_pi(found.x[count:], regression.structure.n_parameters)
 
 
 def refuted(regression, certificate, cost, pi):
@@ -242,7 +242,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
         least = best_within(regression, t)
         if (traces(s, least) <= t * (1 + 1e-6)).all():  # Clarabel solves most of them
             others, within = [least, *others], within + 1
-        y = rng.standard_normal((len(regression.terms), s.n + 1))
+        y = rng.standard_normal((len(regression.terms), s.n_parameters + 1))
         y /= np.linalg.norm(y, axis=1)[:, None]
         for estimate in (best, by_hand(regression, 0 * best.pi), by_hand(regression, 2 * best.pi)):
             for dual in (None, best.certificate.dual, Dual(y[:, :-1], y[:, -1])):
@@ -291,7 +291,7 @@ def test_true_arms_of_every_kind_lie_within_the_default_bounds(kr500, name):
     """What is assumed of several axes at once holds where the truth is known."""
     cell, s = true_cell(kr500, name, 5), all153(kr500.arm)
     regression = reduce(cell.vjm, s, gravity(cell, 1))
-    bounds = default_trace_bounds(regression, np.zeros(s.n))
+    bounds = default_trace_bounds(regression, np.zeros(s.n_parameters))
     assert (traces(s, s.entries(cell.plant.arm.C_theta)) <= bounds).all()
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from testbench import MODELS, BenchError, cad_prior, deflections
 from testbench.arm import elastic
-from testbench.model.structure import TEMPLATE
+from testbench.model.structure import BEAM_ENTRIES
 from testbench.plant import true_arms
 from testbench.plant.cast import (
     CAST_IRON,
@@ -47,18 +47,18 @@ def random_symmetric(rng):
 def test_the_distance_from_tubes_is_the_least_over_templates(rng):
     """By its definition |T^-1/2 C T^-1/2 - 1| / sqrt(6), searched from the tube that was deformed."""
     C = true_arms.deform_tube(TUBE, random_symmetric(rng), 0.25)
-    scale = np.array([np.sqrt(TUBE[a, a] * TUBE[b, b]) for a, b in TEMPLATE])
+    scale = np.array([np.sqrt(TUBE[a, a] * TUBE[b, b]) for a, b in BEAM_ENTRIES])
 
     def apart(x):
         T = np.zeros((6, 6))
-        for (a, b), value in zip(TEMPLATE, x * scale, strict=True):
+        for (a, b), value in zip(BEAM_ENTRIES, x * scale, strict=True):
             T[a, b] = T[b, a] = value
         if np.linalg.eigvalsh(T)[0] <= 0:
             return np.inf
         root = np.linalg.cholesky(T)
         return np.linalg.norm(np.linalg.solve(root, np.linalg.solve(root, C).T) - np.eye(6)) / np.sqrt(6)
 
-    start = np.array([TUBE[pair] for pair in TEMPLATE]) / scale
+    start = np.array([TUBE[pair] for pair in BEAM_ENTRIES]) / scale
     settings = {"maxiter": 20_000, "maxfev": 20_000, "xatol": 1e-9, "fatol": 1e-12, "adaptive": True}
     found = minimize(apart, start, method="Nelder-Mead", options=settings)
     assert found.fun < 0.9 * apart(start)  # the tube itself is not the nearest

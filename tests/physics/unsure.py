@@ -7,7 +7,7 @@ import numpy as np
 from testbench import Aim, Load
 from testbench.identify.absolute.align import Noise
 from testbench.identify.posterior import ModelOrigin, Posterior, elastic_state, model_of_compliances
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import read_weights
 from testbench.model.structure import all153
 
@@ -30,14 +30,14 @@ def unsure(cell):
     state = elastic_state(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
     pi = structure.entries(state.C_theta)
     d = np.sqrt(np.diag(state.C_theta))
-    root = np.diag(0.1 * d[structure.a] * d[structure.b])
+    root = np.diag(0.1 * d[structure.rows] * d[structure.columns])
     root[1:, :-1] += 0.5 * np.diag(np.diag(root)[1:])
     return model_of_compliances(state, structure, normal(pi, root), ModelOrigin("made up"))
 
 
 def unsure_everywhere(cell):
     """The same that knows geometry and joint errors too, by a tenth of a millimetre and a milliradian."""
-    known, errors = unsure(cell), JointErrors(orders=(1,), play=True, stiffening=True)
+    known, errors = unsure(cell), JointErrorTerms(orders=(1,), play=True, stiffening=True)
     state = replace(known.state, errors=errors, n=np.full((6, 4), 1e-4), torque_scale=SCALE)
     model = replace(known, state=state, noise=Noise())
     sizes = np.concatenate([np.tile([1e-4] * 6, 5), np.full(24, 5e-5)])

@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from testbench.identify.base_frame import register_dataset
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page import seen_plain
@@ -568,7 +568,7 @@ def test_what_reads_along_lines_is_drawn_and_a_lost_reading_is_not(kr500):
     loaded = poses_with_weight(kr500, np.zeros((2, 6)) + 0.1, np.arange(2) + 1, 100.0)
     data = read_instruments(kr500, "linear", loaded, [tip, wire], np.random.default_rng(1))
     data = register_dataset(kr500.vjm, data).data
-    tool, reach = tool_pose(kr500.vjm, data.q)[0], kr500.vjm.reach
+    tool, reach = tool_poses(kr500.vjm, data.q)[0], kr500.vjm.reach
     stylus, line = read_along(data, tool, reach)
     assert stylus.at[:, 0] == pytest.approx(data.before[:, 0])
     assert np.isnan(stylus.at[:, 1:]).all()

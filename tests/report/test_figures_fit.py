@@ -17,7 +17,7 @@ from testbench.identify.method import gco, least_squares, with_prior
 from testbench.identify.posterior import posterior_of_estimate
 from testbench.identify.prior import aggregate_left_out_joints, cad_prior
 from testbench.model.structure import Structure, all153, template56
-from testbench.model.vjm import chain, generalised_load, joint_law_rotations
+from testbench.model.vjm import add_law_deflections, evaluate_chain, generalised_load
 from testbench.report.badge import ratios
 from testbench.report.colours import LINK, NEGATIVE, NOMINAL, hexadecimal, look
 from testbench.report.figure import row_head
@@ -120,9 +120,9 @@ def test_the_parts_of_every_run_sum_to_its_whole_deflection(kr500, fitted):
     for name in ("MLS56", TAKEN):
         one = sag_by_part(kr500.vjm, estimates[name], select_rows(runs, np.array([3])))
         assert sum(row.share_percent for row in one) == pytest.approx(100)
-    where = chain(kr500.vjm, runs.q[3:4])
+    where = evaluate_chain(kr500.vjm, runs.q[3:4])
     theta = (estimates["MLS56"].C_theta @ generalised_load(where, runs.wrench[3:4], runs.point[3:4])).T
-    joint = one_by_difference(kr500, runs, joint_law_rotations(kr500.vjm, theta))
+    joint = one_by_difference(kr500, runs, add_law_deflections(kr500.vjm, theta))
     own = sag_by_part(kr500.vjm, estimates["MLS56"], select_rows(runs, np.array([3])))
     assert {row.part: row.share_percent for row in own}["link_2"] == pytest.approx(joint, rel=1e-3)
 
@@ -132,8 +132,8 @@ def one_by_difference(cell, runs, theta):
     step, place = 1e-4, slice(12, 18)
 
     def at(turns):
-        where = chain(cell.vjm, runs.q[3:4], turns)
-        return where.position[0] + where.rotation[0] @ runs.point[3]
+        where = evaluate_chain(cell.vjm, runs.q[3:4], turns)
+        return where.tool_position[0] + where.tool_rotation[0] @ runs.point[3]
 
     still = at(0 * theta)
     alone = np.zeros_like(theta)
@@ -226,7 +226,7 @@ def test_the_compliance_of_a_link_holds_its_joint_and_the_interval_is_that_of_ea
         np.testing.assert_allclose(row.reference, link_block(vjm, kr500.arm.C_theta, k), rtol=6e-5)
         assert row.share_percent == pytest.approx(share[row.part] + share.get(row.joint, 0))
     one = found[2]  # its entries as functionals, by unit parameters
-    units = np.eye(estimate.structure.n)
+    units = np.eye(estimate.structure.n_parameters)
     rows_of = np.array([link_block(vjm, estimate.structure.matrix(own), 2) for own in units])
     half = known.half_widths(rows_of.reshape(len(units), 36).T).reshape(6, 6)
     there = rows_of.any(axis=0)

@@ -14,7 +14,7 @@ from testbench.report.table import find
 from testbench.runs.spread import middle
 from testbench.studies.paper import loaded_stiffness, single_link, six_dof_arm, solver_comparison
 from testbench.workflows.model_names import EQUAL_FIT
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import JOINTS_ONLY
 from testbench.workflows.rows import DatasetRow, ErrorRow
 
 SEEDS = range(1, 21)
@@ -99,7 +99,7 @@ MODELS = {
     "MGCO147": ("psd", 5.0, 5.0),
     "MGCO69": ("psd", 6.0, 6.0),
     "MGCO56": ("psd", 2.0, 2.05),
-    JOINTS: ("none", 20.0, 21.0),
+    JOINTS_ONLY: ("none", 20.0, 21.0),
     EQUAL_FIT: ("free", 1.0, 1.0),
 }
 

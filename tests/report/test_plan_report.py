@@ -12,7 +12,7 @@ from rich.console import Console
 from testbench.arm.folder import ArmJoint
 from testbench.cli.plan import WORST_TASKS, report
 from testbench.model.load import weight
-from testbench.model.vjm import chain, tool_points
+from testbench.model.vjm import evaluate_chain, tool_points
 from testbench.report import terminal
 from testbench.report.planned_poses import OURS, WORK, poses_for_terminal, seen
 from testbench.report.table import Row
@@ -53,7 +53,9 @@ def test_a_row_of_the_plan_is_its_pose_load_error_and_way(made, f, kr500):
     plan = made.plan
     assert [row.q for row in f.plan] == plan.q.tolist()
     np.testing.assert_allclose([row.q_shown for row in f.plan], np.rad2deg(plan.q))
-    np.testing.assert_allclose([row.tool_m for row in f.plan], chain(kr500.vjm, plan.q).position)
+    np.testing.assert_allclose(
+        [row.tool_m for row in f.plan], evaluate_chain(kr500.vjm, plan.q).tool_position
+    )
     for rows, forecast in ((f.plan, made.poses), (f.tasks, made.forecast)):
         for end, own in (("", forecast.error), ("_p05", forecast.low), ("_p95", forecast.high)):
             assert [row[f"expected_error{end}_mm"] for row in rows] == mm(own)

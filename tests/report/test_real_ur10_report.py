@@ -12,7 +12,7 @@ from testbench.data.dataset import Series
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.registration import Frame
 from testbench.model.load import read_weights
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.report import colours
 from testbench.report.markdown import as_markdown, grid
 from testbench.report.schema import show
@@ -118,7 +118,7 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
     seen = amid_errors(cell, q, [*"abcde"], errors, LOOKS)
     [poses], [chart] = seen.scene.groups, seen.runs
     scale = float(seen.scene.title.split()[-1].rstrip("."))
-    tool, rotation = tool_pose(cell.vjm, q)
+    tool, rotation = tool_poses(cell.vjm, q)
     for layer, line, (name, off) in zip(poses.layers, chart.lines, errors.items(), strict=True):
         np.testing.assert_allclose(layer.at[:, 0], tool + rotation @ cell.vjm.markers[0], atol=1e-9)
         np.testing.assert_allclose((layer.to - layer.at)[:, 0], scale * off)
@@ -139,7 +139,7 @@ def test_direction_of_approach_and_drift_are_measured_where_they_are(rng):
     q, every, none = rng.uniform(-2, 2, (rows, 6)), np.arange(rows), np.zeros((rows, 6))
     turned = q.copy()
     turned[1:, 4] += 30e-6 * np.sign(np.diff(q[:, 4]))
-    place, rotation = tool_pose(cell.vjm, turned)
+    place, rotation = tool_poses(cell.vjm, turned)
     x = place + rotation @ point + 30e-6 * rng.standard_normal((rows, 3))
     still = Series("s", ("P",), "f", "t", every, every, q, none, none[:, :3], x[:, None], 30e-6)
     found = approach(state, still)

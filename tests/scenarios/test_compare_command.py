@@ -11,7 +11,7 @@ from run_here import check_folder, do, fine, numbers_alone, refused
 
 from testbench.arm.folder import find_arm
 from testbench.cli.compare import report
-from testbench.model.structure import PAPER_GCO
+from testbench.model.structure import PAPER_GCO_METHOD
 from testbench.report.colours import look
 from testbench.report.join import differ, leaves
 from testbench.report.schema import Table
@@ -123,7 +123,7 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible
 def test_every_model_has_the_look_that_its_run_gives_it(one):
     run = files.read_run(one)
     rows = [dict(own) for own in run.report["models"]]
-    papers = {**rows[2], "name": "MGCO56 (paper)", "method": PAPER_GCO}
+    papers = {**rows[2], "name": "MGCO56 (paper)", "method": PAPER_GCO_METHOD}
     run = replace(run, report={**run.report, "models": [*rows, papers]})
     looks = report(run, run).tables["models"].looks
     assert looks["MGCO56 (paper)"] == look("MGCO56", "psd", filling="paper")

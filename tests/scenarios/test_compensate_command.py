@@ -22,7 +22,7 @@ from testbench.identify.estimate import make_estimate
 from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.identify.regression import reduce
 from testbench.model.structure import all153
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.report.program_scene import draw_correction
 from testbench.runs import manifest as files
@@ -77,7 +77,7 @@ def bounded(folder, asked, tmp_path_factory, legible):
 def asked(kr500):
     """Joints of a path and where they have the drawn tool."""
     q = START + np.linspace(0, 1, POINTS)[:, None] * [0.25, 0.05, -0.06, 0.02, 0.1, 0.0]
-    return q, *tool_pose(kr500.vjm, q)
+    return q, *tool_poses(kr500.vjm, q)
 
 
 def joints_csv(path, q, end=""):

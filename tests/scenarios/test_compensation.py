@@ -13,7 +13,7 @@ from testbench.correct.predicted import tangents
 from testbench.files.read_pairs import read_csv
 from testbench.identify.posterior import model_of_estimate
 from testbench.model.load import on_joints, read_weights
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
@@ -105,7 +105,7 @@ def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
     q = trial_rng(3).uniform(*cell.arm.limits, (20, 6))
     first = cell.arm.n_theta - 6
     for load, loaded in zip(compensation.loads(cell), (False, True), strict=True):
-        torque = on_joints(chain(cell.vjm, q), [load.for_poses(20)])[first]
+        torque = on_joints(evaluate_chain(cell.vjm, q), [load.for_poses(20)])[first]
         assert (np.abs(torque) > 1e-6 * np.abs(load.wrench).max()).any() == loaded
 
 
@@ -120,7 +120,7 @@ def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, asked)
         feed = tangents(job.position, np.ones(len(force), dtype=bool))
         if job.name == panel.MILLING:
             assert ((force * feed).sum(axis=1) < -0.1 * size).all()
-        position, rotation = tool_pose(cell.vjm, work.q[part])
+        position, rotation = tool_poses(cell.vjm, work.q[part])
         assert np.allclose(position + rotation @ panel.TIP, job.position, atol=1e-8)
         assert np.allclose(rotation[:, :, 0], job.axis, atol=1e-8)
 

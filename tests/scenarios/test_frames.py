@@ -72,7 +72,7 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
     moved = np.eye(4)
     moved[:3, :3] = Rotation.from_euler("xyz", [0.2, -0.3, 0.7]).as_matrix()
     moved[:3, 3] = 0.5, -2.0, 0.7
-    cells = kr500, replace(kr500, vjm=replace(kr500.vjm, base=moved @ kr500.vjm.base))
+    cells = kr500, replace(kr500, vjm=replace(kr500.vjm, base_pose=moved @ kr500.vjm.base_pose))
     notes, rows = zip(
         *(
             (registration_notes(f), as_rows(registration_row(f)))

@@ -13,7 +13,7 @@ from run_here import app_of_study, check_files, held, here, numbers_alone, quick
 
 from testbench.files.read_pairs import read_csv
 from testbench.files.write import write_csv
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.studies import run
 from testbench.studies.campaign.gravity_calibration import WITH_PRIOR, CalibrationSettings, calibrate, results
 from testbench.workflows.campaign import Scenario
@@ -97,7 +97,7 @@ def test_the_map_holds_every_models_error_pose_by_pose(report):
     for name, mm in found["error_mm"].items():
         assert len(mm) == len(found["q"]) == 40
         assert np.sqrt(np.mean(np.square(mm))) == pytest.approx(models[name]["workspace"]["rms_mm"], rel=1e-3)
-    tool, _ = tool_pose(build_cell("kr500_l480").vjm, np.array(found["q"]))
+    tool, _ = tool_poses(build_cell("kr500_l480").vjm, np.array(found["q"]))
     assert tool == pytest.approx(np.array(found["position_m"]), abs=2e-4)  # both are rounded
 
 

@@ -14,7 +14,7 @@ from run_here import fine as run
 import testbench as tb
 from testbench.data.dataset import select
 from testbench.model.load import Load, displacement, secant
-from testbench.model.vjm import chain
+from testbench.model.vjm import evaluate_chain
 from testbench.workflows.model_names import in_words
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -54,7 +54,7 @@ def test_the_folder_is_whole_and_the_places_are_said(made):
 def moved_by(fit, data):
     """Deflections by the compliances of models.json, not by the command's own arrays, (runs, m, 3) [m]."""
     cell = tb.build_cell("kr500_l480")
-    at = chain(cell.vjm, data.q)
+    at = evaluate_chain(cell.vjm, data.q)
     return displacement(at, secant(at, compliance(fit), data.wrench, data.point), cell.vjm.markers)
 
 
@@ -148,7 +148,7 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
     others = set(report["map"]["apart_mm"])
     assert others | {taken} == set(errors["error_mm"]) == {m["name"] for m in report["models"]}
     k = int(np.linalg.norm(data.wrench, axis=1).argmax())
-    at = chain(cell.vjm, np.array(errors["q"]))
+    at = evaluate_chain(cell.vjm, np.array(errors["q"]))
     tool = {}
     for fit in json.loads((made[0] / "models.json").read_text())["models"]:
         wrench, point = (np.tile(one[k], (200, 1)) for one in (data.wrench, data.point))

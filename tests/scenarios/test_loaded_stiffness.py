@@ -7,7 +7,7 @@ import pytest
 from run_here import app_of_study, check_files, here, numbers_alone, quick_study
 
 from testbench.model.structure import joints_only
-from testbench.model.vjm import WorkArea, chain, observation
+from testbench.model.vjm import WorkArea, evaluate_chain, observation_matrix
 from testbench.studies.paper.loaded_stiffness import joints_alone
 from testbench.workflows.cell import clear_poses
 
@@ -64,7 +64,9 @@ def test_joints_alone_are_the_best_that_joints_can_do(kr500):
     rng = np.random.default_rng(4)
     q = clear_poses(kr500, WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)), 12, rng)
     wrench, point = np.tile([0, 0, -5e3, 0, 0, 0], (12, 1)), np.tile(kr500.vjm.load_point, (12, 1))
-    A = observation(chain(kr500.vjm, q), joints_only(kr500.arm), wrench, point, np.zeros((1, 3)))[:, 0]
+    A = observation_matrix(
+        evaluate_chain(kr500.vjm, q), joints_only(kr500.arm), wrench, point, np.zeros((1, 3))
+    )[:, 0]
     moved = A @ [1e-6, 4e-7, 2e-6, 3e-6, 5e-6, 1e-6]
     np.testing.assert_allclose(joints_alone(kr500, q, wrench, point, moved), moved, rtol=1e-9, atol=1e-15)
     bent = moved + 1e-4 * rng.standard_normal(moved.shape)

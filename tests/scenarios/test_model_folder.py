@@ -11,7 +11,7 @@ from run_here import refused
 import testbench as tb
 from testbench.errors import InputError
 from testbench.identify.posterior import CURVATURE_COUNT, posterior_of_estimate, second_order_deflection
-from testbench.model.vjm import chain, marker_points, observation
+from testbench.model.vjm import evaluate_chain, marker_positions, observation_matrix
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import named_models, with_priors
 
@@ -43,9 +43,11 @@ def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_pat
     assert np.array_equal(model.state.C_theta, estimate.C_theta)
     known, own = posterior_of_estimate(estimate), model.posterior
     assert all(np.array_equal(getattr(known, key), getattr(own, key)) for key in vars(known))
-    points = marker_points(kr500.vjm, runs.markers)
-    rows = observation(chain(model.vjm, runs.q), model.structure, runs.wrench, runs.point, points)
-    found = own.intervals(rows.reshape(-1, model.structure.n))
+    points = marker_positions(kr500.vjm, runs.markers)
+    rows = observation_matrix(
+        evaluate_chain(model.vjm, runs.q), model.structure, runs.wrench, runs.point, points
+    )
+    found = own.intervals(rows.reshape(-1, model.structure.n_parameters))
     half = np.hypot(
         found.upper - found.centre,
         CURVATURE_COUNT * second_order_deflection(model.vjm, model.state.C_theta, runs).ravel(),
@@ -61,7 +63,9 @@ def test_what_least_squares_has_not_seen_stays_without_bound(kr500, runs, tmp_pa
     written(kr500, runs, "ALL153", tmp_path / "model")
     model = tb.load_model(tmp_path / "model")
     push = np.tile([1e3, 1e3, 0, 0, 0, 0], (runs.runs, 1))
-    rows = observation(chain(model.vjm, runs.q), model.structure, push, runs.point, np.zeros((1, 3)))
+    rows = observation_matrix(
+        evaluate_chain(model.vjm, runs.q), model.structure, push, runs.point, np.zeros((1, 3))
+    )
     assert np.isinf(model.posterior.deviations(rows.reshape(-1, 153))).any()
 
 

@@ -45,11 +45,11 @@ def raises(kinematics, structure, data, prior):
 
 
 def blank(kinematics, structure, data, prior):
-    return np.full(structure.n, np.nan)
+    return np.full(structure.n_parameters, np.nan)
 
 
 def huge(kinematics, structure, data, prior):
-    return np.full(structure.n, 1e300)
+    return np.full(structure.n_parameters, 1e300)
 
 
 def nothing(kinematics, structure, data, prior):
@@ -72,11 +72,11 @@ def sleeps(kinematics, structure, data, prior):
 
 def eats(kinematics, structure, data, prior):
     kept = [np.zeros(2**25) for _ in range(64)]  # 16 GiB, of which nothing is touched
-    return kept[0][: structure.n]
+    return kept[0][: structure.n_parameters]
 
 
 def few(kinematics, structure):
-    return np.zeros(structure.n)
+    return np.zeros(structure.n_parameters)
 """
 WHY = {
     "raises": "raised ValueError: no | *way*",
@@ -189,7 +189,7 @@ def test_the_line_of_the_page_gives_the_equations():
     given = {"tb": tb, "kinematics": cell.vjm, "structure": structure, "data": data}
     exec(LINE, given)
     pi = tb.least_squares(cell.vjm, structure, data).pi
-    assert given["A"].shape == (given["y"].size, structure.n)
+    assert given["A"].shape == (given["y"].size, structure.n_parameters)
     off = given["A"].T @ (given["A"] @ pi - given["y"])  # least squares leave nothing along the columns
     assert np.abs(off).max() < 1e-9 * np.linalg.norm(given["A"]) * np.linalg.norm(given["y"])
 
@@ -266,7 +266,10 @@ def test_an_answer_is_parameters_or_compliances_of_unknowns_alone():
 def test_a_finite_number_that_no_arm_can_have_is_the_failure_of_its_entry(kr500, value):
     """Squares of the largest overflow; columns of trials hold numbers below 1e100."""
     structure = all153(kr500.arm)
-    for found in (np.full(structure.n, value), structure.matrix(np.full(structure.n, value))):
+    for found in (
+        np.full(structure.n_parameters, value),
+        structure.matrix(np.full(structure.n_parameters, value)),
+    ):
         with pytest.raises(BenchError, match="expected compliances of at most 1 in SI units"):
             parameters_of(structure, found)
     with pytest.raises(BenchError, match="covariance: expected at most 1 in SI units"):

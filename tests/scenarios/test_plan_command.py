@@ -14,7 +14,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
 from testbench.identify.method import least_squares
-from testbench.model.vjm import chain
+from testbench.model.vjm import evaluate_chain
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Station
 from testbench.workflows.cell import build_cell
@@ -98,7 +98,7 @@ def test_a_warning_names_the_joint_that_no_weight_turns_and_what_that_costs(plan
     own = report["unloaded"]
     assert own["joints"] == ["joint_1"]
     force, q = np.array(own["force_N"]), np.array([row["q"] for row in report["plan"]])
-    arms = chain(kr500.vjm, q).position - kr500.vjm.base[:3, 3]
+    arms = evaluate_chain(kr500.vjm, q).tool_position - kr500.vjm.base_pose[:3, 3]
     assert np.abs(np.cross(arms, force)[:, 2]).min() > 1  # it turns joint 1 in every pose
     assert own["error_mm"] > 5 * report["error_mm"]["expected"]
     page = (planned / "plan.md").read_text()
@@ -209,7 +209,7 @@ def test_a_straight_way_that_meets_floor_arm_or_tracker_is_not_clear(kr500):
     assert alone(left, right)
     assert alone(left, left)
     assert not alone(folded, stretched)
-    half_way = chain(kr500.vjm, (left + right)[None] / 2).position[0]
+    half_way = evaluate_chain(kr500.vjm, (left + right)[None] / 2).tool_position[0]
     assert not straight_way(kr500, Station(tuple(half_way)))(left, right)
 
 

@@ -18,7 +18,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.cli.predict import report
 from testbench.errors import InputError
 from testbench.model.load import Weights
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.report.schema import show
 from testbench.workflows.campaign import Scenario, settle_both, simulate
 from testbench.workflows.models import named_models, with_priors
@@ -182,7 +182,7 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     cut = read_pose_file(ROOT / "docs" / "program.csv", found, None, MASS)
     rows = table(ROOT / "docs" / "program.csv")
     asked = [[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows]
-    np.testing.assert_allclose(1e3 * tool_pose(kr500.vjm, cut.q)[0], asked, atol=1e-6)
+    np.testing.assert_allclose(1e3 * tool_poses(kr500.vjm, cut.q)[0], asked, atol=1e-6)
     sizes = [np.linalg.norm([float(row[f"{way}_N"]) for way in ("feed", "cross", "axial")]) for row in rows]
     forces = np.linalg.norm(cut.loads[0].wrench[:, :3], axis=1)
     np.testing.assert_allclose(forces, sizes, rtol=5e-3)  # chords are not quite across the spindle

@@ -6,7 +6,7 @@ import pytest
 from testbench.identify import regression
 from testbench.identify.regression import TriangularFactors, pose_batches, reduce
 from testbench.model.structure import joints_only
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.workflows.campaign import Scenario, simulate
 
 COLUMNS = 12
@@ -79,8 +79,10 @@ def test_runs_that_come_in_several_blocks_are_each_counted_once(kr500, monkeypat
         arm="kr500_l480", truth="linear", identification_poses=10, identification_runs=20, workspace_poses=1
     )
     data, structure = simulate(kr500, asked, 3).identification, joints_only(kr500.arm)
-    A = observation(chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers)
-    rows = np.column_stack([A.reshape(-1, structure.n), data.deflection.ravel()])
+    A = observation_matrix(
+        evaluate_chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers
+    )
+    rows = np.column_stack([A.reshape(-1, structure.n_parameters), data.deflection.ravel()])
     monkeypatch.setattr(regression, "SORTED_RUNS", 8)
     found = np.column_stack(reduce(kr500.vjm, structure, data).rows) * np.sqrt(2) * asked.sigma
     expected = (rows.T @ rows)[:-1]  # but for the readings' own sum, a part of which is no row

@@ -13,7 +13,7 @@ from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.fit import CalibrationOptions
 from testbench.identify.absolute.state import fit_upright_frame, nominal_state, undetermined_frames
 from testbench.model.load import read_weights
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 
@@ -28,7 +28,7 @@ def constant(cell, kind, seed):
     ways = {"line": (0 * s, s, 0 * s), "curve": (np.cos(2 * s) - 0.5, np.sin(2 * s), 0.2 * s)}
     way = np.column_stack(ways.get(kind, (0.2 * s, s, t)))
     home = np.array([HOME])
-    position, rotation = tool_pose(cell.vjm, home)
+    position, rotation = tool_poses(cell.vjm, home)
     at = Target(position + 0.12 * cell.vjm.reach * way, np.repeat(rotation, POSES, axis=0))
     found = solve_poses(cell.vjm, at, np.repeat(home, POSES, axis=0))
     assert found.converged.all()

@@ -13,7 +13,7 @@ from testbench.correct.predicted import process_wrench
 from testbench.errors import InputError
 from testbench.files.program import read_program, unread_columns
 from testbench.files.write import write_program
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_poses
 from testbench.plant.site import collisions
 
 ROOT = Path(__file__).parents[2]
@@ -74,7 +74,7 @@ values.mass_kg = 12
 
 
 def test_poses_of_the_tool_are_read_in_the_notation_of_a_controller_which_a_map_names(kr500, write, tmp_path):
-    position, rotation = tool_pose(kr500.vjm, Q)
+    position, rotation = tool_poses(kr500.vjm, Q)
     rows = np.hstack([1e3 * position, Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True)])
     (tmp_path / "map.toml").write_text(MAP, encoding="utf-8")
     program = read_program(write("X [mm],Y [mm],Z [mm],A,B,C", rows), kr500.arm, tmp_path / "map.toml")
@@ -150,7 +150,7 @@ def test_a_corrected_program_keeps_what_it_was_and_gives_its_joints_back(kr500, 
 def test_a_corrected_program_of_a_spreadsheet_is_read_by_it(kr500, tmp_path):
     """Decimal commas and a line of units stay; poses of the tool get joints beside them."""
     path = tmp_path / "sheet.csv"
-    position = tool_pose(kr500.vjm, Q)[0]
+    position = tool_poses(kr500.vjm, Q)[0]
     rows = [[*map(str, p), "1,0", "0", "0", "0", "12,5"] for p in np.round(1e3 * position, 3)]
     text = "\n".join([";".join(row).replace(".", ",") for row in rows])
     path.write_text(f"X;Y;Z;qw;qx;qy;qz;v\nmm;mm;mm;;;;;\n{text}\n", encoding="utf-8")

@@ -21,7 +21,7 @@ from testbench.identify.estimate import make_estimate
 from testbench.model.laws import with_laws
 from testbench.model.load import displacement
 from testbench.model.structure import all153
-from testbench.model.vjm import chain
+from testbench.model.vjm import evaluate_chain
 from testbench.report import report as reports
 from testbench.report.report import read_report
 from testbench.studies import run as studies
@@ -100,11 +100,11 @@ def test_the_film_bends_the_arm_as_a_model_predicts_its_laws_of_the_joints_inclu
     """To first order, at the markers."""
     data = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1), 3).identification
     structure = with_laws(all153(kr500.arm), kr500.arm)
-    C = block_diag(kr500.arm.C_theta, 0.5 * np.eye(structure.laws))
+    C = block_diag(kr500.arm.C_theta, 0.5 * np.eye(structure.n_laws))
     regression = reduce(kr500.vjm, structure, data)
     found = make_estimate(regression, structure.entries(C), method="known", constraint="psd")
     theta = opener._bent(kr500, found, data.q, (data.wrench, data.point))
-    moved = displacement(chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
+    moved = displacement(evaluate_chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
     np.testing.assert_allclose(moved, deflections(kr500.vjm, found, data), rtol=0, atol=1e-12)
 
 

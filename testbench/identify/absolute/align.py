@@ -44,7 +44,7 @@ from testbench.identify.registration import (
     register,
 )
 from testbench.identify.registration import layout_residuals as left_by
-from testbench.model.vjm import Vjm, tool_pose
+from testbench.model.vjm import Vjm, tool_poses
 
 # --- Residuals of readings, their noise about a state, and outliers -----------------------------------------
 
@@ -491,7 +491,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     of_target = NOMINAL_DEVIATION if named else UNNAMED_DEVIATION
     deviation = np.r_[series.frame_deviation, np.full(targets.size, of_target)]
     free, f = deviation > 0, len(series.frame_deviation)
-    tools = [tool_pose(state.vjm, part.q) for part in parts]
+    tools = [tool_poses(state.vjm, part.q) for part in parts]
 
     def placed(steps: Array) -> tuple[Frame, Array]:
         """Move the stated frame and the targets, (m, 3) [m], by steps of the free unknowns."""
@@ -672,7 +672,7 @@ def _level_layout(state: ArmState, series: Series) -> FrameLayout:
     The frame is upright as far as the readings leave its rotation undetermined.
     """
     targets = _nominal_targets(state, series)
-    position, rotation = tool_pose(state.vjm, series.q)
+    position, rotation = tool_poses(state.vjm, series.q)
     points = position[:, None] + targets @ rotation.swapaxes(1, 2)
     frame = fit_upright_frame(points[series.seen], series.position[series.seen])
     return FrameLayout(frame.rotation[None], frame.translation[None], targets)
@@ -690,7 +690,7 @@ def _target_orientations(state: ArmState, series: Series, rotation: Array) -> Ar
     """Compute the tool from the target for every orientation, (read, 3, 3), for a rotation of the frame."""
     if series.rotation is None:
         return np.zeros((0, 3, 3))
-    tool = tool_pose(state.vjm, series.q[series.oriented])[1]
+    tool = tool_poses(state.vjm, series.q[series.oriented])[1]
     return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.oriented])
 
 
@@ -723,7 +723,7 @@ def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
     """Return whether heights determine the plane's normal worse than its prior, for the nominal arm."""
     drawn = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     targets = np.array([drawn.get(name, np.zeros(3)) for name in series.markers])
-    position, rotation = tool_pose(vjm, series.q)
+    position, rotation = tool_poses(vjm, series.q)
     points = (position[:, None] + targets @ rotation.swapaxes(1, 2))[series.seen]
     across = np.linalg.svd(np.array([series.normal]))[2][1:]  # two axes in the plane
     lever = np.linalg.svd((points - points.mean(axis=0)) @ across.T, compute_uv=False)[-1]
@@ -736,7 +736,7 @@ def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> M
         turn = f"{np.degrees(placed.turn):.3g} degrees off (median) for the best mount"
         return Misfit(f"{series.name}: its positions fit this arm, but its orientations are {turn}", series)
     far = "" if placed is None else f": they are {1e3 * placed.typical:.3g} mm off (median) in the best frame"
-    places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
+    places = series.position[series.seen], tool_poses(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
     spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"
     return Misfit(f"{series.name}: the readings do not fit this arm{far}; {spread}", series)

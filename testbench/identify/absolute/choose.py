@@ -39,7 +39,7 @@ from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPri
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import mean_and_standard_error
 from testbench.model.load import Weights, weight_columns
-from testbench.model.vjm import Vjm, chain, generalised_load
+from testbench.model.vjm import Vjm, evaluate_chain, generalised_load
 from testbench.progress import stepwise
 
 # --- Selection of errors ------------------------------------------------------------------------------------
@@ -233,7 +233,7 @@ def with_shared_pattern(
     waves = pattern_coefficients(errors)
     if "harmonics" not in kinds or not len(waves):
         return None
-    at = unknowns.first_columns["errors"] + errors.size * np.arange(len(joints))[:, None] + waves
+    at = unknowns.first_columns["errors"] + errors.n_coefficients * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
@@ -513,7 +513,7 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
     for readings, torque in ((part, part.torque) for part in series if part.torque is not None):
         for start in range(0, readings.rows, POSES_AT_ONCE):
             rows = slice(start, start + POSES_AT_ONCE)
-            where = chain(vjm, readings.q[rows])
+            where = evaluate_chain(vjm, readings.q[rows])
             columns = weight_columns(where)[-n:, :, 1:]
             known = generalised_load(where, readings.wrench[rows], readings.point[rows])[-n:]
             yield columns.reshape(*columns.shape[:2], -1), known, torque[rows].T

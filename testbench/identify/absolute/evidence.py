@@ -55,7 +55,7 @@ from testbench.identify.regression import (
     term_from_triangle,
 )
 from testbench.identify.solve import certified_solution, solve, solve_by_clarabel
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.vjm import rotation_matrices
 
 # --- Sizes of all kinds of errors, learnt from the readings by type-II maximum likelihood -------------------
@@ -584,7 +584,7 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
         theta_0=theta_0,
         C_theta=unknowns.structure.matrix(every[unknowns.columns("elastic")]),
         errors=unknowns.errors,
-        n=every[unknowns.columns("errors")].reshape(state.vjm.arm.n_joints, unknowns.errors.size),
+        n=every[unknowns.columns("errors")].reshape(state.vjm.arm.n_joints, unknowns.errors.n_coefficients),
         frames=frames,
         mounts=mounts,
     )
@@ -645,7 +645,7 @@ def fit_geometry_and_springs(
     Returns:
         The fitted arm, and the noise of the readings about it.
     """
-    first = unknowns_of(state.vjm, series, JointErrors(), joint_prior.structure)
+    first = unknowns_of(state.vjm, series, JointErrorTerms(), joint_prior.structure)
     active, noise = activate_unknowns(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)
     for _ in range(2):
         state, share = gauss_newton_step(active, series, (state, noise), constraint)

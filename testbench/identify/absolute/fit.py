@@ -61,7 +61,7 @@ from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
-from testbench.model.kinematics import ERROR_KINDS, JointErrors
+from testbench.model.kinematics import JOINT_ERROR_KINDS, JointErrorTerms
 from testbench.model.load import Weights, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
@@ -76,7 +76,7 @@ missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a 
 MAX_SCATTER_RATIO = 0.5
 """Scatter of corrected readings over that of the readings as they are, below which these are rejected [1]."""
 COMMON_PATTERN = "common pattern"  #: Name of the periodic error that several joints share.
-SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *ERROR_KINDS[1:])
+SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *JOINT_ERROR_KINDS[1:])
 """Names of the errors that a calibration tries in addition to geometry, in order."""
 
 
@@ -282,10 +282,10 @@ def linearise_readings(
         1, min(options.max_order, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
     )
     orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable else ()
-    errors = JointErrors(orders, **{name: name in options.selectable for name in ERROR_KINDS[1:]})
+    errors = JointErrorTerms(orders, **{name: name in options.selectable for name in JOINT_ERROR_KINDS[1:]})
     most = all153 if "links" in options.selectable else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
-    state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.n_coefficients)))
     # One step with periodic errors, for the noise and the point of linearisation.
     active, few = activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, joints), thin_series(series)
     state, share = gauss_newton_step(active, few, (state, noise), options.constraint)
@@ -409,7 +409,7 @@ def _select_errors(
         "joint errors": ErrorCandidate("joint errors", frozenset({"harmonics"})),
         COMMON_PATTERN: ErrorCandidate(COMMON_PATTERN, frozenset({"pattern"}), searches_pattern=True),
         "links": ErrorCandidate("links", compliance_prior=links),
-    } | {name: ErrorCandidate(name, frozenset({name})) for name in ERROR_KINDS[1:]}
+    } | {name: ErrorCandidate(name, frozenset({name})) for name in JOINT_ERROR_KINDS[1:]}
     on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable]
     if options.used_errors is None:
         return select_errors(unknowns, reduced, on, rules)

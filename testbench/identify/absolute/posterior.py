@@ -368,7 +368,7 @@ def structural_directions(
     joints, first = range(unknowns.vjm.arm.n_joints), unknowns.first_columns["elastic"]
     around = [_link_columns(unknowns, k) for k in range(len(joints) + 1)]
     unseen_of_link = [_dimension(drawn, columns) for columns in around]
-    size = unknowns.errors.size
+    size = unknowns.errors.n_coefficients
     of_joint = [unknowns.first_columns["errors"] + j * size + np.arange(size) for j in joints]
     return StructuralDirections(
         directions=U[:, s > MIN_SINGULAR_VALUE],

@@ -38,10 +38,10 @@ from testbench.data.dataset import Series, evenly_spaced
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame, kabsch, largest_deviation
-from testbench.model.kinematics import BANDS, JointErrors, joint_error_basis
+from testbench.model.kinematics import ORDER_BANDS, JointErrorTerms, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
-from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, tool_pose
+from testbench.model.vjm import ChainState, Vjm, evaluate_chain, rotation_matrices, tool_poses
 
 if TYPE_CHECKING:  # scipy takes long to import, and few arms have a pattern
     from scipy.sparse import csr_array
@@ -78,7 +78,7 @@ class ArmState(Displayed):
     weights: Weights  #: Masses of the links.
     theta_0: Array  #: Constants of the virtual joints, the errors of geometry, (n_theta,) [m, rad].
     C_theta: Array  #: Compliances of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m)].
-    errors: JointErrors  #: Kinds of joint errors: the functions Phi(q).
+    errors: JointErrorTerms  #: Kinds of joint errors: the functions Phi(q).
     n: Array  #: Coefficients n of the joint errors, k per joint, (joints, k) [rad, m].
     torque_scale: Array  #: RMS torque of every joint, (joints,) [N m, N].
     frames: Mapping[str, Frame] = field(default_factory=dict)  #: Frames (tracker from base) by name.
@@ -127,7 +127,7 @@ def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
-    return ArmState(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
+    return ArmState(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrorTerms(), empty, torque_scale)
 
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
@@ -148,7 +148,7 @@ class JointEquilibrium:
     """Hold the static equilibrium of an arm in several poses under loads."""
 
     theta: Array  #: Virtual joints at rest, (runs, n_theta) [m, rad].
-    chain: Chain  #: The extended chain at rest, with tool pose and Jacobian.
+    chain: ChainState  #: The extended chain at rest, with tool pose and Jacobian.
     u: Array  #: Generalised load of every virtual joint at rest, (n_theta, runs) [N, N m].
     phi: Array  #: Functions Phi(q) of the joint errors, k per joint, (joints, k, runs).
 
@@ -179,7 +179,7 @@ def joint_equilibrium(
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
     # theta <- theta_0 + Phi(q) n + C_theta u(q, theta), until the step is at rounding.
     for _ in range(MAX_EQUILIBRIUM_STEPS if steps is None else steps):
-        where = chain(state.vjm, q, theta)
+        where = evaluate_chain(state.vjm, q, theta)
         u = generalised_loads_at(state, where, loads)
         bent = start + (state.C_theta @ u).T
         step = np.abs(bent - theta).max(axis=1, initial=0)
@@ -189,14 +189,14 @@ def joint_equilibrium(
     if steps is None:
         words = state.vjm.arm.pose_text(q[np.argmin(step <= EQUILIBRIUM_TOLERANCE)])
         raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
-    return JointEquilibrium(theta, chain(state.vjm, q, theta), u, phi)
+    return JointEquilibrium(theta, evaluate_chain(state.vjm, q, theta), u, phi)
 
 
 def _unsprung(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
     """Compute virtual joints without springs, (runs, n_theta), the load of the undeflected arm, and phi."""
     arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
     u, joints = (
-        generalised_loads_at(state, chain(state.vjm, q, theta), loads),
+        generalised_loads_at(state, evaluate_chain(state.vjm, q, theta), loads),
         slice(6 * len(arm.links), arm.n_theta),
     )
     phi = joint_error_basis(state.errors, arm, q, u[joints], state.torque_scale)
@@ -204,7 +204,7 @@ def _unsprung(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, 
     return theta, u, phi
 
 
-def generalised_loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -> Array:
+def generalised_loads_at(state: ArmState, chain: ChainState, loads: Sequence[Load]) -> Array:
     """Compute the generalised load u of every virtual joint, from own weight and other loads.
 
     Args:
@@ -229,7 +229,7 @@ def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> A
     Returns:
         theta, (runs, n_theta) [m, rad].
     """
-    if not state.errors.size:
+    if not state.errors.n_coefficients:
         return np.tile(state.theta_0, (len(q), 1))
     return _unsprung(state, q, loads)[0]
 
@@ -265,7 +265,7 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
     for readings in series:
         for first in range(0, readings.rows, ROWS_IN_MEMORY):
             part = slice(first, first + ROWS_IN_MEMORY)
-            where = chain(vjm, readings.q[part])
+            where = evaluate_chain(vjm, readings.q[part])
             u = own_weight(where, weights) + on_joints(
                 where, [Load(readings.wrench[part], readings.point[part])]
             )
@@ -346,7 +346,7 @@ def _rows(vjm: Vjm, series: Series) -> Array:
     """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
     seen = np.flatnonzero(series.seen.any(axis=1))
     rows = seen[evenly_spaced(len(seen), MAX_EVALUATED_ROWS)]
-    position, rotation = tool_pose(vjm, series.q[rows])
+    position, rotation = tool_poses(vjm, series.q[rows])
     m, n = len(series.markers), len(rows)
     J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
     for k in range(m):
@@ -412,7 +412,7 @@ class ErrorPattern:
     signs: tuple[int, ...]  #: Sign s of each of these joints, 1 or -1.
 
 
-def pattern_coefficients(errors: JointErrors) -> Ids:
+def pattern_coefficients(errors: JointErrorTerms) -> Ids:
     """List the indices of a joint's Fourier coefficients that a pattern may have, k sines first, (2 k,)."""
     return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
 
@@ -437,7 +437,7 @@ def shift_fourier_coefficients(coefficients: Array, shift: Array | float, sign: 
 
 
 def pattern_basis(
-    pattern: ErrorPattern, errors: JointErrors, first_column: int, n_unknowns: int
+    pattern: ErrorPattern, errors: JointErrorTerms, first_column: int, n_unknowns: int
 ) -> "csr_array":
     """Make the basis in which periodic errors of some joints are a shared pattern and differences from it.
 
@@ -459,7 +459,7 @@ def pattern_basis(
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
-    at = first_column + errors.size * np.array(pattern.joints)[:, None] + waves
+    at = first_column + errors.n_coefficients * np.array(pattern.joints)[:, None] + waves
     where = np.concatenate([np.setdiff1d(np.arange(n_unknowns), at)] * 2).reshape(2, -1)
     entries, places = [np.ones(where.shape[1])], [where]
     orders = np.array(errors.orders)[waves[:k]]
@@ -645,7 +645,7 @@ class Unknowns:
     frames: tuple[str, ...]  #: Names of the frames (tracker from base).
     #: Number of targets of every mount, and whether one of them has an orientation.
     mounts: Mapping[str, tuple[int, bool]]
-    errors: JointErrors  #: Kinds of joint errors.
+    errors: JointErrorTerms  #: Kinds of joint errors.
     structure: Structure  #: Structure of the compliances.
     has_geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined, so that a prior determines them.
@@ -671,7 +671,11 @@ class Unknowns:
         sizes = {f"frame {name}": len(self.frame_deviations.get(name, range(6))) for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
-        sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
+        sizes |= {
+            "errors": self.vjm.arm.n_joints * self.errors.n_coefficients,
+            "elastic": self.structure.n_parameters,
+            "end": 0,
+        }
         ends = np.cumsum(list(sizes.values()))
         return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
 
@@ -712,15 +716,19 @@ class Unknowns:
             ("geometry turn", geometry[:, 3:].ravel()),
         ]
         first = self.first_columns["errors"]
-        of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(
-            self.vjm.arm.n_joints, self.errors.size
+        of = first + np.arange(self.vjm.arm.n_joints * self.errors.n_coefficients).reshape(
+            self.vjm.arm.n_joints, self.errors.n_coefficients
         )
-        kinds, bands = np.array(self.errors.kinds), self.errors.bands
+        kinds, bands = np.array(self.errors.coefficient_kinds), self.errors.coefficient_bands
         alike = np.full(len(of), self.pattern is not None)  # where the pattern is, and waves as large as it
         alike[list(self.pattern.joints[1:]) if self.pattern else []] = False
         for kind, of_kind in (("harmonics", ~alike), ("pattern", alike)):
             for band in np.unique(bands[bands >= 0]):
-                these = of_kind if BANDS[band] >= MIN_PATTERN_ORDER else np.full(len(of), kind == "harmonics")
+                these = (
+                    of_kind
+                    if ORDER_BANDS[band] >= MIN_PATTERN_ORDER
+                    else np.full(len(of), kind == "harmonics")
+                )
                 if these.any():
                     columns_by_kind.append((kind, of[these][:, bands == band].ravel()))
         columns_by_kind += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
@@ -749,7 +757,9 @@ class Unknowns:
         return x
 
 
-def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, structure: Structure) -> Unknowns:
+def unknowns_of(
+    vjm: Vjm, series: tuple[Series, ...], errors: JointErrorTerms, structure: Structure
+) -> Unknowns:
     """List all unknowns of a calibration from given series.
 
     Args:
@@ -790,4 +800,4 @@ def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
         vjm: The arm's virtual joint model.
         structure: Structure of the compliances.
     """
-    return Unknowns(vjm, (), {}, JointErrors(), structure, has_geometry=False)
+    return Unknowns(vjm, (), {}, JointErrorTerms(), structure, has_geometry=False)

@@ -43,10 +43,10 @@ from testbench.identify.equations import (
 from testbench.identify.hierarchy import evidence_posterior, maximise_evidence, prior_evidence
 from testbench.identify.prior import PriorScaling
 from testbench.identify.regression import reduce
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import Load
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, marker_points
+from testbench.model.vjm import Vjm, marker_positions
 
 USUAL_BACKLASH, USUAL_STIFFENING = 6e-5, 200.0
 """Half width of a sound joint's backlash or friction [rad, m], and its stiffening per radian [1/rad].
@@ -237,7 +237,7 @@ def fit_residual_model(
         maximise_evidence(model.evidence, model.medians) if hyperparameters is None else hyperparameters
     )
     read = single_readings(vjm, structure, data)
-    G = read.A.reshape(-1, structure.n) @ model.scaling.L
+    G = read.A.reshape(-1, structure.n_parameters) @ model.scaling.L
     # The most probable compliances: least squares over the rows of the readings and of the prior.
     s, kappa = model.entry_scales(hyperparameters), np.exp(hyperparameters[-1])
     width = np.exp(model.evidence.log_deviation_rows @ hyperparameters)
@@ -276,8 +276,10 @@ def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structur
     state = replace(
         state, phi=np.stack([USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn)], axis=1)
     )
-    unknowns = replace(compliance_unknowns(vjm, structure), errors=JointErrors(play=True, stiffening=True))
-    points, read = marker_points(vjm, data.markers), data.sigma_rotation is not None
+    unknowns = replace(
+        compliance_unknowns(vjm, structure), errors=JointErrorTerms(play=True, stiffening=True)
+    )
+    points, read = marker_positions(vjm, data.markers), data.sigma_rotation is not None
     A = jacobian(unknowns, state, points, rotations=read)[:, :, unknowns.columns("errors")]
     return each_reading(A, whiten(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
 

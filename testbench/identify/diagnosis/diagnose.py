@@ -51,7 +51,7 @@ from testbench.identify.equations import MAX_READINGS, check_runs
 from testbench.identify.prior import Prior, scale_by_prior
 from testbench.model.load import weights_with_note
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import Vjm, marker_points
+from testbench.model.vjm import Vjm, marker_positions
 from testbench.progress import stepwise
 
 NO_FREE_PARAMETERS = FreeParameters()
@@ -245,7 +245,7 @@ def _observations(
     return Observations(
         vjm=vjm,
         q=data.q[runs],
-        markers=marker_points(vjm, data.markers),
+        markers=marker_positions(vjm, data.markers),
         position=position[runs],
         seen=data.seen[runs],
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
@@ -333,5 +333,5 @@ def _nominal_base_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
         frames={readings.frame: IDENTITY_FRAME for readings in series},
-        mounts={MOUNT_NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
+        mounts={MOUNT_NAME: Mount(marker_positions(vjm, markers), np.eye(3), markers)},
     )

@@ -36,7 +36,7 @@ from testbench.identify.registration import Frame
 from testbench.model.kinematics import body_pose
 from testbench.model.load import displacement, own_weight, read_weights
 from testbench.model.structure import joints_only
-from testbench.model.vjm import Vjm, chain, rotation
+from testbench.model.vjm import Vjm, evaluate_chain, rotation_about_axis
 
 DOWN = np.array([0.0, 0.0, -1.0])
 MAX_WEIGHT_ANGLE = np.deg2rad(1.0)  #: Largest angle between a weight and the vertical [rad].
@@ -76,14 +76,14 @@ def with_base_rotated(vjm: Vjm, g: Array) -> Vjm:
     """
     turn = np.eye(4)
     turn[:3, :3] = rotation_from_down(g).T
-    return replace(vjm, base=turn @ vjm.base)
+    return replace(vjm, base_pose=turn @ vjm.base_pose)
 
 
 def rotation_from_down(g: Array) -> Array:
     """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
-    return rotation(axis / size if size > ROUNDING_ERROR else np.eye(3)[0], angle_between(DOWN, g))
+    return rotation_about_axis(axis / size if size > ROUNDING_ERROR else np.eye(3)[0], angle_between(DOWN, g))
 
 
 def angle_between(a: Array, b: Array) -> float:
@@ -238,10 +238,10 @@ def mounting_issue(vjm: Vjm, gravity: GravityDirection, log_likelihood_gain: flo
 
     arm, root = vjm.arm, read_mjcf(vjm.arm.mjcf_path)
     base_pose = body_pose(arm, find_body(arm.mjcf_path, root, arm.links[0].name), angle_unit(root))
-    stands = base_pose @ np.linalg.inv(vjm.base) @ with_base_rotated(vjm, gravity.g).base
+    stands = base_pose @ np.linalg.inv(vjm.base_pose) @ with_base_rotated(vjm, gravity.g).base_pose
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING_ERROR][0])
-    size = np.concatenate([gravity.g @ vjm.base[:3, :3], turn])
+    size = np.concatenate([gravity.g @ vjm.base_pose[:3, :3], turn])
     numbers = {"tracker_agrees": gravity.confirmed_by_tracker}
     return Issue("mounting", (arm.links[0].name,), size, numbers, log_likelihood_gain)
 
@@ -307,7 +307,7 @@ def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Pri
 
 def _springs_at_zero(state: ArmState) -> bool:
     """Tell whether the compliances of joints that carry weight are held at zero."""
-    compliance, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
+    compliance, joints = np.diag(state.C_theta)[state.vjm.joint_spring_slice], state.vjm.arm.joints
     nominal = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > MIN_TORQUE_SHARE * state.torque_scale.max(initial=0)
     return bool((carries & (compliance < MIN_CARRYING_COMPLIANCE * nominal)).any())
@@ -374,7 +374,7 @@ def bends_like_hanging_arm(unloaded: Observations, loaded: Observations, C_theta
     left = []
     for observations, g in ((unloaded, -DOWN), (loaded, DOWN), (unloaded, DOWN)):
         turned = with_base_rotated(vjm, g)
-        where = chain(turned, observations.q)
+        where = evaluate_chain(turned, observations.q)
         theta = (C_theta @ own_weight(where, weights)).T
         sag = displacement(where, theta, observations.markers) @ rotation_from_down(g).T
         bare = replace(

@@ -42,7 +42,7 @@ from testbench.identify.diagnosis.kinematics import (
     likely_joint_orders,
     longer_than,
 )
-from testbench.model.vjm import tool_points, tool_pose
+from testbench.model.vjm import tool_points, tool_poses
 
 MM = 1e3
 UNIT_FACTORS = {
@@ -627,7 +627,7 @@ def _force_axes(loads: LoadedRuns) -> LoadCorrections:
     def corrected(other: Array) -> LoadedRuns:
         return replace(loads, data=replace(data, wrench=other.reshape(-1, 6)))
 
-    turned = np.einsum("rxy,rky->rkx", tool_pose(loads.vjm, data.q)[1], w)
+    turned = np.einsum("rxy,rky->rkx", tool_poses(loads.vjm, data.q)[1], w)
     yield Correction(("tool",), corrected=corrected(turned))
     for order, sign in product(list(permutations(range(3)))[1:], (1, -1)):
         where = "".join("xyz"[k] for k in order), "+" if sign > 0 else "-"

@@ -44,7 +44,15 @@ from testbench.data.dataset import Dataset, Series, evenly_spaced
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.base_frame import RegisteredDataset, with_markers
 from testbench.identify.registration import Frame, kabsch
-from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, skew, tool_pose, translation_rows
+from testbench.model.vjm import (
+    ChainState,
+    Vjm,
+    evaluate_chain,
+    rotation_matrices,
+    skew,
+    tool_poses,
+    translational_jacobian,
+)
 
 # --- A mistake as data --------------------------------------------------------------------------------------
 
@@ -545,7 +553,7 @@ def fit_kinematics(observations: Observations) -> KinematicFit:
     where = _chain(observations, now)
     # Start with the frame in closed form.
     if free.frame:
-        base = where.points(now.markers)
+        base = where.tool_points_in_world(now.markers)
         frame = Frame(
             *kabsch(base[observations.seen], observations.position[observations.seen], mirrored=free.mirrored)
         )
@@ -562,20 +570,20 @@ def fit_kinematics(observations: Observations) -> KinematicFit:
     return now
 
 
-def _chain(observations: Observations, now: KinematicFit) -> Chain:
-    return chain(
+def _chain(observations: Observations, now: KinematicFit) -> ChainState:
+    return evaluate_chain(
         observations.vjm,
         observations.q,
         np.tile(now.theta, (len(observations.q), 1)) if now.theta.any() else None,
     )
 
 
-def _with_loss(observations: Observations, chain: Chain, now: KinematicFit) -> KinematicFit:
+def _with_loss(observations: Observations, chain: ChainState, now: KinematicFit) -> KinematicFit:
     off = fit_residuals(observations, chain, now)
     return replace(now, residual=off, loss=float(cauchy_loss(off, observations.expected_distance).sum()))
 
 
-def fit_residuals(observations: Observations, chain: Chain, fitted: KinematicFit) -> Array:
+def fit_residuals(observations: Observations, chain: ChainState, fitted: KinematicFit) -> Array:
     """Compute the residuals R x(q) + t - y: fitted minus measured positions of the targets.
 
     Args:
@@ -586,11 +594,11 @@ def fit_residuals(observations: Observations, chain: Chain, fitted: KinematicFit
     Returns:
         Residuals, (rows, m, 3) [m]; 0 where nothing was read.
     """
-    x = chain.points(fitted.markers) @ fitted.frame.rotation.T + fitted.frame.translation
+    x = chain.tool_points_in_world(fitted.markers) @ fitted.frame.rotation.T + fitted.frame.translation
     return np.where(observations.seen[..., None], x - observations.position, 0.0)
 
 
-def _gauss_newton_step(observations: Observations, chain: Chain, now: KinematicFit) -> KinematicFit:
+def _gauss_newton_step(observations: Observations, chain: ChainState, now: KinematicFit) -> KinematicFit:
     """Take one weighted Gauss-Newton step of all free parameters."""
     free = observations.free_parameters
     # Targets relative to the frame's origin.
@@ -600,7 +608,7 @@ def _gauss_newton_step(observations: Observations, chain: Chain, now: KinematicF
         columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
         columns += [*skew(about).transpose(2, 0, 1, 3)]
     if free.theta:
-        J = translation_rows(chain, now.markers)[:, free.theta].reshape(
+        J = translational_jacobian(chain, now.markers)[:, free.theta].reshape(
             *observations.markers.shape, -1, len(observations.q)
         )
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
@@ -615,7 +623,7 @@ def _gauss_newton_step(observations: Observations, chain: Chain, now: KinematicF
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
     # A target moves its own readings alone: its part is eliminated from the other columns first.
     if free.targets:
-        R = root[..., None] * (now.frame.rotation @ chain.rotation)[:, None]
+        R = root[..., None] * (now.frame.rotation @ chain.tool_rotation)[:, None]
         by_target = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
         left = left - np.einsum("pmxa,cma->cpmx", R, by_target)
     off, *common = left.reshape(len(left), -1)
@@ -675,7 +683,7 @@ def _exchange(n: int, i: int, j: int) -> Ids:
 def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
     """Compute the robustly weighted loss of the linear form for every order, (orders,) [nats]."""
     count = len(orders)
-    p, R = tool_pose(
+    p, R = tool_poses(
         observations.vjm, observations.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1])
     )
     row, target = np.nonzero(observations.seen[rows, :SCREENED_TARGETS])
@@ -752,7 +760,7 @@ def _slip_costs(
         for half_fit in (head, _fit_half(moved, slice(len(observations.q) // 2, None)) or head):
             as_read, slipped = (
                 cauchy_loss(
-                    fit_residuals(observed, chain(observed.vjm, observed.q), half_fit),
+                    fit_residuals(observed, evaluate_chain(observed.vjm, observed.q), half_fit),
                     observed.expected_distance,
                 ).sum(axis=1)
                 for observed in (observations, moved)
@@ -774,13 +782,13 @@ def _fit_half(observations: Observations, half: slice) -> KinematicFit | None:
 def _misfits(observations: Observations, fitted: KinematicFit, rows: Ids) -> int:
     """Count how many of the given rows do not fit the arm in the fitted frame."""
     sample = observations.select(rows)
-    off = np.linalg.norm(fit_residuals(sample, chain(sample.vjm, sample.q), fitted), axis=2)
+    off = np.linalg.norm(fit_residuals(sample, evaluate_chain(sample.vjm, sample.q), fitted), axis=2)
     return int((off > MAX_MEDIAN_DISTANCE * observations.expected_distance).any(axis=1).sum())
 
 
 def _median_distance(observations: Observations, fitted: KinematicFit, part: slice) -> float:
     """Compute the median distance of the readings in some rows [m]; 0 without any."""
     off = np.linalg.norm(
-        fit_residuals(observations, chain(observations.vjm, observations.q), fitted), axis=2
+        fit_residuals(observations, evaluate_chain(observations.vjm, observations.q), fitted), axis=2
     )[part][observations.seen[part]]
     return float(np.median(off)) if len(off) else 0.0

@@ -33,8 +33,8 @@ from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
 from testbench.identify.equations import series_rows
 from testbench.identify.prior import PriorScaling
-from testbench.model.kinematics import JointErrors
-from testbench.model.vjm import marker_motion
+from testbench.model.kinematics import JointErrorTerms
+from testbench.model.vjm import rigid_motion_matrix
 
 MAX_PERIODIC_ORDER = 8  #: Highest order of periodic joint errors in the nuisance model.
 #: Prior deviation of the other errors in the test of a step, over their usual size [1].
@@ -77,8 +77,8 @@ def nuisance_model(
     Returns:
         The unknowns with their prior precision, and the arm at which they are linearised.
     """
-    errors = JointErrors(tuple(range(1, max_order + 1)))
-    state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
+    errors = JointErrorTerms(tuple(range(1, max_order + 1)))
+    state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.n_coefficients)))
     unknowns = unknowns_of(state.vjm, series, errors, compliance_prior.structure)
     active, size = (
         activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, compliance_prior),
@@ -290,7 +290,7 @@ def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved: str) 
     mount = A[:, :, nuisance.active.unknowns.columns(f"mount {series.target}")]
     points = nuisance.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
-    T[: 3 * len(points)] = marker_motion(points)
+    T[: 3 * len(points)] = rigid_motion_matrix(points)
     T[3 * len(points) :, 3:] = np.eye(3)[: max(0, len(T) - 3 * len(points))]
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 

@@ -28,7 +28,7 @@ from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, serie
 from testbench.identify.diagnosis.moves import sort_by_time
 from testbench.identify.posterior import ArmModel
 from testbench.identify.prior import PriorUncertainty, cad_prior
-from testbench.model.vjm import translation_rows
+from testbench.model.vjm import translational_jacobian
 from testbench.report import colours
 from testbench.report.badge import Badge, badge_against_all
 from testbench.report.colours import CHOICE, Look, look
@@ -145,8 +145,8 @@ def approach(state: ArmState, series: Series) -> Array:
     one = sort_by_time(series)
     came = np.flatnonzero(np.diff(one.row) == 1)
     sign = np.sign(np.diff(one.q, axis=0)[came]).T
-    J = translation_rows(series_equilibrium(state, one).chain, state.mount(one).points)
-    A = J.reshape(-1, len(state.theta_0), one.rows)[:3, state.vjm.joint_slice, 1 + came] * sign / 2
+    J = translational_jacobian(series_equilibrium(state, one).chain, state.mount(one).points)
+    A = J.reshape(-1, len(state.theta_0), one.rows)[:3, state.vjm.joint_spring_slice, 1 + came] * sign / 2
     A, y = A.transpose(0, 2, 1).reshape(-1, len(sign)), residuals(state, one)[0][:, 1 + came].ravel()
     inverse = np.linalg.pinv(A)
     x = inverse @ y

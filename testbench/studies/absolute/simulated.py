@@ -37,7 +37,7 @@ from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.registration import SQUARED_LOSS
 from testbench.identify.regression import Linearisation, reduce_series
-from testbench.model.kinematics import JointErrors
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 from testbench.plant.build import build_plant
@@ -182,13 +182,13 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     """
     vjm, disturbances = found.state.vjm, truth.arm.disturbances
     assert disturbances.geometry is not None
-    errors = JointErrors(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
+    errors = JointErrorTerms(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
     kinds = evidence.GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
     active = activate_unknowns(
         unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure)
     )
-    nothing = np.zeros((vjm.arm.n_joints, errors.size))
+    nothing = np.zeros((vjm.arm.n_joints, errors.n_coefficients))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
     reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARED_LOSS), found.series)
     sizes = {

@@ -28,7 +28,7 @@ from testbench.identify.prior import (
 from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHODS, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.runs.rows import trial_rng
 from testbench.studies.intervals import bootstrap, resampler
@@ -107,8 +107,8 @@ def _case(cell: Cell, name: str, s: Structure, data: Dataset, functionals: Array
 
 def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Array) -> Array:
     """Deflections of points of the tool as linear functionals of pi, (3 runs targets, n)."""
-    args = (chain(cell.vjm, where.q), structure, where.wrench, where.point)
-    return observation(*args, targets).reshape(-1, structure.n)
+    args = (evaluate_chain(cell.vjm, where.q), structure, where.wrench, where.point)
+    return observation_matrix(*args, targets).reshape(-1, structure.n_parameters)
 
 
 def refitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:

@@ -30,13 +30,13 @@ from testbench.studies.study import (
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, simulate_at, true_cell
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import IN_PAPER
-from testbench.workflows.models import DEFAULT, JOINTS, Model, named_models, with_priors, wrong_prior
+from testbench.workflows.models import DEFAULT, JOINTS_ONLY, Model, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
 
 QUICK_WORKSPACE = 40
-WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
+WITHOUT_PRIOR = (JOINTS_ONLY, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The incumbent and the paper's models; beside MLS56 stands what is conservative and fits as well."""
-WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68", "ALL153")
+WITH_PRIOR = (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO68", "ALL153")
 """Models that are fitted with a prior, which learns from the readings how wrong it is."""
 
 
@@ -193,7 +193,9 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     keys = {column.name: column.key for column in table.columns}
     reading = "RMS errors. Filled: prior; dotted: Joints-only; grey diamonds: the paper. "
     reading += "Ratios: 95 % intervals."
-    drawn = {"models.png": forest(ranked(table, keys[TRUE], f.over), PANES, found.question, reading, JOINTS)}
+    drawn = {
+        "models.png": forest(ranked(table, keys[TRUE], f.over), PANES, found.question, reading, JOINTS_ONLY)
+    }
     if f.details:
         known = {m.name: look_of(m) for m in f.models}
         drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
@@ -227,7 +229,7 @@ PRESET = Preset(
     cells=lambda *_: {"": {}},  # all trials are of one cell
     listed="models",
     value=TRUE,
-    pairs=(*PAIRS, ("MGCO68", JOINTS), (DEFAULT, "MGCO68 + prior")),
+    pairs=(*PAIRS, ("MGCO68", JOINTS_ONLY), (DEFAULT, "MGCO68 + prior")),
     figures=_figures,
     size=4,
 )

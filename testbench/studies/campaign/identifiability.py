@@ -42,11 +42,11 @@ from testbench.studies.intervals import (
 from testbench.studies.study import ArmFlag, plain_models
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, of_arm, simulate, simulate_at
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.models import JOINTS, SCALE, Model, named_models, wrong_prior
+from testbench.workflows.models import JOINTS_ONLY, SCALE, Model, named_models, wrong_prior
 from testbench.workflows.own_estimator import Models
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
-MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+MODELS_WITHOUT_PRIOR = (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO68")
 """Models without a prior; beside MLS56 stands what is conservative and fits as well."""
 VARIED = ("MGCO56", "MGCO68")  #: Structures whose prior's scale and number of poses are varied.
 
@@ -188,7 +188,7 @@ def _filled(
 ) -> list[Model]:
     """Joints alone, then structures by these methods, all with the same wrong prior."""
     prior = wrong_prior(cell, seed, scale)
-    joints, *models = named_models(cell, (JOINTS, *structures))
+    joints, *models = named_models(cell, (JOINTS_ONLY, *structures))
     asked = [(joints, LS), *((model, filler) for model in models for filler in fillers)]
     return [
         Model(f"{m.name}, {filler.name}", m.structure, filler.estimator(cell, prior)) for m, filler in asked
@@ -325,7 +325,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     )
     counted = Row(found.numbers).cells["coverage"]
     return {
-        "identifiability.png": forest(table, panes, found.question, reading, JOINTS),
+        "identifiability.png": forest(table, panes, found.question, reading, JOINTS_ONLY),
         "coverage.png": coverage_figure(counted),
     }
 

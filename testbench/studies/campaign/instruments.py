@@ -33,7 +33,14 @@ from testbench.workflows.campaign import (
 )
 from testbench.workflows.cell import Cell
 from testbench.workflows.instruments import CAMERA, PROBE, Mounted
-from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
+from testbench.workflows.models import (
+    ALL_UNKNOWNS,
+    DEFAULT,
+    JOINTS_ONLY,
+    named_models,
+    with_priors,
+    wrong_prior,
+)
 from testbench.workflows.own_estimator import Models
 
 ARM = "kr500_l480"
@@ -154,7 +161,7 @@ def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[Inst
     """Yield the rows of a seed, one per model, instrument and number of poses."""
     arm = true_arm_of_seed(asked.true_arm, seed)
     true, prior = true_cell(cell, arm, seed), wrong_prior(cell, seed)
-    joints, plain = named_models(cell, (JOINTS, ALL_UNKNOWNS))
+    joints, plain = named_models(cell, (JOINTS_ONLY, ALL_UNKNOWNS))
     models = [joints, *own(cell, prior), *with_priors(cell.arm, [plain], prior)]
     tried = list(_cases(cell, true, asked, seed, arm))
     fits = fitted(cell, models, tried)
@@ -185,7 +192,7 @@ def _tables(_: Settings) -> Mapping[str, TrialTable]:
             f"{DEFAULT}: RMS error, um", down="instrument", across="poses", where={"name": DEFAULT}
         ),
         "joints": TrialTable(
-            f"{JOINTS}: RMS error, um", down="instrument", across="poses", where={"name": JOINTS}
+            f"{JOINTS_ONLY}: RMS error, um", down="instrument", across="poses", where={"name": JOINTS_ONLY}
         ),
     }
 

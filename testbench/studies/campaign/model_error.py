@@ -41,7 +41,7 @@ from testbench.studies.study import ArmFlag, TrueArmFlag
 from testbench.workflows.campaign import Campaign, Scenario, simulate, true_cell
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import FILLED
-from testbench.workflows.models import DEFAULT, JOINTS, Model
+from testbench.workflows.models import DEFAULT, JOINTS_ONLY, Model
 from testbench.workflows.own_estimator import Models, UserEstimator
 from testbench.workflows.rows import UM, rms
 
@@ -158,11 +158,11 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
     return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
 
 
-MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
+MODELS, ONLY_WITH_PRIOR = (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""
-BESIDE = (JOINTS, f"MLS56{FILLED}", DEFAULT)
+BESIDE = (JOINTS_ONLY, f"MLS56{FILLED}", DEFAULT)
 """Those that are fitted to arms beside the family too: Joints-only, and LS with the same prior."""
-COVERED = (f"{JOINTS}{FILLED}", DEFAULT)  #: Whose intervals are judged.
+COVERED = (f"{JOINTS_ONLY}{FILLED}", DEFAULT)  #: Whose intervals are judged.
 IN_FAMILY, BESIDE_IT = "family", "beside"  #: Parts of a trial.
 
 
@@ -259,7 +259,7 @@ def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> t
 # --- The report ---------------------------------------------------------------------------------------------
 
 CLAIM_PERCENT = 4.8  #: Largest difference in error by a gravity compensator that the paper quotes [%].
-RIVALS = {"Joints": JOINTS, "same_prior": f"MLS56{FILLED}"}
+RIVALS = {"Joints": JOINTS_ONLY, "same_prior": f"MLS56{FILLED}"}
 KINDS = (
     "kind default_um Joints_um same_prior_um covered_percent worst_tenth_percent beats_joints "
     "beats_same_prior removed_percent trials"
@@ -359,7 +359,9 @@ def _of_kind(kind: str, part: Trials) -> Row:
 def _figures(found: Report) -> Mapping[str, Figure]:
     """Draw errors of every model by disturbance, without noise and with it."""
     panes = {
-        found.tables[name].title: lines(found, name, "case name", lambda r: r.name != f"{JOINTS}{FILLED}")
+        found.tables[name].title: lines(
+            found, name, "case name", lambda r: r.name != f"{JOINTS_ONLY}{FILLED}"
+        )
         for name in ("calm", "noisy")
     }
     reading = "RMS errors over the workspace. Dots: medians; lines: their spread. Filled: with a prior."

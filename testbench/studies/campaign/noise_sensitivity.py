@@ -44,7 +44,7 @@ from testbench.workflows.campaign import (
 )
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import CLIPPED, EQUAL_FIT
-from testbench.workflows.models import DEFAULT, JOINTS, Model
+from testbench.workflows.models import DEFAULT, JOINTS_ONLY, Model
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import UM
 
@@ -153,12 +153,12 @@ def _lose(data: Dataset, seed: int) -> Dataset:
 
 
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
-SIX_DOF_MODELS = (JOINTS, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
-GRAVITY_MODELS = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
+SIX_DOF_MODELS = (JOINTS_ONLY, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
+GRAVITY_MODELS = (JOINTS_ONLY, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """Without a prior: the incumbent, and the models of sections 5.2 and 6."""
 SIX_DOF_FILLED, GRAVITY_FILLED = (
-    (JOINTS, "MLS56", "MGCO56", "MGCO69"),
-    (JOINTS, "MLS56", "MGCO56", "MGCO68"),
+    (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO69"),
+    (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO68"),
 )
 """Those that are fitted with a prior too."""
 INSTRUMENT = "MGCO56 + prior"  #: Instruments are compared by this model alone.
@@ -359,7 +359,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     reading = "Marks: medians; bands: their spread. Filled and dashed: with a prior."
     return {
         "noise_sensitivity.png": sweeps(
-            panes, found.question, reading, (JOINTS, DEFAULT), proportional="proportional to the noise"
+            panes, found.question, reading, (JOINTS_ONLY, DEFAULT), proportional="proportional to the noise"
         )
     }
 

@@ -148,7 +148,7 @@ def _equal(ls: Estimate, gco: Estimate) -> Estimate:
 
 def _lent(ls: Estimate, gco: Estimate) -> Estimate:
     """The fit of least squares, the free directions of GCO: what differs from GCO is seen by the data."""
-    if ls.regression.rank == ls.structure.n:
+    if ls.regression.rank == ls.structure.n_parameters:
         return ls
     free = free_directions(ls.regression, ls.pi)
     twice = np.where(ls.structure.fills_two_entries, 2.0, 1.0)  # entries that stand at two places of C

@@ -20,7 +20,7 @@ from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, 
 from testbench.runs.spread import Number, Spread, middle, span, wins
 from testbench.studies.campaigns import seeds_of
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm, own_cell
-from testbench.workflows.models import DEFAULT, JOINTS
+from testbench.workflows.models import DEFAULT, JOINTS_ONLY
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
@@ -37,7 +37,12 @@ JUDGED = (
     "identification.",
 )
 """Columns of a model whatever the factors are."""
-PAIRS = (("MGCO56", "MLS56"), (DEFAULT, DEFAULT_WITHOUT_CONE), ("MGCO56", JOINTS), (DEFAULT, JOINTS))
+PAIRS = (
+    ("MGCO56", "MLS56"),
+    (DEFAULT, DEFAULT_WITHOUT_CONE),
+    ("MGCO56", JOINTS_ONLY),
+    (DEFAULT, JOINTS_ONLY),
+)
 """What the cone does without a prior and to the default; GCO and the default beside the incumbent."""
 METHODS: Mapping[Constraint, str] = {
     "none": "least squares",

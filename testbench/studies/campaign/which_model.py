@@ -41,7 +41,7 @@ from testbench.studies.study import ArmFlag, plain_models, without_cone
 from testbench.workflows.campaign import Campaign, Scenario, draw_poses, simulate_at, true_cell
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
-    JOINTS,
+    JOINTS_ONLY,
     MODELS,
     PRIORS,
     UNPERTURBED,
@@ -59,10 +59,10 @@ CHECK_POSES = 3
 RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `workflows.models` chooses from the readings.
-MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+MODELS_WITHOUT_PRIOR = (JOINTS_ONLY, "MLS56", "MGCO56", "MGCO68")
 SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
 SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
-COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
+COVERED = (CHOSEN, JOINTS_ONLY, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
 
@@ -138,7 +138,9 @@ def _trial(cell: Cell, asked: FamilySettings, seed: int, own: Models) -> Iterato
 
 def _to_fill(cell: Cell) -> list[Model]:
     """List methods that are fitted with a prior, learnt from the readings."""
-    joints, mgco56, mgco68, all153 = (MODELS[name](cell) for name in (JOINTS, "MGCO56", "MGCO68", "ALL153"))
+    joints, mgco56, mgco68, all153 = (
+        MODELS[name](cell) for name in (JOINTS_ONLY, "MGCO56", "MGCO68", "ALL153")
+    )
     beams = replace(mgco56, name="MLS56", estimator=least_squares)
     return [joints, beams, without_cone(cell), mgco56, mgco68, all153]
 
@@ -289,7 +291,7 @@ def _derived(_: FamilySettings, trials: Trials) -> Trials:
         for name, known in {"prior_error": PRIORS, "true_arm": TRUTHS}.items()
     ]
     own = trials.pick(np.lexsort(places))
-    over = own[ERROR] / matched(own, own.where(name=JOINTS), ERROR, (TRIAL, "true_arm", "poses"))
+    over = own[ERROR] / matched(own, own.where(name=JOINTS_ONLY), ERROR, (TRIAL, "true_arm", "poses"))
     return by_case(own.add(over_joints=over, loses=over > 1 + MARGIN), "true_arm")
 
 
@@ -342,7 +344,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     reading = "Larger dots: what testbench chooses from the readings. Filled: with a prior."
     panes = {column.key: column.heading for column in drawn}
     table = replace(table, columns=shown, looks=looks)
-    return {"which_model.png": forest(table, panes, found.question, reading, JOINTS)}
+    return {"which_model.png": forest(table, panes, found.question, reading, JOINTS_ONLY)}
 
 
 PRESET = Preset(
@@ -361,7 +363,7 @@ PRESET = Preset(
     printed="short",
     cells=_cells,
     ours=CHOSEN,
-    pairs=((CHOSEN, JOINTS), ("MGCO56", "MLS56")),
+    pairs=((CHOSEN, JOINTS_ONLY), ("MGCO56", "MLS56")),
     derived=_derived,
     figures=_figures,
 )

@@ -146,13 +146,13 @@ def parameters(problem: Factorised, b: Array) -> Array:
         Parameters, (n,) [m/N, rad/(N m)].
     """
     x = _gramians(problem, vectors(problem, b))
-    return problem.program.to_pi(x, problem.regression.structure.n)
+    return problem.program.to_pi(x, problem.regression.structure.n_parameters)
 
 
 def _gramians(problem: Factorised, V: Array) -> Array:
     """Products v_a . v_b of every parameter, Eq. (16), in the program's units, (n, ...)."""
     s = problem.program.touched_structure
-    return np.asarray(np.einsum("mn...,mn...->n...", V[:, s.a], V[:, s.b]))
+    return np.asarray(np.einsum("mn...,mn...->n...", V[:, s.rows], V[:, s.columns]))
 
 
 def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
@@ -166,15 +166,15 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
         F_M and its gradient, (size,).
     """
     s, V = problem.program.touched_structure, vectors(problem, b)
-    x = (V[:, s.a] * V[:, s.b]).sum(axis=0)
-    value, g = 0.0, np.zeros(s.n)
+    x = (V[:, s.rows] * V[:, s.columns]).sum(axis=0)
+    value, g = 0.0, np.zeros(s.n_parameters)
     for term in problem.terms:
         residual = term.R @ x - term.z
         rms = math.sqrt(residual @ residual + term.unexplained)
         value += rms
         if rms > 0:
             g += residual @ term.R / rms
-    return value, (2 * V @ s.gradient(g))[:, problem.rows][problem.free]
+    return value, (2 * V @ s.gradient_matrix(g))[:, problem.rows][problem.free]
 
 
 def costs(problem: Factorised, population: Array) -> Array:
@@ -561,9 +561,9 @@ def vectorised(s: Structure, blocks: list[Any]) -> Any:
 def _picking(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csr_array:
     position = np.full(s.n_theta, -1)
     position[block] = np.arange(len(block))
-    k = np.flatnonzero(position[s.a] >= 0)
-    entry = position[s.a[k]] + len(block) * position[s.b[k]]
-    return sparse.csr_array((np.ones(len(k)), (k, entry)), shape=(s.n, len(block) ** 2))
+    k = np.flatnonzero(position[s.rows] >= 0)
+    entry = position[s.rows[k]] + len(block) * position[s.columns[k]]
+    return sparse.csr_array((np.ones(len(k)), (k, entry)), shape=(s.n_parameters, len(block) ** 2))
 
 
 def solve_modelled(
@@ -599,7 +599,7 @@ def solve_modelled(
     C = np.zeros((s.n_theta, s.n_theta))
     for i, X in zip(s.blocks, blocks, strict=True):
         C[np.ix_(i, i)] = nearest_psd((X.value + X.value.T) / 2)
-    pi = program.to_pi(s.entries(C), regression.structure.n)
+    pi = program.to_pi(s.entries(C), regression.structure.n_parameters)
     method, word = f"GCO (conic program, cvxpy with {solver})", str(problem.status)
     return replace(
         make_estimate(regression, pi, method=method, constraint="psd"),

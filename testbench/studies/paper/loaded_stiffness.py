@@ -22,7 +22,7 @@ from testbench.model.load import (
     secant,
 )
 from testbench.model.structure import joints_only
-from testbench.model.vjm import WorkArea, chain, observation
+from testbench.model.vjm import WorkArea, evaluate_chain, observation_matrix
 from testbench.plant.build import Plant, weightless
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.report.badge import Badge, of_rivals
@@ -37,7 +37,7 @@ from testbench.studies.paper.verdicts import comparison, verdict_table
 from testbench.studies.run import READ, headline
 from testbench.studies.study import ArmFlag, Run, Study
 from testbench.workflows.cell import Cell, clear_poses
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import JOINTS_ONLY
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, UM
 
@@ -51,7 +51,7 @@ NAMES = {
     "joints": "Joints-only",
 }
 LIGHT, HEAVY = "weightless", "own weight"
-ALONE = look(JOINTS, "none").colour
+ALONE = look(JOINTS_ONLY, "none").colour
 SHADES = {LIGHT: (LEAST_SQUARES, NOMINAL, GCO, ALONE), HEAVY: (SERIES[6], SERIES[5], SERIES[4], ALONE)}
 LOOKS = {
     f"{name}, {truth}": Look(shade, place, prior=truth == HEAVY)
@@ -163,7 +163,7 @@ def _predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, 
     Returns:
         Deflection by method, (poses, 3) [m].
     """
-    unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
+    unloaded, C_theta = evaluate_chain(cell.vjm, q), cell.arm.C_theta
     theta = equilibrium(
         elastic_state(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]
     ).theta
@@ -190,7 +190,7 @@ def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array
     Returns:
         Deflection, (poses, 3) [m].
     """
-    A = observation(chain(cell.vjm, q), joints_only(cell.arm), wrench, point, AT_TOOL)[:, 0]
+    A = observation_matrix(evaluate_chain(cell.vjm, q), joints_only(cell.arm), wrench, point, AT_TOOL)[:, 0]
     pi = np.linalg.lstsq(A.reshape(-1, A.shape[-1]), moved.ravel())[0]
     return np.asarray(A @ pi)
 

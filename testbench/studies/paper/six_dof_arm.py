@@ -35,7 +35,7 @@ from testbench.studies.study import ArmFlag, Run, Study, calibration_scene, plai
 from testbench.workflows.campaign import Campaign, FullPose, Truth, simulate_full_pose
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import EQUAL_FIT
-from testbench.workflows.models import JOINTS, Model, named_models
+from testbench.workflows.models import JOINTS_ONLY, Model, named_models
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.rows import MM, UM
 
@@ -116,7 +116,7 @@ def _settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettin
 
 def models(cell: Cell) -> list[Model]:
     """List the models of Table I, what restrains least squares, and the incumbent; GCO is the paper's."""
-    every = plain_models(cell, (*MODELS, JOINTS))
+    every = plain_models(cell, (*MODELS, JOINTS_ONLY))
     return [replace(model, estimator=paper_gco) if model.estimator == gco else model for model in every]
 
 
@@ -271,7 +271,7 @@ def _figures(found: Report) -> dict[str, Figure]:
     reading = "Errors of 95 % of the check runs. Dotted: Joints-only; diamonds: the paper's."
     table = found.led(Table(columns(TABLE_II), Row(found.numbers).models))
     title = f"{found.numbers['arm']}, section 5.2: errors of the check runs"
-    return {"six_dof_arm.png": forest(table, PANES, title, reading, JOINTS)}
+    return {"six_dof_arm.png": forest(table, PANES, title, reading, JOINTS_ONLY)}
 
 
 def _write(run: Run[SixDofSettings]) -> PageContent:
