@@ -221,8 +221,8 @@ def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Arra
     s, unit = regression.structure, trace_units(regression.structure)
     scale = np.outer(unit, unit)
     S, size = (
-        s.gradient(g + trace_gradient) * scale,
-        s.gradient(regression.columns + np.abs(trace_gradient)) * scale,
+        s.gradient_matrix(g + trace_gradient) * scale,
+        s.gradient_matrix(regression.columns + np.abs(trace_gradient)) * scale,
     )
     smallest = np.empty(len(s.blocks))
     for group in s.block_groups:
@@ -254,13 +254,13 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
         Bound t_i of every block's trace in scaled units, (blocks,) [rad/(N m)].
     """
     s = regression.structure
-    used = s.block_of >= 0
+    used = s.block_of_row >= 0
     unit = trace_units(s)[used] ** 2
     sensitivity = regression.weight[used] * unit
     sensitivity[sensitivity == 0] = UNOBSERVED_SENSITIVITY * (sensitivity.max() or 1.0)
     allowed = 2 * f_m(regression, np.zeros(s.n_parameters)) / sensitivity
     doubled = 2 * np.diag(s.matrix(pi))[used] / unit
-    return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, doubled)))
+    return np.maximum(*(np.bincount(s.block_of_row[used], weights=trace) for trace in (allowed, doubled)))
 
 
 def total_trace(structure: Structure, pi: Array) -> float:
@@ -500,7 +500,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
         The scaled program of the blocks that the data touch.
     """
     s = regression.structure
-    block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
+    block, seen = s.block_of_row[s.rows], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.columns > 0]] = True
     # Blocks that no reading shows stay zero.
     columns = np.flatnonzero(seen[block])

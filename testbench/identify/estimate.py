@@ -109,7 +109,7 @@ def sensitivity_units(
     s, weight = regression.structure, regression.weight
     trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
     d = 1 / np.sqrt(np.maximum(weight, UNOBSERVED_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
-    return np.asarray(f_m_unit * d[s.a] * d[s.b])
+    return np.asarray(f_m_unit * d[s.rows] * d[s.columns])
 
 
 @dataclass(frozen=True, repr=False)
