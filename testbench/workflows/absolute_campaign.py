@@ -284,7 +284,7 @@ def _station(
     distance, height = cell.vjm.reach * rng.uniform(NEAREST, FARTHEST), rng.uniform(LOWEST, HIGHEST)
     tilt = Rotation.from_rotvec([*(TILT * rng.standard_normal(2)), 0.0])
     around = np.array([distance * np.cos(azimuth), distance * np.sin(azimuth), height])
-    place = cell.vjm.base[:3, 3] + around
+    place = cell.vjm.base_pose[:3, 3] + around
     if absolute_campaign.trackers is not None:
         place = np.array(absolute_campaign.trackers[k % len(absolute_campaign.trackers)])
     R = (tilt * Rotation.from_rotvec([0.0, 0.0, heading])).as_matrix()

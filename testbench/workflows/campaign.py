@@ -20,7 +20,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows, split
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, PoseError, check_type
-from testbench.model.vjm import WorkArea, marker_points, tool_points, tool_pose
+from testbench.model.vjm import WorkArea, marker_positions, tool_points, tool_poses
 from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import (
     DistanceMeter,
@@ -616,11 +616,11 @@ def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
         u = np.broadcast_to(np.asarray(own.direction, dtype=float), (len(q), 3))
         u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), np.finfo(float).tiny)
         if own.on_tool:
-            u = np.matvec(tool_pose(cell.vjm, q)[1], u)
+            u = np.matvec(tool_poses(cell.vjm, q)[1], u)
         return u, np.full(len(q), own.instrument.tilt), np.zeros(len(q))
     assert isinstance(own.instrument, DistanceMeter)
     assert own.fixed is not None
-    beam = tool_points(cell.vjm, q, marker_points(cell.vjm, (own.marker,)))[:, 0] - own.fixed
+    beam = tool_points(cell.vjm, q, marker_positions(cell.vjm, (own.marker,)))[:, 0] - own.fixed
     reach = np.linalg.norm(beam, axis=1)
     return beam / reach[:, None], own.instrument.fixed_point_sigma / reach, reach
 

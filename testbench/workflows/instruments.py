@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, Series
 from testbench.errors import Array, BenchError, Ids, InputError
-from testbench.model.vjm import chain, marker_points, tool_points, translation_rows
+from testbench.model.vjm import evaluate_chain, marker_positions, tool_points, translational_jacobian
 from testbench.plant.tracker import (
     BALLBAR,
     DRAW_WIRE,
@@ -309,7 +309,7 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
     assert isinstance(own.instrument, PlaneProbe)
     assert own.fixed is not None
     normal = unit_normal(own)
-    arm, points, kept = cell.arm, marker_points(cell.vjm, (own.marker,)), list[Array]()
+    arm, points, kept = cell.arm, marker_positions(cell.vjm, (own.marker,)), list[Array]()
     for _ in range(MAX_TOUCH_BATCHES):
         q = arm.draw_poses(rng, POSES_PER_BATCH)
         off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
@@ -317,10 +317,10 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
         for _ in range(NEWTON_STEPS):
             off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
             q = moved_along_normal(cell, own, q, off @ normal)
-        where = chain(cell.vjm, q)
-        off = where.points(points)[:, 0] - own.fixed
+        where = evaluate_chain(cell.vjm, q)
+        off = where.tool_points_in_world(points)[:, 0] - own.fixed
         on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)
-        on &= (where.position - own.fixed) @ normal > -1e-6
+        on &= (where.tool_position - own.fixed) @ normal > -1e-6
         on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
         clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
         kept.extend(q[on][clear])
@@ -344,8 +344,8 @@ def moved_along_normal(cell: Cell, own: Mounted, q: Array, height: Array) -> Arr
     Returns:
         The poses, (poses, n) [rad, m].
     """
-    rows = translation_rows(chain(cell.vjm, q), marker_points(cell.vjm, (own.marker,)))
-    slope = np.einsum("x,xnr->rn", unit_normal(own), rows[:, cell.vjm.joint_slice])
+    rows = translational_jacobian(evaluate_chain(cell.vjm, q), marker_positions(cell.vjm, (own.marker,)))
+    slope = np.einsum("x,xnr->rn", unit_normal(own), rows[:, cell.vjm.joint_spring_slice])
     return cell.arm.with_dependent_joints(q - slope * (height / (slope**2).sum(axis=1))[:, None])
 
 
