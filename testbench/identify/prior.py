@@ -58,7 +58,13 @@ class Prior(Displayed):
 
 @dataclass(frozen=True)
 class PriorUncertainty:
-    """Hold the relative uncertainty of a prior; `prior_rows` makes its weights from it."""
+    """Hold the relative uncertainty of a prior on compliances; `prior_rows` makes its weights from it.
+
+    `relative` is the relative standard deviation u of every compliance [1], and `scale` that of a factor
+    common to all compliances [1]. Optional exceptions: `link_coupling` and `joint_coupling` replace u for
+    couplings of axes inside a link and of two joints [1]; `block_factors`, (blocks,), multiply u of every
+    link and joint [1].
+    """
 
     relative: float  #: Relative standard deviation u of an entry of x around its expectation [1].
     #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to
