@@ -11,7 +11,7 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, hung, interl
 from mujoco.batch import Batch
 
 from testbench.errors import Array
-from testbench.plant.build import DAMPING
+from testbench.plant.build import SPRING_DAMPING_TIME
 from testbench.plant.equilibrium import (
     STEP_TOLERANCE,
     ArmEquilibrium,
@@ -34,14 +34,14 @@ MAX_STEPS = 10_000
 STALL = 1e-6
 """Residual [N, N m] that stepping reaches in every pose; below it the rounding of stiff springs keeps it."""
 SETTINGS = (
-    (DAMPING, 0.0005),
-    (DAMPING, 0.002),
-    (DAMPING, 0.005),
-    (DAMPING, 0.02),
-    (DAMPING / 4, 0.001),
-    (DAMPING / 2, 0.001),
-    (DAMPING * 2, 0.001),
-    (DAMPING * 5, 0.001),
+    (SPRING_DAMPING_TIME, 0.0005),
+    (SPRING_DAMPING_TIME, 0.002),
+    (SPRING_DAMPING_TIME, 0.005),
+    (SPRING_DAMPING_TIME, 0.02),
+    (SPRING_DAMPING_TIME / 4, 0.001),
+    (SPRING_DAMPING_TIME / 2, 0.001),
+    (SPRING_DAMPING_TIME * 2, 0.001),
+    (SPRING_DAMPING_TIME * 5, 0.001),
 )
 """Other dampings over stiffness [s] and time steps [s] than the model's own: was the comparison fair?"""
 
@@ -159,8 +159,8 @@ def stepping_model(arm: Cell, damping: float, timestep: float) -> mujoco.MjModel
     if model.body_mass[load] > 0:
         raise SystemExit(f"{arm.arm.name}: expected a load body without mass")
     model.body_ipos[load] = 0
-    model.dof_damping *= damping / DAMPING
-    model.tendon_damping *= damping / DAMPING
+    model.dof_damping *= damping / SPRING_DAMPING_TIME
+    model.tendon_damping *= damping / SPRING_DAMPING_TIME
     model.opt.timestep = timestep
     return model
 
@@ -211,7 +211,7 @@ def newton_against_stepping() -> list[Row]:
     rests = solve_equilibrium(arm.plant, q), solve_equilibrium(arm.plant, q, wrench, point)
     measured = Measured(arm, q, wrench[:, :3], rests)
     timestep = arm.plant.model.opt.timestep
-    model = stepping_model(arm, DAMPING, timestep)
+    model = stepping_model(arm, SPRING_DAMPING_TIME, timestep)
     newton, stepped = [], []
     for _ in range(STEPPED_REPEATS):
         for pose in range(STEPPED_POSES):
@@ -229,7 +229,7 @@ def newton_against_stepping() -> list[Row]:
             800,
             f"poses {spread(a_pose, digits=0)}: {spread(wall, 1e3, 0)} ms in {spread(steps, digits=0)} steps "
             f"of {spread(wall / steps, 1e6, 0)} us, Newton {spread(newton, 1e6, 0)} us; damping "
-            f"{1e3 * DAMPING:g} ms x stiffness, time step {1e3 * timestep:g} ms",
+            f"{1e3 * SPRING_DAMPING_TIME:g} ms x stiffness, time step {1e3 * timestep:g} ms",
         ),
         at_most(
             "(b) distance of the two equilibria, largest virtual joint",

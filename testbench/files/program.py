@@ -734,5 +734,7 @@ def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) 
 
 
 def _refuse(path: Path, lines: Ids, got: str, most: str) -> None:
-    allowed = f"expected at most {most} between two points, unless --jumps (in Python: jumps=True) allows more"
+    allowed = (
+        f"expected at most {most} between two points, unless --jumps (in Python: jumps=True) allows more"
+    )
     raise InputError(path, f"lines {lines[0]} and {lines[1]}", f"the path jumps, {got}: {allowed}")

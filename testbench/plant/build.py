@@ -40,12 +40,12 @@ BRAKE_ARMATURE = 1e15
 Statics does not depend on it. Without it the two joints on one axis make the mass matrix singular.
 """
 
-DAMPING = 0.02
+SPRING_DAMPING_TIME = 0.02
 """Damping of every spring over its stiffness [s]: in a time simulation the arm comes to rest. Statics ignores
 it."""
 
 
-def virtual_joint(link: str, axis: str) -> str:
+def virtual_joint_name(link: str, axis: str) -> str:
     """Return the name of a virtual joint in the elastic MJCF.
 
     Args:
@@ -55,15 +55,15 @@ def virtual_joint(link: str, axis: str) -> str:
     return f"{link}_theta_{axis}"
 
 
-def sprung_joint(joint: str) -> str:
+def sprung_joint_name(joint: str) -> str:
     """Name the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF."""
     return f"{joint}_theta"
 
 
-def theta_names(arm: Arm) -> list[str]:
+def theta_joint_names(arm: Arm) -> list[str]:
     """List the names of the virtual joints in the order of theta, (n_theta,)."""
-    links = [virtual_joint(link.name, axis) for link in arm.links for axis in AXES]
-    return links + [sprung_joint(j.name) for j in arm.joints]
+    links = [virtual_joint_name(link.name, axis) for link in arm.links for axis in AXES]
+    return links + [sprung_joint_name(j.name) for j in arm.joints]
 
 
 def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
@@ -138,12 +138,14 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
             "fixed",
             name=f"{link.name}_spring_{k + 1}",
             stiffness=repr(float(stiffness)),
-            damping=repr(float(DAMPING * stiffness)),
+            damping=repr(float(SPRING_DAMPING_TIME * stiffness)),
             springlength="0",
         )
         for axis, coef in zip(AXES, v, strict=True):
             if coef != 0:
-                ET.SubElement(tendon, "joint", joint=virtual_joint(link.name, axis), coef=repr(float(coef)))
+                ET.SubElement(
+                    tendon, "joint", joint=virtual_joint_name(link.name, axis), coef=repr(float(coef))
+                )
 
 
 def tendon_springs(C: Array) -> tuple[Array, Array]:
@@ -172,11 +174,11 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
     actuated = next(j for j in body.findall("joint") if j.get("name") == joint)
     spring = ET.Element(
         "joint",
-        name=sprung_joint(joint),
+        name=sprung_joint_name(joint),
         type=actuated.get("type", "hinge"),
         axis=actuated.get("axis", ""),
         stiffness=repr(stiffness),
-        damping=repr(DAMPING * stiffness),
+        damping=repr(SPRING_DAMPING_TIME * stiffness),
     )
     actuated.set("armature", repr(BRAKE_ARMATURE))
     body.insert(list(body).index(actuated) + 1, spring)
@@ -186,9 +188,9 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
 
 COMPILE_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """Errors that MuJoCo raises if it does not compile a model."""
-MAX_PAIRS = 50_000
+MAX_COLLIDING_PAIRS = 50_000
 """Most geoms that may collide: 316 on ten links."""
-HULL_CORNERS = 1000
+MAX_HULL_CORNERS = 1000
 """Most corners of the convex hull by which a mesh collides."""
 COPIES = 8
 """Number of copies. MuJoCo compiles them in 15 ms; the time grows with the square of their number."""
@@ -296,7 +298,7 @@ def _small_hulls(text: str) -> str:
     root = ET.fromstring(text)
     for mesh in root.iter("mesh"):
         corners = float(mesh.get("maxhullvert", -1))
-        mesh.set("maxhullvert", str(int(corners) if 0 <= corners < HULL_CORNERS else HULL_CORNERS))
+        mesh.set("maxhullvert", str(int(corners) if 0 <= corners < MAX_HULL_CORNERS else MAX_HULL_CORNERS))
     return ET.tostring(root, encoding="unicode")
 
 
@@ -319,9 +321,9 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     per_body = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
     pairs = int(per_body.sum() ** 2 - (per_body**2).sum()) // 2
-    if pairs > MAX_PAIRS:
-        problem = f"expected at most {MAX_PAIRS} colliding pairs of geoms of different bodies, got {pairs}"
-        raise InputError(path, "<geom>", problem)
+    if pairs > MAX_COLLIDING_PAIRS:
+        allowed = f"expected at most {MAX_COLLIDING_PAIRS} colliding pairs of geoms of different bodies"
+        raise InputError(path, "<geom>", f"{allowed}, got {pairs}")
 
 
 def build_plant(arm: Arm) -> Plant:
@@ -340,7 +342,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
         arm: The arm.
         model: Its elastic MuJoCo model.
     """
-    theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
+    theta = np.array([model.joint(name).dofadr[0] for name in theta_joint_names(arm)])
     # Compliances in the order of MuJoCo's degrees of freedom.
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta

@@ -75,7 +75,7 @@ class Sections:
         return np.asarray(bredt + (self.lengths * self.thickness**3).sum(axis=1) / 3)
 
     @cached_property
-    def flow(self) -> Array:
+    def shear_flow(self) -> Array:
         """Compute the shear flow of unit forces along y and z without twist, (sections, walls, 3, 2) [1/m].
 
         dq/ds = -t p^T I^-1 V, and the integral of q / t around the cell is zero. It is evaluated at the nodes
@@ -98,7 +98,7 @@ class Sections:
         weights, _ = SHEAR_QUADRATURE
         p, d = self.corners - self.centroid[:, None], self.edges
         lever = p[..., 0] * d[..., 1] - p[..., 1] * d[..., 0]
-        torque = np.einsum("sw,g,swgv->sv", lever, weights, self.flow)
+        torque = np.einsum("sw,g,swgv->sv", lever, weights, self.shear_flow)
         return np.stack([torque[:, 1], -torque[:, 0]], axis=1)
 
     @cached_property
@@ -106,7 +106,7 @@ class Sections:
         """Compute the integral of q q^T / t, the inverse of a shear area, (sections, 2, 2) [1/m^2]."""
         weights, _ = SHEAR_QUADRATURE
         ease = self.lengths / self.shear_thickness
-        return np.asarray(np.einsum("sw,g,swgi,swgj->sij", ease, weights, self.flow, self.flow))
+        return np.asarray(np.einsum("sw,g,swgi,swgj->sij", ease, weights, self.shear_flow, self.shear_flow))
 
     def compliance(self, material: Material) -> Array:
         """Compute the strain of the sections per force and moment at their centroids, per metre of beam.
@@ -159,8 +159,8 @@ def rib_thickness(material: Material, width: Array, pitch: Array, rib: Array, th
 
 
 CAST_IRON = Material(1.1e11, 0.26)  #: Grey cast iron.
-SEGMENTS = 16
-ITERATIONS = 5
+QUADRATURE_NODES = 16
+WALL_ITERATIONS = 5
 """Corrections of the wall thickness: bending is inversely proportional to it, except for the torsion of a
 bow."""
 CLOSED_SHARE = 0.5
@@ -256,7 +256,7 @@ class Casting:
         whole.thickness[:, k] = 0
         return whole
 
-    def compliance(self, segments: int = SEGMENTS) -> Array:
+    def compliance(self, segments: int = QUADRATURE_NODES) -> Array:
         """Compute the compliance at the link's end by Gauss-Legendre quadrature along the link.
 
         Args:
@@ -300,7 +300,7 @@ def scale_walls(casting: Casting, bending: float) -> Casting:
         casting: The casting.
         bending: Mean of c55 and c66 [rad/(N m)].
     """
-    for _ in range(ITERATIONS):
+    for _ in range(WALL_ITERATIONS):
         C = casting.compliance()
         casting = replace(casting, thickness=casting.thickness * (C[4, 4] + C[5, 5]) / (2 * bending))
     return casting

@@ -213,7 +213,7 @@ share of 3e-4 [computed], half the effect of sensor_offset.
 
 # --- Joints that are not linear springs: they stiffen, have backlash, and stick -----------------------------
 
-STIFFENING_TURN = 1e-3
+STIFFENING_REFERENCE = 1e-3
 """Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
 
 
@@ -298,7 +298,7 @@ def tangent_compliance(law: TrueJointLaws, torque: Array) -> Array:
     """
     x = law.compliance * torque
     phi = _spring_turn(law, x)
-    rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_TURN) ** 2)
+    rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_REFERENCE) ** 2)
     if law.user_law is not None:
         rate = rate + law.user_law.slope(x)
     if law.backlash:
@@ -322,7 +322,7 @@ def _spring_turn(law: TrueJointLaws, x: Array) -> Array:
     """Solve phi + beta phi^3 / phi_ref^2 = x for its real root phi in closed form, (..., n) [rad]."""
     if not law.stiffening:
         return x
-    a = np.sqrt(3 * law.stiffening) / STIFFENING_TURN
+    a = np.sqrt(3 * law.stiffening) / STIFFENING_REFERENCE
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
@@ -335,7 +335,7 @@ class PoseDependence:
     """Describe how compliances of links depend on the pose: s = sin(turns q + phase), one per link."""
 
     log_change: Array  #: Logarithm of the compliance along every axis of a link at s = 1, (links, 6) [1].
-    joint_rates: Array  #: Change of the argument of s with every joint, (links, n) [1, rad/m].
+    phase_rates: Array  #: Change of the argument of s with every joint, (links, n) [1, rad/m].
     phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:
@@ -349,7 +349,7 @@ class PoseDependence:
         Returns:
             Factors, (poses, 6 links) [1].
         """
-        s = np.sin((q[:, None, :] * self.joint_rates).sum(axis=2) + self.phase)
+        s = np.sin((q[:, None, :] * self.phase_rates).sum(axis=2) + self.phase)
         return np.asarray(np.exp(s[..., None] * self.log_change / 2).reshape(len(q), -1))
 
 

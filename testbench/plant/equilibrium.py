@@ -187,14 +187,14 @@ class Strut:
     """Hold the compensator in some poses; arguments `poses` are indices of them."""
 
     spring: Compensator
-    slope: float  #: Change of force over change of length as the arm deflects [N/m].
+    stiffness: float  #: Change of force over change of length as the arm deflects [N/m].
     bodies: tuple[int, int]  #: Ids of the bodies on which it is hinged.
     length_fixed: Array  #: Length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
     share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
 
 
-def hinged_bodies(plant: Plant) -> tuple[int, int]:
+def compensator_bodies(plant: Plant) -> tuple[int, int]:
     """Find the bodies that the compensator connects, links 1 and 2, by their ids in MuJoCo.
 
     Raises:
@@ -223,7 +223,7 @@ def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
     Returns:
         The compensator, with the constants of these poses.
     """
-    ends = hinged_bodies(plant)
+    ends = compensator_bodies(plant)
     hinges = _hinges(compensator, ends, state)
     held = _length(hinges)
     g = _strut_load(plant, ends, state, hinges, np.full(len(held), -1.0))
@@ -249,7 +249,7 @@ def strut_force(strut: Strut, plant: Plant, state: BodyState, poses: Ids) -> Arr
     """
     spring, held = strut.spring, strut.length_fixed[poses]
     hinges = _hinges(spring, strut.bodies, state)
-    force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
+    force = spring.rate * (held - spring.rest_length) + strut.stiffness * (_length(hinges) - held)
     return _strut_load(plant, strut.bodies, state, hinges, force)
 
 
@@ -299,7 +299,7 @@ POSES_AT_ONCE = 512
 """Poses per batch: enough for numpy, few for memory."""
 STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
 MAX_ITERATIONS = 50
-MAX_SAG = 0.5
+MAX_DEFLECTION = 0.5
 """Virtual joint coordinate beyond which a deflection is no longer elastic [m, rad]."""
 
 
@@ -394,7 +394,7 @@ def solve_equilibrium(
         held, C = undeflected_configurations(plant, true_q[part]), plant.compliance(q[part])
         poses = Batch(plant, held, wrench[part], point[part], C, law and law.select(part))
         if changes.compensator is not None:
-            state = evaluate(row, poses.q_fixed, hinged_bodies(plant))
+            state = evaluate(row, poses.q_fixed, compensator_bodies(plant))
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
         return _solve_batch(poses, row)
 
@@ -528,7 +528,7 @@ def _newton(poses: Batch, row: ArmCopies) -> Array:
         now = np.sqrt(np.vecdot(step, step))
         qpos[active], size[active] = at + step, now
         # A pose ends if its step is small, or fails if it leaves the elastic range.
-        done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_SAG)
+        done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_DEFLECTION)
         for i in active[~done & ~going].tolist():
             lost[i] = _no_equilibrium_text(k, size[i])
         # A slow pose gets its own tangent.

@@ -364,13 +364,13 @@ def corners(shape: Shape) -> Array:
 
 # --- Surfaces of triangles: convex hulls of points, and fewer triangles -------------------------------------
 
-PLAUSIBLE = 300.0, 4000.0
+PLAUSIBLE_DENSITY = 300.0, 4000.0
 """Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
-SLACK = 5e-4
+HULL_TOLERANCE = 5e-4
 """Distance by which points may be outside a hull, over the extent of all points [1]."""
-SHRINKS = 0.9
+MAX_KEPT_SHARE = 0.9
 """Share of points below which the next hull is computed of the points that are left [1]."""
-AT_ONCE = 20_000
+POINTS_PER_HULL = 20_000
 """Most points of a hull that is computed in one step."""
 
 
@@ -421,9 +421,9 @@ def outermost(vertices: Array) -> Array:
         The selected corners, (h, 3) [m]; all if they are flat.
     """
     slack = _slack(vertices)
-    while (groups := -(-len(vertices) // AT_ONCE)) > 1:
+    while (groups := -(-len(vertices) // POINTS_PER_HULL)) > 1:
         kept = np.concatenate([_outer(vertices[k::groups], slack) for k in range(groups)])
-        if len(kept) > SHRINKS * len(vertices):
+        if len(kept) > MAX_KEPT_SHARE * len(vertices):
             break
         vertices = kept
     return _outer(vertices, slack)
@@ -435,7 +435,7 @@ def _outer(vertices: Array, slack: float) -> Array:
 
 
 def _slack(vertices: Array) -> float:
-    return SLACK * float(np.ptp(vertices, axis=0).max(initial=0.0))
+    return HULL_TOLERANCE * float(np.ptp(vertices, axis=0).max(initial=0.0))
 
 
 def _hull(vertices: Array, slack: float) -> "ConvexHull | None":

@@ -32,7 +32,7 @@ VISUAL_GROUPS = 3
 """Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
 
 
-def lay_floor(root: ET.Element, height: float | None) -> None:
+def add_floor(root: ET.Element, height: float | None) -> None:
     """Add a floor to an MJCF document; it collides with everything that collides.
 
     Args:
@@ -100,7 +100,7 @@ MAX_STATION_COORDINATE = 1000.0
 """Largest coordinate of a station [m]; beyond it a unit is wrong."""
 TARGET_RADIUS = 0.06
 """Distance from a marker within which an obstacle counts as the target itself or its holder [m]."""
-SOLID = " ".join(f'{key}="{value}"' for key, value in COLLISION_ATTRIBUTES.items())
+COLLISION_XML = " ".join(f'{key}="{value}"' for key, value in COLLISION_ATTRIBUTES.items())
 RAY_GROUPS = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 """Geom groups that stop a ray: `_opaque` puts such geoms into group 0, all others into group 5."""
 
@@ -167,7 +167,7 @@ class Site:
     geom_owner: Ids  #: Index in `CONTACT_CATEGORIES` of the owner of each geom, (geoms,).
 
 
-def check_position(position: object) -> Array:
+def check_station_position(position: object) -> Array:
     """Check the position of a station, three coordinates [m], and return it as an array.
 
     Raises:
@@ -200,9 +200,9 @@ def build_site(
         InputError: If MuJoCo refuses the arm's MJCF.
         BenchError: If the station is invalid, or inside something that does not move.
     """
-    where = None if station is None else check_position(station)
+    where = None if station is None else check_station_position(station)
     root = read_mjcf(arm.mjcf_path)
-    lay_floor(root, floor)
+    add_floor(root, floor)
     taken = {str(body.get("name")) for body in root.iter("body")}
     weight, head = unused_name("payload", taken), unused_name("tracker", taken)
     if payload is not None:
@@ -243,9 +243,9 @@ def _hang_payload(root: ET.Element, name: str, payload: Payload) -> None:
         root,
         f"""<body name="{name}"><inertial pos="0 0 0" mass="{payload.mass}" diaginertia="1 1 1"/>{slides}
         <geom type="cylinder" size="{half} {half}" pos="0 0 {-payload.sling - half}"
-          mass="{payload.mass}" margin="{payload.clearance}" {SOLID}/>
+          mass="{payload.mass}" margin="{payload.clearance}" {COLLISION_XML}/>
         <geom type="capsule" size="{SLING_RADIUS} {rope - SLING_RADIUS}" pos="0 0 {-top - rope}"
-          mass="0" margin="{payload.clearance}" {SOLID}/></body>""",
+          mass="0" margin="{payload.clearance}" {COLLISION_XML}/></body>""",
     )
 
 
@@ -255,7 +255,7 @@ def _place_tracker(root: ET.Element, name: str, position: Array) -> None:
     _add_body(
         root,
         f"""<body name="{name}" pos="{x} {y} {z}">
-        <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {SOLID}/></body>""",
+        <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {COLLISION_XML}/></body>""",
     )
 
 

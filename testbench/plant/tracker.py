@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array, BenchError, Ids, Mask, check_least
-from testbench.plant.site import check_position
+from testbench.plant.site import check_station_position
 
 # --- Measuring instruments: noise of readings, and the targets that a tracker can see -----------------------
 
@@ -53,7 +53,7 @@ class Tracker:
         return self.sigma * rng.standard_normal(positions.shape)
 
 
-RADIAL, TRANSVERSE = (10e-6, 0.3e-6), (15e-6, 6e-6)
+RADIAL_MPE, TRANSVERSE_MPE = (10e-6, 0.3e-6), (15e-6, 6e-6)
 """Maximum permissible errors a + b d at a distance d, a [m] and b [m/m], along the beam and across it.
 
 Published by makers of laser trackers; from the project's list of numbers, without a data sheet.
@@ -104,7 +104,9 @@ class LaserTracker:
         """Compute the beam, (..., 3) [1], and the deviations along and across it, (..., 1) [m]."""
         beam = positions - np.array(self.station)
         distance = np.linalg.norm(beam, axis=-1, keepdims=True)
-        radial, transverse = (self.share * (base + slope * distance) for base, slope in (RADIAL, TRANSVERSE))
+        radial, transverse = (
+            self.share * (base + slope * distance) for base, slope in (RADIAL_MPE, TRANSVERSE_MPE)
+        )
         return beam / distance, radial, transverse
 
 
@@ -185,7 +187,7 @@ class Station:
 
     def __post_init__(self) -> None:
         """Refuse an invalid position or acceptance, by BenchError."""
-        check_position(self.position)
+        check_station_position(self.position)
         most = math.pi / 2
         if self.acceptance is not None and not 0 < self.acceptance <= most:  # false for NaN
             raise BenchError(
@@ -223,10 +225,10 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
 
 # --- Instruments that read one number of a marker's motion --------------------------------------------------
 
-PRELOAD = 0.5  #: Share of its range at which a gauge is set up unloaded [1].
+GAUGE_PRELOAD = 0.5  #: Share of its range at which a gauge is set up unloaded [1].
 
 
-def face_travel(axis: Array, normal: Array, start: Array, end: Array, turn: Array) -> Array:
+def face_travel(axis: Array, normal: Array, start: Array, end: Array, rotation: Array) -> Array:
     """Compute how far a tip travels along its axis to a plane face that moved and turned.
 
     The tip starts at the point `start` of the face, which moves to `end`. The face then has the normal
@@ -237,12 +239,12 @@ def face_travel(axis: Array, normal: Array, start: Array, end: Array, turn: Arra
         normal: Unit normals of the faces before, (runs, 3) [1].
         start: Where the tips touch the faces before, (runs, 3) [m].
         end: Where these points of the faces are afterwards, (runs, 3) [m].
-        turn: Rotations of the tool in between, world axes, (runs, 3, 3) [1].
+        rotation: Rotations of the tool in between, world axes, (runs, 3, 3) [1].
 
     Returns:
         Travel, (runs,) [m]; NaN where the face is along the axis, or a direction is zero.
     """
-    after = np.matvec(turn, normal)
+    after = np.matvec(rotation, normal)
     along = np.vecdot(axis, after)
     return np.asarray(np.vecdot(end - start, after) / np.where(along == 0, np.nan, along))
 
@@ -315,7 +317,7 @@ class Gauge:
         moved = face_travel(axis, normal, *places, turn)
         # Friction holds the tip back: from either side unloaded, against the motion loaded.
         held = np.array([rng.uniform(-1, 1, len(moved)), -np.sign(moved)])
-        read = self.travel * PRELOAD + np.array([np.zeros_like(moved), moved]) + self.hysteresis * held
+        read = self.travel * GAUGE_PRELOAD + np.array([np.zeros_like(moved), moved]) + self.hysteresis * held
         read[1] += self.stand_motion * rng.standard_normal(len(moved))
         read += self.sigma * rng.standard_normal(read.shape)
         if self.resolution:

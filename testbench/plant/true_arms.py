@@ -24,7 +24,7 @@ from testbench.errors import Array, BenchError
 from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant_from_model, weightless
 from testbench.plant.cast import cast_link
 from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
-from testbench.plant.equilibrium import hinged_bodies
+from testbench.plant.equilibrium import compensator_bodies
 from testbench.registry import Registry
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
@@ -70,7 +70,7 @@ SLIP_RANGE = 5e-5, 4e-4
 """Range of the largest half width of friction that slips gradually [rad]; hysteresis has one of 3e-5."""
 FAMILY = "family"
 """All of TRUTHS, one per seed in turn."""
-BISECTIONS = 24
+DEFORMATION_BISECTIONS = 24
 """Bisections for the size of a link's deformation."""
 
 
@@ -121,7 +121,7 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
     low, high = 0.0, float(distance / np.linalg.norm(S, 2))
     while distance_from_tubes(at(high)) < distance:
         low, high = high, 2 * high
-    for _ in range(BISECTIONS):
+    for _ in range(DEFORMATION_BISECTIONS):
         middle = (low + high) / 2
         low, high = (middle, high) if distance_from_tubes(at(middle)) < distance else (low, middle)
     return at(high)
@@ -390,7 +390,7 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
         BenchError: If a compensator is requested and the arm has no link 2.
     """
     if disturbances.compensator is not None:
-        hinged_bodies(plant)
+        compensator_bodies(plant)
     n = plant.arm.n_joints
     # All numbers are drawn whatever is switched on, so that one disturbance does not change another.
     offset, frames, centre = rng.standard_normal(n), rng.standard_normal((n + 1, 6)), rng.standard_normal(3)

@@ -279,14 +279,14 @@ def _masses(arm: ArmContext) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.plant.shapes import PLAUSIBLE, hull_volume, solid_shapes
+    from testbench.plant.shapes import PLAUSIBLE_DENSITY, hull_volume, solid_shapes
 
     names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
     for shape in solid_shapes(cell.room):
         if names[shape.body] in volumes:
             volumes[names[shape.body]] += hull_volume(shape)
     volume = np.array(list(volumes.values()))
-    mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE
+    mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE_DENSITY
     if volume.any() and not low <= mass / volume.sum() <= high:
         inside = f"the arm's {mass:.4g} kg give {mass / volume.sum():.0f} kg/m^3 in its collision shapes"
         yield f"{inside}, expected {low:g} to {high:g}"

@@ -23,7 +23,7 @@ from testbench.identify.regression import reduce
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import marker_positions
-from testbench.plant.tracker import PRELOAD, DistanceMeter, Gauge, Tracker, face_travel
+from testbench.plant.tracker import GAUGE_PRELOAD, DistanceMeter, Gauge, Tracker, face_travel
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import poses_with_weight, read_instruments
 from testbench.workflows.instruments import Mounted
@@ -114,7 +114,7 @@ def test_friction_holds_a_tip_back_against_its_motion(way, rng):
     places[1, :, 2] = way * 1e-4
     turns = np.tile(np.eye(3), (2, runs, 1, 1))
     before, after = gauge.read(up, places, turns, np.arange(runs), rng)
-    held = after - gauge.travel * PRELOAD - way * 1e-4
+    held = after - gauge.travel * GAUGE_PRELOAD - way * 1e-4
     np.testing.assert_allclose(held, -way * 3e-6, atol=1e-12)
     assert np.ptp(before) == pytest.approx(6e-6, rel=0.1)
 

@@ -28,9 +28,9 @@ from testbench.plant.disturbance import (
     tangent_compliance,
 )
 from testbench.plant.equilibrium import (
+    compensator_bodies,
     correct_for_strut,
     evaluate,
-    hinged_bodies,
     open_copies,
     solve_equilibrium,
     solve_linear_equilibrium,
@@ -200,12 +200,12 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
     )
     k = spring.rate if stiffness is None else stiffness
     qpos = undeflected_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
-    compensator = strut(spring, plant, evaluate(row, qpos, hinged_bodies(plant)))
+    compensator = strut(spring, plant, evaluate(row, qpos, compensator_bodies(plant)))
     (held, g), step = strut_length(plant, spring, qpos), rng.standard_normal(qpos.shape)
     (eased,) = correct_for_strut(compensator, step, np.arange(1))
     np.testing.assert_allclose(eased + k * (plant.C @ g) * (g @ eased), step[0], rtol=0, atol=1e-6)
     qpos[:, plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
-    (Q,) = strut_force(compensator, plant, evaluate(row, qpos, hinged_bodies(plant)), np.arange(1))
+    (Q,) = strut_force(compensator, plant, evaluate(row, qpos, compensator_bodies(plant)), np.arange(1))
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
     np.testing.assert_allclose(Q, -pull * g, rtol=0, atol=1e-9 * np.abs(Q).max())
@@ -312,7 +312,7 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
     plant, (wrench, point) = with_springs(kr500, pose_dependence=follows), hung(kr500, 3)
     together = solve_equilibrium(plant, q, wrench, point), solve_linear_equilibrium(plant, q, wrench, point)
     for pose in range(3):
-        s = np.sin(follows.joint_rates @ q[pose] + follows.phase)
+        s = np.sin(follows.phase_rates @ q[pose] + follows.phase)
         roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.log_change, strict=True)]
         scaled = [
             replace(link, compliance=D @ link.compliance @ D)

@@ -34,7 +34,7 @@ from testbench.files.robot.robot import (
     read_xml,
     substitute_limits,
 )
-from testbench.plant.build import COMPILE_ERRORS, HULL_CORNERS
+from testbench.plant.build import COMPILE_ERRORS, MAX_HULL_CORNERS
 from testbench.plant.shapes import GEOM_KINDS, decimated, geom_rgba, hull_of, outermost, rotation_of
 from testbench.plant.site import VISUAL_GROUPS, body_name
 
@@ -183,7 +183,7 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
     folder, found = file.parent / spec.meshdir, dict[str, bytes]()
     spec.meshdir = ""
     for mesh in list(spec.meshes):
-        mesh.maxhullvert = HULL_CORNERS
+        mesh.maxhullvert = MAX_HULL_CORNERS
         if not mesh.file:
             continue
         try:

@@ -39,7 +39,7 @@ from testbench.files.robot.robot import (
     visible_shapes,
 )
 from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
-from testbench.plant.shapes import PLAUSIBLE, Faces, Surface, decimated, hull_of, outermost
+from testbench.plant.shapes import PLAUSIBLE_DENSITY, Faces, Surface, decimated, hull_of, outermost
 from testbench.plant.site import compute_contacts
 from testbench.runs.whole import whole_files
 
@@ -104,7 +104,7 @@ def _implausible_masses(bodies: Sequence[Body]) -> list[Note]:
     """Note stated masses that do not fit the shapes."""
     known = [b for b in bodies if b.mass > 0 and b.shapes]
     volume, mass = sum(_integrals(b.shapes)[0] for b in known), sum(b.mass for b in known)
-    low, high = PLAUSIBLE
+    low, high = PLAUSIBLE_DENSITY
     if volume == 0 or low <= mass / volume <= high:
         return []
     return [Note("density", (), (mass, mass / volume))]
