@@ -124,6 +124,12 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     assert words.startswith("Holds: the error of the calibrated arm is ")
     assert (verdict["winner"], verdict["verdict"]) == ("calibrated arm", "holds")
     assert verdict["rival"] == "arm with only geometry and joint springs"
+    sizes = re.search(r"readings: ([\d.]+) mm of the calibrated arm, ([\d.]+) mm of the (.*?)\.", words)
+    own, plain = map(float, sizes.groups()[:2])
+    assert sizes[3] == verdict["rival"]  # one rival in verdict, headline and table
+    assert plain / own == pytest.approx(verdict["factor"], abs=1e-3 * plain / own**2)  # of three decimals
+    [springs] = [step["after_mm"] for step in report["steps"] if step["name"] == "joint springs"]
+    assert plain == pytest.approx(springs, abs=6e-4)
     assert report["total_after"]["mean_mm"] < 0.2 * report["total_before"]["mean_mm"]
     assert report["more"]["after_mm"] < report["more"]["now_mm"]
     kept = {step["name"]: step["after_mm"] for step in report["steps"] if step["kept"]}
