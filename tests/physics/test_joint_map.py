@@ -405,7 +405,7 @@ WRONG = {
     "joint_1 = { offset_mm = 3, joint_1 = 1 }": "expected offset_deg of this joint, got offset_mm",
     "joint_1 = { joint_2 = 1 }\njoint_2 = { x = 1, y = 1 }": "dependent rows",
     "joint_2 = { joint_2 = 2000 }": "expected coefficients up to 1000",
-    "joint_2 = { joint_2 = true }": "valid number",
+    "joint_2 = { joint_2 = true }": "expected a number, got True",
 }
 
 

@@ -667,5 +667,5 @@ def test_the_example_of_the_docs_adds_a_language_by_two_files(tmp_path):
     keys = re.findall(r"`(?:\[+)?([a-z_]+)\]*`", table)
     assert set(type(language).model_fields) - {"name"} <= set(keys)
     (tmp_path / "as.toml").write_text('title = "x"\nangle = "grad"\n')
-    with pytest.raises(InputError, match=r"as\.toml: source: Field required"):
+    with pytest.raises(InputError, match=r"as\.toml: source: this key is missing"):
         read_language(tmp_path / "as.toml")

@@ -112,7 +112,10 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
     ("args", "said"),
     [
         (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.urdf"), "is read by this command"),
-        (("model", "--urdf", "in/robot.urdf", "--out", "in/notes.urdf"), "expected a URDF that testbench"),
+        (
+            ("model", "--urdf", "in/robot.urdf", "--out", "in/notes.urdf"),
+            "is not a URDF that testbench export wrote",
+        ),
         (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.xml"), "ending with .urdf"),
         (("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"), "expected the robot's own URDF; to write"),
         (("model", "--urdf", "new.urdf", "--tip", "tool0"), "omit --out and --tip"),
