@@ -17,6 +17,7 @@ from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page import seen_plain
 from testbench.report.recording.run import (
+    CHART_HIGH,
     LEAST_CHART,
     LINE,
     _beyond,
@@ -384,13 +385,15 @@ def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_o
 def test_a_summary_has_room_for_its_words_and_charts_for_their_lines():
     short, long = "## **Holds**", "\n\n".join(["## **Holds**", *["- " + "word " * 40] * 8])
     for charts in (1, 2):
-        (usual, chart), (told, left) = (_heights(words, 600.0, charts) for words in (short, long))
-        assert usual + charts * chart == pytest.approx(600) == told + charts * left
+        (usual, chart), (told, left) = (_heights(words, 900.0, charts) for words in (short, long))
+        assert usual + charts * chart == pytest.approx(900) == told + charts * left
         assert chart > usual  # few words leave most to the charts
         assert told > usual
         assert left >= LEAST_CHART
-    assert _heights(long, 600.0, 1)[0] > 8 * 2 * 16  # eight notes of two or three lines each
-    assert _heights(short, 600.0, 0) == (600.0, 0.0)
+    assert _heights(long, 900.0, 1)[1] == CHART_HIGH > LEAST_CHART  # notes may be scrolled
+    headings = "\n\n".join(["## **Holds**", *["#### " + "word " * 40] * 6])
+    assert _heights(headings, 900.0, 1)[1] == LEAST_CHART
+    assert _heights(short, 900.0, 0) == (900.0, 0.0)
 
 
 def test_layers_that_look_alike_share_their_colour_in_words(seen, tmp_path):

@@ -68,7 +68,7 @@ from testbench.workflows.model_names import in_words
 
 # --- Panes of a figure as views of a recording: lines, dots, names and axes that stay sharp at any size -----
 
-LETTER, LINE, GAP = 6.2, 18.0, 8.0
+LETTER, LINE, GAP = 6.2, 16.5, 9.0
 """Width of a letter, height of a line of text, and room around what is written, in a viewer 1600 pixels wide
 [pixel]: its texts keep their size, whatever the view shows."""
 LEAST_WIDE, LEAST_HIGH = 120.0, 90.0  #: Of the part inside of the axes [pixel].
@@ -339,11 +339,9 @@ MOST_PANES = 6  #: Panes of figures at most.
 LEGEND_EDGE, LEGEND_LINE, CHART_EDGE = 40.0, 23.5, 25.0
 """Sizes of a legend besides its letters and of a line of it; height of the numbers below a chart [pixel]."""
 SUMMARY, CHART = 5.0, 7.0  #: Usual heights of the summary and of a chart, as shares of what models leave.
-SUMMARY_EDGE, LEAST_CHART = (
-    70.0,
-    170.0,
-)  #: Height of a summary without words, and of a chart at least [pixel].
-SUMMARY_LINES = (("## ", 56, 27.0), ("#### ", 62, 23.0), ("", 95, 16.0))
+SUMMARY_EDGE, CHART_HIGH, LEAST_CHART = 70.0, 240.0, 170.0
+"""Height of a summary without words, of a chart beside more than headings, and at least [pixel]."""
+SUMMARY_LINES = (("## ", 56, 27.0), ("#### ", 60, 23.0), ("", 86, 16.0))
 """Letters of a line of a summary and its height [pixel], by how its Markdown begins."""
 FAR, BAR = 30.0, 0.45
 """Times the least number from which models are dots on a logarithmic axis; height of bars [1]."""
@@ -451,7 +449,9 @@ def _scene_tabs(
 
 
 def _heights(said: str, high: float, charts: int) -> tuple[float, float]:
-    """Share a height between the summary and so many charts: it has room for its words, they for their lines.
+    """Share a height between the summary and so many charts.
+
+    The summary has room for its headings; beside its other words, charts keep theirs for lines and legend.
 
     Args:
         said: The summary, as Markdown.
@@ -461,13 +461,17 @@ def _heights(said: str, high: float, charts: int) -> tuple[float, float]:
     Returns:
         Heights of the summary and of each chart [pixel].
     """
-    needed = SUMMARY_EDGE
+    if not charts:
+        return high, 0.0
+    head = words = SUMMARY_EDGE
     for line in said.split("\n"):
         letters, pitch = next(own for mark, *own in SUMMARY_LINES if line.startswith(mark))
-        needed += pitch * math.ceil(len(line) / letters)
+        more = pitch * math.ceil(len(line) / letters)
+        words += more
+        head += more if line.startswith("#") else 0.0
     usual = SUMMARY * high / (SUMMARY + CHART * charts)
-    told = min(max(usual, needed), high - LEAST_CHART * charts) if charts else high
-    return told, (high - told) / max(1, charts)
+    told = max(usual, min(words, high - CHART_HIGH * charts), min(head, high - LEAST_CHART * charts))
+    return told, (high - told) / charts
 
 
 def _answer(panes: list[rrb.View]) -> rrb.Container:
