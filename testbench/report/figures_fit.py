@@ -86,19 +86,13 @@ def residual_panes(panes: Sequence[Axes], rows: Sequence[Row], looks: Mapping[st
         looks: How models are drawn, by name.
     """
     reach = max((row.edges_um[-1] for row in rows), default=1.0)
-    most = max(
-        [1.0, *(_residual_pane(axes, row, looks[row.name]) for axes, row in zip(panes, rows, strict=True))]
-    )
-    for axes in panes:
-        axes.set(xlim=(-REACH * reach, REACH * reach), ylim=(0, 1.75 * most))
+    for axes, row in zip(panes, rows, strict=True):
+        _residual_pane(axes, row, looks[row.name])
+        axes.set_xlim(-REACH * reach, REACH * reach)  # heights do not compare: bins differ
 
 
-def _residual_pane(axes: Axes, row: Row, look: Look) -> float:
-    """Draw components of residuals as bars with the normal curve of their mean and deviation, as Fig. 5.
-
-    Returns:
-        The height of the highest.
-    """
+def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
+    """Draw components of residuals as bars with the normal curve of their mean and deviation, as Fig. 5."""
     edges, counts = np.array(row.edges_um), np.array(row.counts)
     most = float(max(1, counts.max()))
     axes.stairs(counts, edges, fill=True, color=look.hex, alpha=0.35)
@@ -116,10 +110,9 @@ def _residual_pane(axes: Axes, row: Row, look: Look) -> float:
     axes.text(
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
-    axes.set(xlabel="residual [µm]", ylabel="number of components")
+    axes.set(xlabel="residual [µm]", ylabel="number of components", ylim=(0, 1.75 * most))
     axes.set_title(row_head(row.name))
     quiet(axes)
-    return most
 
 
 def _share(p: float) -> str:

@@ -383,7 +383,7 @@ def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_o
 
 
 def test_a_summary_has_room_for_its_words_and_charts_for_their_lines():
-    short, long = "## **Holds**", "\n\n".join(["## **Holds**", *["- " + "word " * 40] * 8])
+    short, long = "## **Holds**", "\n\n".join(["## **Holds**", *["- " + "word " * 40] * 20])
     for charts in (1, 2):
         (usual, chart), (told, left) = (_heights(words, 900.0, charts) for words in (short, long))
         assert usual + charts * chart == pytest.approx(900) == told + charts * left
@@ -391,7 +391,7 @@ def test_a_summary_has_room_for_its_words_and_charts_for_their_lines():
         assert told > usual
         assert left >= LEAST_CHART
     assert _heights(long, 900.0, 1)[1] == CHART_HIGH > LEAST_CHART  # notes may be scrolled
-    headings = "\n\n".join(["## **Holds**", *["#### " + "word " * 40] * 6])
+    headings = "\n\n".join(["## **Holds**", *["#### " + "word " * 40] * 12])
     assert _heights(headings, 900.0, 1)[1] == LEAST_CHART
     assert _heights(short, 900.0, 0) == (900.0, 0.0)
 
