@@ -13,7 +13,7 @@ from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
 from testbench.identify.prior import PriorUncertainty, RegressionWithPrior, cad_prior, rows_with_prior
 from testbench.identify.regression import reduce
-from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
+from testbench.identify.solve import METHOD_NAMES, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.cell import Cell, build_cell
@@ -97,7 +97,8 @@ def moved(cell: Cell, case: RegressionWithPrior, truth: Dataset) -> Moved:
     x = [np.linalg.solve(scaling.L, own), sharp.x[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     estimates = (
-        make_estimate(case.regression, scaling.L @ one, method=METHODS["psd"], constraint="none") for one in x
+        make_estimate(case.regression, scaling.L @ one, method=METHOD_NAMES["psd"], constraint="none")
+        for one in x
     )
     apart = np.subtract(*(deflections(cell.vjm, own, truth) for own in estimates))
     farthest = 1e3 * float(np.linalg.norm(apart, axis=-1).max())

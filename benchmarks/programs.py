@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from testbench.identify.prior import PriorScaling, PriorUncertainty, RegressionWithPrior, WeightedPrior
-from testbench.identify.regression import Regression, Term, regression_of
+from testbench.identify.regression import Regression, ResidualTerm, regression_from_terms
 from testbench.model.structure import Structure
 
 SIZES = ((6, 6, 1, 1), (1, 2, 2, 1, 3), (6, 1), (3, 3, 2), (2,), (6,), (4, 5, 1), (1, 1, 1))
@@ -48,10 +48,10 @@ def random_regression(kind: str, rng: np.random.Generator) -> Regression:
     if kind == "fewer rows than unknowns":
         rows = max(2, n // 2)
     terms = [_term(kind, pi, rows, rng) for _ in range(1 + int(rng.integers(2)))]
-    return regression_of(structure, tuple(terms))
+    return regression_from_terms(structure, tuple(terms))
 
 
-def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> Term:
+def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> ResidualTerm:
     n = len(pi)
     A = rng.standard_normal((rows, n)) * 10 ** rng.uniform(-1.5, 0, n)
     if kind == "columns of zeros":
@@ -70,7 +70,7 @@ def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> Ter
         np.c_[A, scale * y] / (NOISE * abs(scale) * (size or 1.0) * math.sqrt(rows / 3)), mode="r"
     )
     T[: len(R)] = R
-    return Term(R=T[:n, :n], z=T[:n, n], unexplained=float(T[n, n] ** 2), equations=rows)
+    return ResidualTerm(R=T[:n, :n], z=T[:n, n], unexplained=float(T[n, n] ** 2), n_equations=rows)
 
 
 def with_random_prior(

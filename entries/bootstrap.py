@@ -11,7 +11,7 @@ def estimate(kinematics, structure, data, prior):
     """Parameters, (n,), and their covariance, (n, n)."""
     if prior is None:
         raise NotImplementedError("needs a prior")
-    A, y = tb.reduce(kinematics, structure, data).rows
+    A, y = tb.reduce(kinematics, structure, data).weighted_equations
     expected = structure.entries(prior.C_theta)
     moved = A @ expected
     expected = expected * (moved @ y) / (moved @ moved)

@@ -13,7 +13,7 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     regression = tb.reduce(kinematics, structure, data)
-    A, y = regression.rows
+    A, y = regression.weighted_equations
     d = np.sqrt(np.diag(prior.C_theta))
     size = (
         d[structure.rows] * d[structure.columns]
@@ -21,7 +21,7 @@ def estimate(kinematics, structure, data, prior):
     expected, block = structure.entries(prior.C_theta) / size, structure.block_of_row[structure.rows]
     blocks = np.arange(block.max() + 1)[:, None] == block
     H, g = size[:, None] * (A.T @ A) * size, size * (A.T @ y)
-    total = y @ y + sum(term.equations / 3 * term.unexplained for term in regression.terms)
+    total = y @ y + sum(term.n_equations / 3 * term.unexplained for term in regression.terms)
     scale = np.full(len(blocks), expected @ g / (expected @ H @ expected))
     scatter, noise = FIRST * scale**2, 1.0
     for _ in range(STEPS):
@@ -35,5 +35,5 @@ def estimate(kinematics, structure, data, prior):
         scatter = (blocks @ off + FIRST * scale**2) / (blocks.sum(axis=1) + 1)
         scatter = np.maximum(scatter, LEAST * scale**2)
         left = total - 2 * g @ x + x @ H @ x + np.vdot(H, covariance)
-        noise = max(1.0, left / regression.equations)
+        noise = max(1.0, left / regression.n_equations)
     return size * x, size[:, None] * covariance * size

@@ -11,7 +11,7 @@ def estimate(kinematics, structure, data, prior):
     """Mean of the draws, (n,), and their covariance, (n, n)."""
     if prior is None:
         raise NotImplementedError("needs a prior")
-    A, y = tb.reduce(kinematics, structure, data).rows
+    A, y = tb.reduce(kinematics, structure, data).weighted_equations
     expected = structure.entries(prior.C_theta)
     d = np.sqrt(np.diag(prior.C_theta))
     size = d[structure.rows] * d[structure.columns]  # pi = size (s e + x)

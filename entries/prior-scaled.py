@@ -7,7 +7,7 @@ def estimate(kinematics, structure, data, prior):
     """What is expected, in the scale of the readings, (n,)."""
     if prior is None:
         raise NotImplementedError("needs a prior")
-    A, y = tb.reduce(kinematics, structure, data).rows
+    A, y = tb.reduce(kinematics, structure, data).weighted_equations
     expected = structure.entries(prior.C_theta)
     moved = A @ expected
     return expected * (moved @ y) / (moved @ moved)

@@ -9,7 +9,7 @@ from testbench.model.structure import template56
 def estimate(kinematics, structure, data, prior):
     """Parameters, (n,), columns scaled to norm one."""
     beams = template56(kinematics.arm)
-    A, y = tb.reduce(kinematics, beams, data).rows
+    A, y = tb.reduce(kinematics, beams, data).weighted_equations
     scale = np.linalg.norm(A, axis=0)
     scale[scale < 1e-9 * scale.max()] = np.inf  # what no reading sees is zero
     U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)

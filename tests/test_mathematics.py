@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.identify.regression import generic_rows, rank
+from testbench.identify.regression import generic_observation_matrix, rank
 from testbench.model import structure as structures
 from testbench.model.load import displacement, secant, weight
 from testbench.model.vjm import evaluate_chain, observation_matrix
@@ -95,7 +95,7 @@ def test_ranks_of_the_page_are_those_of_the_arm(kr500, rng):
         A = observation_matrix(where, s, load.wrench, load.point, kr500.vjm.markers)
         found = [
             s.n_parameters,
-            rank(generic_rows(kr500.vjm, s)),
+            rank(generic_observation_matrix(kr500.vjm, s)),
             *(rank(A[:k].reshape(-1, s.n_parameters)) for k in (40, 8)),
         ]
         assert found == [int(x) for x in numbers], name

@@ -29,7 +29,7 @@ from testbench.identify import average
 from testbench.identify.estimate import deflections, score
 from testbench.identify.method import gco
 from testbench.identify.posterior import intervals
-from testbench.identify.trace import SELECTION_PROBABILITY, mean_and_standard_error
+from testbench.identify.trace import SELECTION_CONFIDENCE, mean_and_standard_error
 from testbench.model.structure import template56
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed, true_arms
 from testbench.report import markdown
@@ -58,7 +58,7 @@ SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage eve
 SHOWN = (2, 4, 6, 8, 12)  #: Those of them that the table has.
 MEANS, WORST = (92.0, 97.0), 80.0  #: Where the mean coverage should be, and the least of the worst tenth [%].
 ANSWERS = ("passed", "unsure", "failed")
-SURE = float(stdtrit(7, SELECTION_PROBABILITY))  #: Of eight poses, how sure links have to be.
+SURE = float(stdtrit(7, SELECTION_CONFIDENCE))  #: Of eight poses, how sure links have to be.
 THRESHOLDS = (-np.inf, 1.0, SURE, 3.0, 4.0, np.inf)
 STIFF = ("stiffer_10", "stiffer_30", "stiffer_100")
 

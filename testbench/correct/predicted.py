@@ -25,7 +25,7 @@ from testbench.data.dataset import join_rows, select_evenly, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.absolute.state import ArmState
-from testbench.identify.equations import jacobian, nominal_chain
+from testbench.identify.equations import jacobian, undeflected_arm
 from testbench.identify.posterior import (
     CONFIDENCE,
     CURVATURE_COUNT,
@@ -221,7 +221,7 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     every other; where the data have not shown one of them, that little would become infinite. `curvature`
     covers what is left out.
     """
-    state, at_rest = model.state, nominal_chain(model.vjm, poses.q, poses.loads)
+    state, at_rest = model.state, undeflected_arm(model.vjm, poses.q, poses.loads)
     if model.absolute:
         theta = poses.rest_poses(state).theta
         where = evaluate_chain(model.vjm, poses.q, theta)

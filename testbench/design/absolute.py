@@ -20,7 +20,7 @@ from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
-from testbench.identify.equations import beams, series_rows
+from testbench.identify.equations import distance_directions, series_equations
 from testbench.identify.prior import PriorScaling, PriorUncertainty, prior_rows
 from testbench.model.vjm import evaluate_chain, translational_jacobian
 
@@ -139,7 +139,7 @@ def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
     frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose.frame}")][:6]
 
     def rows(batch: Array) -> Array:
-        A = series_rows(setup.unknowns, setup.state, series_at(setup.pose, batch))[:m, :, :-1]
+        A = series_equations(setup.unknowns, setup.state, series_at(setup.pose, batch))[:m, :, :-1]
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]))
 
     if not setup.kinds:
@@ -317,12 +317,12 @@ def _read(setup: AbsoluteSetup, pose: Series, q: Array) -> tuple[Array, Array, A
         readings per unit of joint errors beyond the model, (poses, k, n) [m, rad].
     """
     series, G = series_at(pose, q), np.repeat(_joint_rows(setup, pose, q)[:, None], pose.rows, axis=1)
-    A = series_rows(setup.unknowns, setup.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
+    A = series_equations(setup.unknowns, setup.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
     sigma = np.full((len(q), pose.rows, A.shape[1] * A.shape[2]), pose.sigma)
     sigma[:, :, 3 * len(pose.markers) :] = pose.sigma_rotation or pose.sigma
     if pose.distance is not None:  # of the rows of a position that along the beam
         [k] = np.flatnonzero(pose.seen[0])
-        u = beams(setup.state, series, series_equilibrium(setup.state, series))[0][k].T
+        u = distance_directions(setup.state, series, series_equilibrium(setup.state, series))[0][k].T
         A, sigma = np.einsum("rx,rxc->rc", u, A[:, k])[:, None], sigma[:, :, :1]
         G = np.einsum("plx,plxn->pln", u.reshape(len(q), -1, 3), G[:, :, 3 * k : 3 * k + 3])[:, :, None]
     flat = (len(q), -1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import compliance_unknowns
-from testbench.identify.equations import jacobian, nominal_chain
+from testbench.identify.equations import jacobian, undeflected_arm
 from testbench.identify.prior import PriorScaling, PriorUncertainty, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
@@ -173,7 +173,7 @@ def _rows(
 
     See `reading_rows`.
     """
-    equilibrium, scaling = nominal_chain(experiment.vjm, q, [load.for_poses(len(q))]), experiment.scaling
+    equilibrium, scaling = undeflected_arm(experiment.vjm, q, [load.for_poses(len(q))]), experiment.scaling
     unknowns = compliance_unknowns(experiment.vjm, scaling.structure)
     A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
     # twist in world axes, pose by pose, then the motion of its turned translation and rotation

@@ -43,15 +43,15 @@ from testbench.identify.interior import TINY
 from testbench.identify.prior import PriorScaling, WeightedPrior, prior_rows
 from testbench.identify.regression import (
     Regression,
+    embed_parameters,
     f_m,
-    regression_of,
-    restrict_to,
-    scatter_to,
+    regression_from_terms,
+    restrict_regression,
     term_from_triangle,
     triangular_factor,
 )
 from testbench.identify.solve import solve
-from testbench.identify.trace import SELECTION_PROBABILITY, mean_and_standard_error
+from testbench.identify.trace import SELECTION_CONFIDENCE, mean_and_standard_error
 from testbench.model.laws import with_joint_couplings, without_joint_couplings
 from testbench.model.laws import without_laws as linear
 from testbench.model.structure import Structure
@@ -92,10 +92,12 @@ def _variation_evidence(regression: Regression, fit: Estimate) -> Array:
     """Compute the log evidence of every one of `TRIED_POSE_VARIATIONS` under the prior of a fit."""
     weighted_prior = fit.weighted_prior
     assert weighted_prior is not None
-    regression = restrict_to(regression, fit.structure)
-    poses = [_pose_variances(rows, _parameters_by_link(regression, fit.pi)) for rows in regression.poses]
-    unused = regression.equations - sum(len(w) for w, _ in poses)
-    rest = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in regression.terms)
+    regression = restrict_regression(regression, fit.structure)
+    poses = [
+        _pose_variances(rows, _parameters_by_link(regression, fit.pi)) for rows in regression.rows_by_pose
+    ]
+    unused = regression.n_equations - sum(len(w) for w, _ in poses)
+    rest = math.fsum(t.n_equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in regression.terms)
     rest -= math.fsum(float(y @ y) for y in _readings(poses))
     return np.array(
         [_log_evidence(rho, weighted_prior, poses, unused, rest) for rho in TRIED_POSE_VARIATIONS]
@@ -163,15 +165,17 @@ def weight_for_pose_variation(regression: Regression, pi: Array, rho: float) -> 
         rho: Relative standard deviation of a link's compliance over poses [1].
     """
     links, [term] = _parameters_by_link(regression, pi), regression.terms
-    poses, points = [_pose_variances(rows, links) for rows in regression.poses], term.equations / 3
+    poses, points = [_pose_variances(rows, links) for rows in regression.rows_by_pose], term.n_equations / 3
     weighted = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
     rest = term.unexplained + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
     weighted_term = term_from_triangle(
-        triangular_factor(np.vstack(weighted) / math.sqrt(points)), max(0.0, rest), term.equations
+        triangular_factor(np.vstack(weighted) / math.sqrt(points)), max(0.0, rest), term.n_equations
     )
     # rho is known from as many poses only: Student's quantile in place of the normal one
     width = float(stdtrit(len(poses) - 1, POSE_VARIATION_QUANTILE) / ndtri(POSE_VARIATION_QUANTILE))
-    return replace(regression_of(regression.structure, (weighted_term,)), pose_variation=width * rho * links)
+    return replace(
+        regression_from_terms(regression.structure, (weighted_term,)), pose_variation=width * rho * links
+    )
 
 
 def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
@@ -252,7 +256,7 @@ def average_two_priors(
         BenchError: When the best common scale of a prior is not above 0.
     """
     estimate = _average_priors(regression, constraint, prior, softened_prior)
-    if not regression.poses:
+    if not regression.rows_by_pose:
         return estimate
     changing = _with_varying_links(regression, constraint, (prior, softened_prior), estimate)
     mean = changing or estimate
@@ -338,9 +342,9 @@ class LinksVersusJointsOnly:
         """
         pose_variation, joints_poses = (
             self.most_probable.regression.pose_variation,
-            self.joints_only_regression.poses,
+            self.joints_only_regression.rows_by_pose,
         )
-        poses = restrict_to(self.regression, self.most_probable.structure).poses
+        poses = restrict_regression(self.regression, self.most_probable.structure).rows_by_pose
         weighted = (
             poses if pose_variation is None else tuple(_weigh_pose(rows, pose_variation) for rows in poses)
         )
@@ -423,7 +427,7 @@ def joints_only_weight(held_out_errors: tuple[Array, Array] | None, *, links_var
         return better
     with_links, joints_only = np.log(np.maximum(held_out_errors, TINY))
     gain, error = mean_and_standard_error(joints_only - with_links)
-    sure = float(stdtrit(len(with_links) - 1, SELECTION_PROBABILITY)) * error
+    sure = float(stdtrit(len(with_links) - 1, SELECTION_CONFIDENCE)) * error
     if gain > sure:
         return better
     return JOINTS_ONLY_WEIGHT_IF_UNSURE if links_vary and gain > -sure else 1.0
@@ -450,7 +454,7 @@ def average_with_joints_only(
     if weight < 1:
         weight *= (1 - known.joint_laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
-        return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
+        return replace(estimate, f_m=f_m(restrict_regression(r, estimate.structure), estimate.pi))
     # Joints only, fitted with their wide prior, and the average of both.
     regression, scaling = _joints_only(r, prior)
     joints_fit = solve(regression, constraint, joints_only_log_evidence(regression, scaling)[1])
@@ -461,7 +465,7 @@ def average_with_joints_only(
     )
     weighted = (1 - weight, estimate), (weight, joints_fit)
     mean = _average(estimate.regression, weighted, estimate.weighted_prior, average)
-    return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
+    return replace(mean, f_m=f_m(restrict_regression(r, mean.structure), mean.pi))
 
 
 # --- Averages by evidence, under two priors and under one ---------------------------------------------------
@@ -520,7 +524,9 @@ def _average(
     The status is that of the first model that is not solved.
     """
     models = [model for _, model in weighted]
-    parameters = (w * scatter_to(model.pi, model.structure, regression.structure) for w, model in weighted)
+    parameters = (
+        w * embed_parameters(model.pi, model.structure, regression.structure) for w, model in weighted
+    )
     pi = np.sum(list(parameters), axis=0)
     mean = make_estimate(regression, pi, method=models[0].method, constraint=models[0].constraint)
     return replace(
@@ -566,11 +572,14 @@ def _average_joint_couplings(
         )
     )
     mean, log_evidence = _average_laws(
-        restrict_to(regression, uncoupled.structure), constraint, uncoupled, for_intervals=for_intervals
+        restrict_regression(regression, uncoupled.structure),
+        constraint,
+        uncoupled,
+        for_intervals=for_intervals,
     )
     if log_evidence is None:
         return mean, None
-    coupled = restrict_to(regression, coupled_scaling.structure)
+    coupled = restrict_regression(regression, coupled_scaling.structure)
     weighted_prior = learn_prior(coupled, coupled_scaling, for_intervals=for_intervals)
     assert weighted_prior.log_evidence is not None
     # Their odds by evidence; a model that hardly counts is left out.
@@ -595,7 +604,7 @@ def _average_laws(
 ) -> tuple[Estimate, float | None]:
     """Average models with uncoupled joints, with and without laws; also return the evidence."""
     plain = scaling_without_joint_laws(prior)
-    compliances = regression if plain is prior else restrict_to(regression, plain.structure)
+    compliances = regression if plain is prior else restrict_regression(regression, plain.structure)
     linear_mean, log_evidence = _average_joints(compliances, constraint, plain, for_intervals)
     if plain is prior or log_evidence is None:
         return linear_mean, log_evidence
@@ -689,7 +698,7 @@ def _average_joints(
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
     """Restrict a dataset, and the units of its prior, to joint compliances only."""
     joints = joint_compliance_indices(prior)
-    regression = restrict_to(r, prior.structure.select_parameters(joints, "Joints"))
+    regression = restrict_regression(r, prior.structure.select_parameters(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
     L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
     return regression, PriorScaling(

@@ -16,13 +16,13 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Series, runs_of_station, select_rows, series_of
 from testbench.errors import Array, BenchError, Mask, check_type
-from testbench.identify.equations import check_runs, resolve_lines
+from testbench.identify.equations import check_runs, resolve_line_readings
 from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
 from testbench.model.vjm import Vjm, marker_positions, skew, tool_points
 
 FrameChoice = Literal["auto", "base", "tracker"]
 
-STATION = "station"
+STATION_PREFIX = "station"
 """Prefix of the names of frames; the number of the station follows."""
 MAX_BASE_ROTATION, MAX_BASE_SHIFT = math.radians(0.5), 0.01
 """A frame nearer to the base than this is the base [rad, share of the arm's reach].
@@ -34,9 +34,9 @@ KR 500).
 MAX_TARGET_SHIFT = 0.005
 """Distance from its nominal position beyond which a target of readings in the base's frame is fitted [m]. Own
 weight moves a target of a sound arm by up to 2 mm; fitting targets costs nothing."""
-BASE_SIGMAS = 3.0
+BASE_FRAME_DEVIATIONS = 3.0
 """Standard deviations within which a frame may be the base."""
-MAX_FRAME_DEVIATION = math.radians(1.0)
+MAX_FRAME_ROTATION_DEVIATION = math.radians(1.0)
 """Standard deviation of a frame's rotation beyond which it is undetermined [rad]."""
 MAX_NOMINAL_DISTANCE = 0.02
 """Median distance of readings from the nominal arm, over the tool's distance from its base, beyond which they
@@ -51,7 +51,7 @@ class RegisteredDataset:
     data: Dataset  #: The runs in the base's frame.
     registration: Registration | None  #: Result of the registration; None if it failed.
     frame: Literal["base", "tracker"]  #: Frame of the readings.
-    targets_taken: Mask  #: Targets that were fitted, (m,).
+    is_fitted_target: Mask  #: Targets that were fitted, (m,).
     failure: str = ""  #: Why the registration failed.
 
 
@@ -82,7 +82,9 @@ def register_dataset(
             )
         none = np.zeros(len(data.markers), dtype=bool)
         why = "directions of gauges and distances are in base axes"
-        return RegisteredDataset(vjm, resolve_lines(vjm, _at_markers(vjm, data)), None, "base", none, why)
+        return RegisteredDataset(
+            vjm, resolve_line_readings(vjm, _at_markers(vjm, data)), None, "base", none, why
+        )
     # Register the unloaded readings; those that are in base axes already keep their frame.
     series, nominal = unloaded_series(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     base = {readings.frame: Frame(np.eye(3), np.zeros(3)) for readings in series}
@@ -90,7 +92,7 @@ def register_dataset(
         given = base if frame == "base" else {} if isinstance(frame, str) else frame
         registration = register(vjm, series, nominal, given)
         far = arm_reach(vjm, data.q)
-        if frame == "auto" and registration.typical > MAX_NOMINAL_DISTANCE * far:
+        if frame == "auto" and registration.median_distance > MAX_NOMINAL_DISTANCE * far:
             fit = f"({1e3 * registration.rms:.3g} mm RMS)"
             raise BenchError(f"the unloaded readings do not fit the arm in any frame {fit}")
         if frame == "auto" and all(
@@ -102,13 +104,15 @@ def register_dataset(
             raise
         return RegisteredDataset(vjm, data, None, "base", np.zeros(len(data.markers), dtype=bool), str(why))
     # Which targets replace those of the folder: in base axes only those that are far off.
-    taken = np.ones(len(registration.markers), dtype=bool)
+    taken = np.ones(len(registration.target_names), dtype=bool)
     if frame == "base":
-        taken = ~(np.linalg.norm(registration.targets - registration.nominal, axis=1) <= MAX_TARGET_SHIFT)
+        taken = ~(
+            np.linalg.norm(registration.targets - registration.nominal_targets, axis=1) <= MAX_TARGET_SHIFT
+        )
     else:
         _check_known(registration)
         data = transform_to_base(registration, data)
-    places = {name: registration.targets[k] for k, name in enumerate(registration.markers) if taken[k]}
+    places = {name: registration.targets[k] for k, name in enumerate(registration.target_names) if taken[k]}
     model = with_markers(vjm, places) if places else vjm
     return RegisteredDataset(model, data, registration, "base" if frame == "base" else "tracker", taken)
 
@@ -123,7 +127,9 @@ def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
 
 def unloaded_series(data: Dataset) -> tuple[Series, ...]:
     """Return the unloaded readings of runs, one series per station that read anything."""
-    every = (select_rows(series, np.arange(series.rows // 2)) for series in series_of(data, STATION, "tool"))
+    every = (
+        select_rows(series, np.arange(series.rows // 2)) for series in series_of(data, STATION_PREFIX, "tool")
+    )
     return tuple(series for series in every if series.seen.any())
 
 
@@ -132,32 +138,32 @@ def _is_base(series: Series, frame: Frame, reach: float) -> bool:
     y = series.position[series.seen]
     x = (y - frame.translation) @ frame.rotation
     at_targets = np.hstack([-frame.rotation @ skew(x.mean(axis=0)), np.eye(3)])
-    turn, shift = frame.deviation, largest_deviation(at_targets @ frame.covariance @ at_targets.T)
+    turn, shift = frame.rotation_deviation, largest_deviation(at_targets @ frame.covariance @ at_targets.T)
     moved = float(np.median(np.linalg.norm(y - x, axis=1)))
     return (
-        frame.angle < MAX_BASE_ROTATION + BASE_SIGMAS * turn
-        and moved < MAX_BASE_SHIFT * reach + BASE_SIGMAS * shift
+        frame.rotation_angle < MAX_BASE_ROTATION + BASE_FRAME_DEVIATIONS * turn
+        and moved < MAX_BASE_SHIFT * reach + BASE_FRAME_DEVIATIONS * shift
     )
 
 
 def _check_known(registration: Registration) -> None:
     for name, frame in registration.frames.items():
-        if frame.deviation > MAX_FRAME_DEVIATION:
-            degrees = f"{math.degrees(frame.deviation):.1f} deg"
+        if frame.rotation_deviation > MAX_FRAME_ROTATION_DEVIATION:
+            degrees = f"{math.degrees(frame.rotation_deviation):.1f} deg"
             raise BenchError(
                 f"registration: the frame of {name} is uncertain by {degrees}; "
                 "expected more poses, over more joints, or the frame itself"
             )
 
 
-def with_markers(vjm: Vjm, places: Mapping[str, Array]) -> Vjm:
+def with_markers(vjm: Vjm, positions: Mapping[str, Array]) -> Vjm:
     """Return the model with markers at given places in the tool's frame, some of them new.
 
     Args:
         vjm: The arm's virtual joint model.
-        places: Positions by marker, (3,) [m] each.
+        positions: Positions by marker, (3,) [m] each.
     """
-    have = dict(zip(vjm.arm.markers, vjm.markers, strict=True)) | dict(places)
+    have = dict(zip(vjm.arm.markers, vjm.markers, strict=True)) | dict(positions)
     return replace(vjm, arm=replace(vjm.arm, markers=tuple(have)), markers=np.array(list(have.values())))
 
 
@@ -201,4 +207,4 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
 
 def station_number(name: str) -> int:
     """Return the number of the station from the name of its frame."""
-    return int(name.removeprefix(STATION))
+    return int(name.removeprefix(STATION_PREFIX))

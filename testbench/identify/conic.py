@@ -81,7 +81,7 @@ def tie_break_penalty(regression: Regression) -> TracePenalty:
     It is so light that it only selects among models of equal fit: w is `TIE_BREAK_WEIGHT` times the largest
     sensitivity.
     """
-    s, weight = regression.structure, TIE_BREAK_WEIGHT * (regression.weight.max() or 1.0)
+    s, weight = regression.structure, TIE_BREAK_WEIGHT * (regression.diagonal_sensitivity.max() or 1.0)
     return TracePenalty(float(weight), trace_units(s) ** -2.0, s, np.eye(s.n_parameters))
 
 
@@ -222,7 +222,7 @@ def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Arra
     scale = np.outer(unit, unit)
     S, size = (
         s.gradient_matrix(g + trace_gradient) * scale,
-        s.gradient_matrix(regression.columns + np.abs(trace_gradient)) * scale,
+        s.gradient_matrix(regression.column_norms + np.abs(trace_gradient)) * scale,
     )
     smallest = np.empty(len(s.blocks))
     for group in s.block_groups:
@@ -256,7 +256,7 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     s = regression.structure
     used = s.block_of_row >= 0
     unit = trace_units(s)[used] ** 2
-    sensitivity = regression.weight[used] * unit
+    sensitivity = regression.diagonal_sensitivity[used] * unit
     sensitivity[sensitivity == 0] = UNOBSERVED_SENSITIVITY * (sensitivity.max() or 1.0)
     allowed = 2 * f_m(regression, np.zeros(s.n_parameters)) / sensitivity
     doubled = 2 * np.diag(s.matrix(pi))[used] / unit
@@ -501,7 +501,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
     """
     s = regression.structure
     block, seen = s.block_of_row[s.rows], np.zeros(len(s.blocks), dtype=bool)
-    seen[block[regression.columns > 0]] = True
+    seen[block[regression.column_norms > 0]] = True
     # Blocks that no reading shows stay zero.
     columns = np.flatnonzero(seen[block])
     kept = _restricted(s, columns.tobytes())

@@ -2,7 +2,7 @@
 
 A reading is a position of a target or an orientation, three numbers in base axes. A pair is the difference of
 two readings in one pose: then only compliances remain unknown, Eq. (13). Rows are whitened to standard
-deviations. `single_readings` keeps them reading by reading, so that single ones can be left out.
+deviations. `weighted_readings` keeps them reading by reading, so that single ones can be left out.
 
 A dial gauge, a ballbar or a draw-wire reads one number of a marker's motion. The marker moves by d and the
 tool turns by w under a load. A gauge reads the plane face of the tool that its tip touches. The face has the
@@ -108,7 +108,7 @@ def _add_mount(A: Array, R: Array) -> None:
         A[k, :, 3 * k : 3 * k + 3] = R.transpose(1, 2, 0)
 
 
-def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
+def series_equations(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     """Compute the rows [A | y] of a series at a state, y the reading minus the model.
 
     Args:
@@ -127,7 +127,7 @@ def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     A[m:] *= series.oriented
     if series.distance is not None:
         # A distance changes by the part along its beam; its fixed point has no axes that could turn.
-        u, _ = beams(state, series, equilibrium)
+        u, _ = distance_directions(state, series, equilibrium)
         if series.normal is None:
             A[:, :, unknowns.columns(f"frame {series.frame}")][:, :, 3:] = 0
         A = u[:, :, None] * np.einsum("sxr,sxcr->scr", u, A)[:, None]
@@ -137,7 +137,9 @@ def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     return A
 
 
-def beams(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> tuple[Array, Array]:
+def distance_directions(
+    state: ArmState, series: Series, equilibrium: JointEquilibrium
+) -> tuple[Array, Array]:
     """Compute the directions in which targets change their distances, and the distances.
 
     Mathematics: `abs-14` for a fixed point, `abs-15` for a plane.
@@ -160,7 +162,7 @@ def beams(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> tup
         height = beam @ u - np.dot(series.normal, np.array(series.fixed))
         return np.broadcast_to(u[:, None], (beam.shape[1], 3, len(beam))), height.T
     length = np.linalg.norm(beam, axis=2)
-    return (beam / length[..., None]).transpose(1, 2, 0), length.T + frame.zero
+    return (beam / length[..., None]).transpose(1, 2, 0), length.T + frame.distance_offset
 
 
 def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> Array:
@@ -177,7 +179,7 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
         (s, 3, rows) [m, rad]; zero where nothing was read.
     """
     if series.distance is not None:
-        u, length = beams(state, series, equilibrium)
+        u, length = distance_directions(state, series, equilibrium)
         return np.asarray(u * ((series.distance.T - length) * series.seen.T)[:, None])
     frame, mount = state.frame(series), state.mount(series)
     x = equilibrium.chain.tool_points_in_world(mount.points)
@@ -193,7 +195,7 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
     return np.concatenate([residual, vector.T[None]])
 
 
-def nominal_chain(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium:
+def undeflected_arm(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium:
     """Place the undeflected arm in poses, and project loads on its virtual joints, u = J_F^T w, Eq. (5).
 
     Args:
@@ -209,17 +211,17 @@ def nominal_chain(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium
     return JointEquilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
 
 
-def pair_rows(
-    unknowns: Unknowns, equilibrium: JointEquilibrium, data: Dataset, runs: Ids, part: Ids | None = None
+def deflection_equations(
+    unknowns: Unknowns, equilibrium: JointEquilibrium, data: Dataset, runs: Ids, groups: Ids | None = None
 ) -> tuple[Array, Ids]:
     """Compute the weighted equations (13) of some pairs, in standard deviations of a difference.
 
     Args:
         unknowns: Compliances, n of them.
-        equilibrium: The arm in these runs, `nominal_chain`.
+        equilibrium: The arm in these runs, `undeflected_arm`.
         data: All pairs.
         runs: Places of some of them, (runs,).
-        part: Part of each of these, (runs,): rows of different parts are never mixed. None for one part.
+        groups: Part of each of these, (runs,): rows of different parts are never mixed. None for one part.
 
     Returns:
         [A | y], (s, 3, n + 1, runs) [1], and the kind of every reading, (s, runs): 0 a position, 1 an
@@ -230,10 +232,10 @@ def pair_rows(
     A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
     if data.rotation_before is not None and data.rotation_after is not None:
         A[m:, :, -1] = rotation_between(data.rotation_before[runs], data.rotation_after[runs]).T
-    return A, whiten(A, data, runs, part)
+    return A, whiten_deflections(A, data, runs, groups)
 
 
-def whiten(A: Array, data: Dataset, runs: Ids, part: Ids | None = None) -> Ids:
+def whiten_deflections(A: Array, data: Dataset, runs: Ids, groups: Ids | None = None) -> Ids:
     """Scale moves and turns of pairs, in place, to standard deviations of a difference, sqrt(2) sigma.
 
     A reading along a line u keeps one row, u . A over its standard deviation; its two other rows become zero.
@@ -244,7 +246,7 @@ def whiten(A: Array, data: Dataset, runs: Ids, part: Ids | None = None) -> Ids:
         A: Rows, (s, 3, c, runs) [m, rad]; overwritten.
         data: All pairs.
         runs: Places of the pairs in A, (runs,).
-        part: Part of each of these, (runs,): rows of different parts are never mixed. None for one part.
+        groups: Part of each of these, (runs,): rows of different parts are never mixed. None for one part.
 
     Returns:
         Kind of every reading, (s, runs): 0 a position, 1 an orientation, -1 lost.
@@ -269,11 +271,11 @@ def whiten(A: Array, data: Dataset, runs: Ids, part: Ids | None = None) -> Ids:
     A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
     kinds[:m][lost] = -1
     if data.slide is not None:
-        _separate_set_ups(A, data, runs, np.zeros(len(runs), dtype=int) if part is None else part)
+        _separate_set_ups(A, data, runs, np.zeros(len(runs), dtype=int) if groups is None else groups)
     return kinds
 
 
-def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
+def _separate_set_ups(A: Array, data: Dataset, runs: Ids, groups: Ids) -> None:
     """Make rows of one set-up independent, in place: a gauge that is not moved keeps its tilt.
 
     Readings of one marker in one pose share the tilt; the covariance of two of them is the product of their
@@ -284,8 +286,8 @@ def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
     deviation = np.sqrt(np.trace(data.covariance[runs], axis1=2, axis2=3))
     share = data.slide[runs] / deviation[..., None]
     for k in range(len(data.markers)):
-        for at in np.unique(np.column_stack([pose, part])[lines[:, k]], axis=0):
-            set_up = np.flatnonzero(lines[:, k] & (pose == at[0]) & (part == at[1]))
+        for at in np.unique(np.column_stack([pose, groups])[lines[:, k]], axis=0):
+            set_up = np.flatnonzero(lines[:, k] & (pose == at[0]) & (groups == at[1]))
             if len(set_up) > 1:
                 C = share[set_up, k] @ share[set_up, k].T
                 np.fill_diagonal(C, 1.0)
@@ -294,14 +296,14 @@ def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
 
 # --- Readings along lines: a dial gauge, a ballbar or a draw-wire reads one number of a marker's motion -----
 
-MODEL_ERROR = 0.1
+PREDICTED_MOTION_ERROR = 0.1
 """Error of a model of scaled joints and links, over the RMS of the readings [1]."""
-SCALE_DEVIATION = 1.0
+PART_SCALE_DEVIATION = 1.0
 """Standard deviation of every scale about that of the arm's folder [1]."""
 BLOCK_RUNS = 384  #: Runs whose Jacobians are in memory at a time.
 
 
-def resolve_lines(vjm: Vjm, data: Dataset) -> Dataset:
+def resolve_line_readings(vjm: Vjm, data: Dataset) -> Dataset:
     """Turn directions of readings along lines with the loaded arm, and count their tilt as noise.
 
     Mathematics: `obs-10`.
@@ -334,7 +336,7 @@ def resolve_lines(vjm: Vjm, data: Dataset) -> Dataset:
     )
 
 
-def directions_under_load(u: Array, reach: Array, d: Array, turn: Array) -> Array:
+def directions_under_load(u: Array, reach: Array, displacement: Array, tool_rotation: Array) -> Array:
     """Compute the directions along which motions are read to second order.
 
     Mathematics: `obs-9`.
@@ -342,15 +344,15 @@ def directions_under_load(u: Array, reach: Array, d: Array, turn: Array) -> Arra
     Args:
         u: Directions at the unloaded arm, unit vectors, (runs, m, 3) [1].
         reach: Lengths of distances, 0 for a gauge on a face of the tool, (runs, m) [m].
-        d: Motion of every marker, (runs, m, 3) [m].
-        turn: Rotation of the tool, (runs, 3) [rad].
+        displacement: Motion of every marker, (runs, m, 3) [m].
+        tool_rotation: Rotation of the tool, (runs, 3) [rad].
 
     Returns:
         u + w x u for a gauge, u + d' / (2 r) for a distance, as unit vectors, (runs, m, 3) [1].
     """
-    across = d - (u * d).sum(axis=2, keepdims=True) * u
+    across = displacement - (u * displacement).sum(axis=2, keepdims=True) * u
     r = np.where(reach > 0, reach, 1.0)[..., None]
-    moved = np.where(reach[..., None] > 0, u + across / (2 * r), u + np.cross(turn[:, None], u))
+    moved = np.where(reach[..., None] > 0, u + across / (2 * r), u + np.cross(tool_rotation[:, None], u))
     return np.asarray(moved / np.maximum(np.linalg.norm(moved, axis=2, keepdims=True), np.finfo(float).tiny))
 
 
@@ -359,7 +361,7 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
 
     With the motion D_j of the markers by joint j alone, and D_0 by all links, the scales s >= 0 minimise
 
-        sum of |P (D s - y)|^2 / (MODEL_ERROR RMS(y))^2 + |s - 1|^2 / SCALE_DEVIATION^2
+        sum of |P (D s - y)|^2 / (PREDICTED_MOTION_ERROR RMS(y))^2 + |s - 1|^2 / PART_SCALE_DEVIATION^2
 
     over all readings y, with P the projection on the measured directions.
 
@@ -380,17 +382,17 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     seen = data.seen
     read = np.array([data.measured_components(motion)[seen] for motion in D]).reshape(len(D), -1)
     y = data.measured_components(data.deflection)[seen].ravel()
-    rough = MODEL_ERROR * float(np.sqrt((y**2).mean())) or 1.0
-    rows = np.vstack([read.T / rough, np.eye(len(D)) / SCALE_DEVIATION])
+    rough = PREDICTED_MOTION_ERROR * float(np.sqrt((y**2).mean())) or 1.0
+    rows = np.vstack([read.T / rough, np.eye(len(D)) / PART_SCALE_DEVIATION])
     from scipy.optimize import nnls  # here: it takes long to import, and few readings are along lines
 
-    s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / SCALE_DEVIATION)]))
+    s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / PART_SCALE_DEVIATION)]))
     return np.tensordot(s, D, axes=1), np.tensordot(s, W, axes=1)
 
 
 def _motions_by_part(vjm: Vjm, data: Dataset, block: slice, points: Array) -> tuple[Array, Array]:
     """Compute motions of markers, (n + 1, runs, m, 3) [m], and turns, (n + 1, runs, 3), of each part."""
-    state = nominal_chain(vjm, data.q[block], [Load(data.wrench[block], data.point[block])])
+    state = undeflected_arm(vjm, data.q[block], [Load(data.wrench[block], data.point[block])])
     C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)
     theta = C @ state.u[: len(C)]
     J = translational_jacobian(state.chain, points)
@@ -403,11 +405,11 @@ def _motions_by_part(vjm: Vjm, data: Dataset, block: slice, points: Array) -> tu
 
 # --- Readings of pairs one by one, weighted, so that single ones can be left out; and limits of datasets ----
 
-MAX_READING = 1e9
+MAX_INPUT_NUMBER = 1e9
 """Largest reading, load or coordinate [m, N, N m]: squares of larger ones may overflow."""
 MAX_DEFLECTION = 0.1
 """Largest median deflection, as a share of the arm's reach [1]: larger ones are in millimetres."""
-MAX_READINGS = 5000
+MAX_ROBUST_READINGS = 5000
 """Most readings in one program: about ten seconds and some hundred megabytes for 153 unknowns."""
 
 
@@ -428,12 +430,14 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
     for name in ("before", "after", "wrench", "point"):
         values = getattr(data, name)
         largest = max(values.max(), -values.min())  # np.abs would copy the dataset
-        if largest > MAX_READING:
-            raise BenchError(f"{name}: expected SI numbers up to {MAX_READING:g}, got {largest:g}: too large")
+        if largest > MAX_INPUT_NUMBER:
+            raise BenchError(
+                f"{name}: expected SI numbers up to {MAX_INPUT_NUMBER:g}, got {largest:g}: too large"
+            )
     vjm.arm.check_joint_positions(data.q)
 
 
-CHECKED_RUNS = 1000  #: Most runs, evenly out of all, whose deflections tell a wrong unit.
+MAX_CHECKED_RUNS = 1000  #: Most runs, evenly out of all, whose deflections tell a wrong unit.
 
 
 def check_deflections(vjm: Vjm, data: Dataset) -> None:
@@ -446,7 +450,7 @@ def check_deflections(vjm: Vjm, data: Dataset) -> None:
     Raises:
         BenchError: When the median deflection exceeds `MAX_DEFLECTION` of the arm's reach.
     """
-    sample = select_evenly(np.arange(data.runs), CHECKED_RUNS)
+    sample = select_evenly(np.arange(data.runs), MAX_CHECKED_RUNS)
     seen = data.deflection[sample][data.seen[sample]]
     median = float(np.median(np.linalg.norm(seen, axis=1))) if len(seen) else 0.0
     if median > MAX_DEFLECTION * vjm.reach:
@@ -460,13 +464,15 @@ class WeightedReadings:
 
     A: Array  #: Observation matrices, (readings, 3, n).
     y: Array  #: Measured deflections, (readings, 3) [1].
-    unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
-    numbers: Ids  #: Numbers of each reading: 3, or 1 along a line, (readings,).
-    run: Ids  #: Index of its run in the dataset, (readings,).
-    marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
+    deviation: (
+        Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
+    )
+    n_components: Ids  #: Numbers of each reading: 3, or 1 along a line, (readings,).
+    run_index: Ids  #: Index of its run in the dataset, (readings,).
+    marker_index: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 
 
-def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedReadings:
+def weighted_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedReadings:
     """Compute the weighted equations (13) reading by reading; `reduce` has checked the dataset.
 
     Args:
@@ -478,19 +484,23 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
         Rows, readings and their units.
 
     Raises:
-        BenchError: When there are more than `MAX_READINGS` readings.
+        BenchError: When there are more than `MAX_REGISTERED_READINGS` readings.
     """
     per_run = len(data.markers) + (data.sigma_rotation is not None)
-    if data.runs * per_run > MAX_READINGS:
-        raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * per_run}")
-    data = resolve_lines(vjm, data)
+    if data.runs * per_run > MAX_ROBUST_READINGS:
+        raise BenchError(
+            f"robust fit: expected at most {MAX_ROBUST_READINGS} readings, got {data.runs * per_run}"
+        )
+    data = resolve_line_readings(vjm, data)
     vjm = model_for(vjm, structure)
     # Rows of every reading, whitened, without lost ones.
-    equilibrium = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)])
-    rows, kinds = pair_rows(compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs))
-    A, marker = each_reading(rows, kinds), np.arange(per_run)
+    equilibrium = undeflected_arm(vjm, data.q, [Load(data.wrench, data.point)])
+    rows, kinds = deflection_equations(
+        compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs)
+    )
+    A, marker = rows_of_readings(rows, kinds), np.arange(per_run)
     unit = np.tile(np.eye(3)[None, :, :, None], (per_run, 1, 1, data.runs))
-    root = each_reading(unit, whiten(unit, data, np.arange(data.runs)))
+    root = rows_of_readings(unit, whiten_deflections(unit, data, np.arange(data.runs)))
     marker[len(data.markers) :] = -1
     used = (kinds >= 0).T.ravel()
     lines = np.zeros((data.runs, per_run), dtype=bool)
@@ -501,14 +511,14 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
     return WeightedReadings(
         A=A[:, :, :-1],
         y=A[:, :, -1],
-        unit=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
-        numbers=np.where(lines, 1, 3),
-        run=np.repeat(np.arange(data.runs), per_run)[used],
-        marker=np.tile(marker, data.runs)[used],
+        deviation=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
+        n_components=np.where(lines, 1, 3),
+        run_index=np.repeat(np.arange(data.runs), per_run)[used],
+        marker_index=np.tile(marker, data.runs)[used],
     )
 
 
-def each_reading(rows: Array, kinds: Ids) -> Array:
+def rows_of_readings(rows: Array, kinds: Ids) -> Array:
     """Select the rows of readings that were not lost.
 
     Args:

@@ -21,7 +21,7 @@ from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.prior import WeightedPrior
-from testbench.identify.regression import BLOCK_RUNS, Regression, f_m, regression_of
+from testbench.identify.regression import RUNS_PER_BATCH, Regression, f_m, regression_from_terms
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.structure import Constraint as Constraint
 from testbench.model.structure import Structure
@@ -83,7 +83,7 @@ class TracePenalty:
             The same equations in the parameters of C'.
         """
         terms = (replace(term, R=term.R @ self.pi_per_split) for term in regression.terms)
-        return regression_of(self.structure, tuple(terms))
+        return regression_from_terms(self.structure, tuple(terms))
 
 
 UNOBSERVED_SCALING_SENSITIVITY = 1e-3
@@ -369,8 +369,8 @@ def deflections_of_models(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset
     """
     points, blocks = marker_positions(vjm, data.markers), []
     vjm = model_for(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
-    for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
-        runs = slice(first, first + BLOCK_RUNS)
+    for first in range(0, data.runs, RUNS_PER_BATCH):  # so that memory does not grow with the runs
+        runs = slice(first, first + RUNS_PER_BATCH)
         where = evaluate_chain(for_load_history(vjm, data.taken_off, runs), data.q[runs])
         load = generalised_load(where, data.wrench[runs], data.point[runs])
         rows = translational_jacobian(where, points)

@@ -427,7 +427,7 @@ def prior_evidence(
     bounds[:, -1] = start[-1], MAX_LOG_MISFIT
     problem = EvidenceModel(
         gram=gram[None],
-        equation_counts=np.array([regression.equations]),
+        equation_counts=np.array([regression.n_equations]),
         exact_gram=np.zeros_like(gram),
         log_deviation_rows=scale + drawn,
         expected_over_scale=scaling.expected_x,
@@ -489,7 +489,7 @@ def gram_matrix(regression: Regression, scaling: PriorScaling) -> Array:
     """
     rows = np.column_stack(rows_in_prior_units(regression, scaling))
     gram = rows.T @ rows
-    gram[-1, -1] += math.fsum(term.equations / 3 * term.unexplained for term in regression.terms)
+    gram[-1, -1] += math.fsum(term.n_equations / 3 * term.unexplained for term in regression.terms)
     return np.asarray(gram)
 
 
@@ -584,7 +584,7 @@ def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> t
     B = np.column_stack(prior_rows(scaling, PriorUncertainty(JOINTS_ONLY_DEVIATION)))
     problem = EvidenceModel(
         gram=gram_matrix(regression, scaling)[None],
-        equation_counts=np.array([regression.equations]),
+        equation_counts=np.array([regression.n_equations]),
         exact_gram=B.T @ B,
         log_deviation_rows=np.zeros((n, 1)),
         expected_over_scale=np.zeros(n),

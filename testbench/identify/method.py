@@ -23,9 +23,15 @@ from testbench.identify.prior import (
     scale_by_prior,
     with_weaker_coupling,
 )
-from testbench.identify.regression import PartitionedRegression, Regression, reduce, reduce_parts, restrict_to
+from testbench.identify.regression import (
+    GroupedRegression,
+    Regression,
+    reduce,
+    reduce_by_group,
+    restrict_regression,
+)
 from testbench.identify.solve import solve, without_outliers
-from testbench.identify.trace import divide_poses, learn_trace_weight, trace_penalty
+from testbench.identify.trace import cross_validation_groups, learn_trace_penalty, trace_penalty
 from testbench.model.laws import without_laws
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -46,7 +52,7 @@ class Method:
 
     with x the compliances in units of the prior, e their expectation, s its common scale and u its relative
     uncertainty. `testbench.identify.regression.f_m` computes F_M, and
-    `testbench.identify.trace.learn_trace_weight` learns the weight w of the trace <W, C>. The call
+    `testbench.identify.trace.learn_trace_penalty` learns the weight w of the trace <W, C>. The call
     `method(vjm, structure, data)` returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and
     `completed_least_squares` are methods; `with_prior` and `robust` make a new method from one.
     """
@@ -97,21 +103,21 @@ class Method:
         if isinstance(data, Dataset):
             check_deflections(vjm, data)
         unknowns = structure if self.learns_prior else without_laws(structure)
-        reduced: PartitionedRegression | Regression
+        reduced: GroupedRegression | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.
         if self.learns_trace_weight and isinstance(data, Dataset):  # poses are held out
-            [reduced] = reduce_parts(vjm, [unknowns], data, divide_poses(data))
+            [reduced] = reduce_by_group(vjm, [unknowns], data, cross_validation_groups(data))
         else:
             reduced = reduce(vjm, unknowns, data)
         if self.loss == "plain":
             return self.fit_reduced(vjm, reduced)
         # Robust loss: the prior or the trace term is settled first, on all readings.
-        regression = reduced.joined() if isinstance(reduced, PartitionedRegression) else reduced
+        regression = reduced.joined() if isinstance(reduced, GroupedRegression) else reduced
         held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, reduced)
         return without_outliers(vjm, data, regression, self.constraint, held)
 
     def fit_reduced(
-        self, vjm: Vjm, equations: PartitionedRegression | Regression, *, for_intervals: bool = True
+        self, vjm: Vjm, equations: GroupedRegression | Regression, *, for_intervals: bool = True
     ) -> Estimate:
         """Identify compliances from a dataset that is already reduced; outliers stay in.
 
@@ -125,7 +131,7 @@ class Method:
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
-        regression = equations.joined() if isinstance(equations, PartitionedRegression) else equations
+        regression = equations.joined() if isinstance(equations, GroupedRegression) else equations
         if self.learns_prior and self.prior is not None:
             # Learnt prior: average models by their evidence, under the prior and under a softened one.
             scaling = scale_by_prior(self.prior, vjm, regression.structure)
@@ -135,7 +141,7 @@ class Method:
             return average_two_priors(regression, self.constraint, scaling, other)
         # With a stated uncertainty, or no prior, there is no evidence for joint laws: they are left out.
         if regression.structure.n_laws:
-            equations = regression = restrict_to(regression, without_laws(regression.structure))
+            equations = regression = restrict_regression(regression, without_laws(regression.structure))
         held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, equations)
         return solve(regression, self.constraint, held)
 
@@ -149,7 +155,7 @@ class Method:
         """Tell whether GCO runs without a prior and learns its trace weight from held-out poses."""
         return self.constraint == "psd" and self.prior is None and self.trace_weight is None
 
-    def trace_penalty(self, vjm: Vjm, equations: PartitionedRegression | Regression) -> TracePenalty | None:
+    def trace_penalty(self, vjm: Vjm, equations: GroupedRegression | Regression) -> TracePenalty | None:
         """Return the trace term w <W, C> of GCO without a prior.
 
         Args:
@@ -161,7 +167,7 @@ class Method:
             the choice to a tie-break.
         """
         if self.learns_trace_weight:
-            return learn_trace_weight(vjm, equations)
+            return learn_trace_penalty(vjm, equations)
         if self.constraint != "psd" or self.prior is not None or not self.trace_weight:
             return None
         return trace_penalty(vjm, equations.structure, self.trace_weight)

@@ -39,7 +39,7 @@ from testbench.identify.regression import (
     ZERO_COLUMN,
     Regression,
     check_symmetric,
-    generic_rows,
+    generic_observation_matrix,
     rank,
     reduce,
 )
@@ -408,7 +408,7 @@ def of_regression(
     own = _rows(regression)
     loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
     groups, none = _groups(vjm, structure), np.zeros((0, structure.n_parameters))
-    to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
+    to_structure = directions(generic_observation_matrix(vjm, structure), unit, groups, none)
     to_loads = directions(loads, unit, groups, to_structure)
     wanted = sampled_tasks(vjm, data, structure)
     moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected_x), axis=-1)

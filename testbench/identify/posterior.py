@@ -22,7 +22,7 @@ from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state
 from testbench.identify.estimate import Estimate, ModelAverage, sensitivity_units
 from testbench.identify.prior import WeightedPrior, prior_rows
-from testbench.identify.regression import RANK_TOLERANCE, scatter_to
+from testbench.identify.regression import RANK_TOLERANCE, embed_parameters
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Weights, displacement, loaded_deflection, secant
 from testbench.model.structure import Structure
@@ -268,7 +268,7 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
         return _averaged(estimate, estimate.average)
     regression, weighted_prior = estimate.regression, estimate.weighted_prior
     L = np.diag(sensitivity_units(regression)) if weighted_prior is None else weighted_prior.scaling.L
-    blocks = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
+    blocks = [math.sqrt(t.n_equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
     if weighted_prior is not None:
         blocks.append(np.column_stack(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)))
     x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [block[:, :-1] for block in blocks]
@@ -357,7 +357,7 @@ def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
 def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
     """Embed a posterior in the unknowns of a wider structure; all others are zero."""
     x, root, unobservable, scale = (
-        scatter_to(numbers, structure, widest)
+        embed_parameters(numbers, structure, widest)
         for numbers in (posterior.x, posterior.root, posterior.unobservable, posterior.scale)
     )
     return replace(posterior, x=x, root=root, unobservable=unobservable, scale=scale)
@@ -412,7 +412,7 @@ def _distance_without_cone(
     pull = float(np.linalg.norm(sum(steps)))
     if estimate.weighted_prior is None and len(steps) > 1:  # F_M weights its terms by their residuals
         terms = zip(steps, residuals, estimate.regression.terms, strict=True)
-        tilted = [g / (math.sqrt((e @ e) / t.equations + t.unexplained / 3) or 1.0) for g, e, t in terms]
+        tilted = [g / (math.sqrt((e @ e) / t.n_equations + t.unexplained / 3) or 1.0) for g, e, t in terms]
         pull = min(pull, float(np.linalg.norm(sum(tilted))))
     return pull
 

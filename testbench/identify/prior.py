@@ -351,7 +351,7 @@ def rows_in_prior_units(regression: Regression, scaling: PriorScaling) -> tuple[
     Returns:
         A, (r, n) [1], and y, (r,) [1].
     """
-    A, y = regression.rows
+    A, y = regression.weighted_equations
     return A @ scaling.L, y
 
 

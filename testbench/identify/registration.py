@@ -8,7 +8,8 @@ The arm's kinematics give the pose R_r, p_r of the tool; R_s, t_s and the target
 and R_s^T t_s as unknowns the equation is linear: this is the start. If m_k is roughly known, Kabsch's
 rotation between two sets of points needs fewer poses. The refinement minimises
 
-    sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| / NOMINAL_DEVIATION)
+    sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| /
+    NOMINAL_TARGET_DEVIATION)
 
 with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
 the residuals show in addition, from the arm's geometric errors and its sag; it is estimated with the rest.
@@ -29,10 +30,10 @@ from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_poses
 
 # --- Pose of the base in a tracker's frame, and targets on the tool, in closed form -------------------------
 
-MIN_POINTS = 3
+MIN_FRAME_POINTS = 3
 """Fewest points that determine a frame, if they are not on a line."""
 #: Readings that are used, drawn at random where there are more: noise does not limit the accuracy of a frame.
-MAX_READINGS = 3000
+MAX_REGISTERED_READINGS = 3000
 MIN_SINGULAR_VALUE = 1e-6
 """Least singular value of the linear form over its largest, below which it is not used [1]."""
 
@@ -45,16 +46,16 @@ class MeanReadings:
     it.
     """
 
-    frame: Ids  #: Index of the frame, (n,).
-    target: Ids  #: Index of the target, (n,).
-    y: Array  #: Position, the frame's axes, (n, 3) [m].
+    frame_index: Ids  #: Index of the frame, (n,).
+    target_index: Ids  #: Index of the target, (n,).
+    reading: Array  #: Position, the frame's axes, (n, 3) [m].
     covariance: Array  #: Covariance of each reading's noise along the frame's axes, (n, 3, 3) [m^2].
-    rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
-    position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
+    tool_rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
+    tool_position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
 
 
 @dataclass(frozen=True)
-class FrameLayout:
+class FramesAndTargets:
     """Hold frames and targets; NaN where one is not known yet."""
 
     rotation: Array  #: R_s, frame from base, (frames, 3, 3).
@@ -62,13 +63,15 @@ class FrameLayout:
     targets: Array  #: m_k in the tool's frame, (targets, 3) [m].
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Tell whether all frames and targets are known."""
         return all(np.isfinite(part).all() for part in vars(self).values())
 
 
 def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
-    """Average repeated readings of one target in one pose and frame; at most `MAX_READINGS` of them are kept.
+    """Average repeated readings of one target in one pose and frame.
+
+    At most `MAX_REGISTERED_READINGS` means are kept, drawn at random.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -80,7 +83,7 @@ def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
     frames, targets = frame_and_target_names(series)
     parts = [_means(readings, frames.index(readings.frame), targets) for readings in series]
     frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
-    kept = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MAX_READINGS])
+    kept = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MAX_REGISTERED_READINGS])
     position, rotation = tool_poses(vjm, q[kept])
     return MeanReadings(frame[kept], target[kept], y[kept], C[kept], rotation, position)
 
@@ -110,7 +113,7 @@ def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array,
     return ids, target[first], series.q[row[first]], y / count, C / count[..., None] ** 2
 
 
-def initial_layouts(readings: MeanReadings, start: FrameLayout) -> Iterator[FrameLayout]:
+def initial_estimates(readings: MeanReadings, start: FramesAndTargets) -> Iterator[FramesAndTargets]:
     """Yield complete sets of frames and targets as starts of the refinement.
 
     Args:
@@ -122,7 +125,7 @@ def initial_layouts(readings: MeanReadings, start: FrameLayout) -> Iterator[Fram
     """
     for targets in (start.targets, _targets_by_hand_eye(readings, len(start.targets))):
         layout = _complete_layout(readings, replace(start, targets=targets))
-        if layout.complete:
+        if layout.is_complete:
             yield layout
 
 
@@ -132,44 +135,46 @@ def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
     A target that this frame did not read is NaN.
     """
     positions = np.full((targets, 3), np.nan)
-    in_frame = readings.frame == np.bincount(readings.frame).argmax()
-    read, at = np.unique(readings.target[in_frame], return_inverse=True)
-    R, at, n = readings.rotation[in_frame], at.ravel(), np.arange(in_frame.sum())
+    in_frame = readings.frame_index == np.bincount(readings.frame_index).argmax()
+    read, at = np.unique(readings.target_index[in_frame], return_inverse=True)
+    R, at, n = readings.tool_rotation[in_frame], at.ravel(), np.arange(in_frame.sum())
     A = np.zeros((len(n), 3, 12 + 3 * len(read)))
     for axis in range(3):
-        A[:, axis, 3 * axis : 3 * axis + 3] = readings.y[in_frame]
+        A[:, axis, 3 * axis : 3 * axis + 3] = readings.reading[in_frame]
         A[:, axis, 9 + axis] = -1
         A[n, :, 12 + 3 * at + axis] = -R[:, :, axis]
     x, _, rank, _ = np.linalg.lstsq(
-        A.reshape(3 * len(n), -1), readings.position[in_frame].ravel(), rcond=MIN_SINGULAR_VALUE
+        A.reshape(3 * len(n), -1), readings.tool_position[in_frame].ravel(), rcond=MIN_SINGULAR_VALUE
     )
     if rank == A.shape[2]:
         positions[read] = x[12:].reshape(-1, 3)
     return positions
 
 
-def _complete_layout(readings: MeanReadings, layout: FrameLayout) -> FrameLayout:
+def _complete_layout(readings: MeanReadings, layout: FramesAndTargets) -> FramesAndTargets:
     """Find frames from known targets and targets from known frames, in turn, until neither finds more."""
     rotation, translation, targets = (part.copy() for part in vars(layout).values())
     while True:
         missing = np.isnan(translation).sum() + np.isnan(targets).sum()
         for s in np.flatnonzero(np.isnan(translation[:, 0])):
-            use = (readings.frame == s) & np.isfinite(targets[readings.target, 0])
-            if use.sum() >= MIN_POINTS:
-                rotation[s], translation[s] = kabsch(base_points(readings, targets)[use], readings.y[use])
+            use = (readings.frame_index == s) & np.isfinite(targets[readings.target_index, 0])
+            if use.sum() >= MIN_FRAME_POINTS:
+                rotation[s], translation[s] = kabsch(
+                    targets_in_base(readings, targets)[use], readings.reading[use]
+                )
         for k in np.flatnonzero(np.isnan(targets[:, 0])):
-            use = (readings.target == k) & np.isfinite(translation[readings.frame, 0])
+            use = (readings.target_index == k) & np.isfinite(translation[readings.frame_index, 0])
             if use.any():
-                at = readings.frame[use]
-                base = np.vecmat(readings.y[use] - translation[at], rotation[at])
+                at = readings.frame_index[use]
+                base = np.vecmat(readings.reading[use] - translation[at], rotation[at])
                 targets[k] = np.median(
-                    np.vecmat(base - readings.position[use], readings.rotation[use]), axis=0
+                    np.vecmat(base - readings.tool_position[use], readings.tool_rotation[use]), axis=0
                 )
         if missing == np.isnan(translation).sum() + np.isnan(targets).sum():
-            return FrameLayout(rotation, translation, targets)
+            return FramesAndTargets(rotation, translation, targets)
 
 
-def base_points(readings: MeanReadings, targets: Array) -> Array:
+def targets_in_base(readings: MeanReadings, targets: Array) -> Array:
     """Compute the targets in base axes, R_r m_k + p_r.
 
     Args:
@@ -179,38 +184,43 @@ def base_points(readings: MeanReadings, targets: Array) -> Array:
     Returns:
         Target of every reading, (n, 3) [m].
     """
-    return np.asarray(readings.position + np.matvec(readings.rotation, targets[readings.target]))
+    return np.asarray(
+        readings.tool_position + np.matvec(readings.tool_rotation, targets[readings.target_index])
+    )
 
 
-def layout_residuals(readings: MeanReadings, layout: FrameLayout) -> Array:
+def registration_residuals(readings: MeanReadings, frames_and_targets: FramesAndTargets) -> Array:
     """Compute readings minus model, p_rk - R_s (R_r m_k + p_r) - t_s, in the frame's axes.
 
     Args:
         readings: The readings.
-        layout: Frames and targets.
+        frames_and_targets: Frames and targets.
 
     Returns:
         (n, 3) [m].
     """
-    x = np.matvec(layout.rotation[readings.frame], base_points(readings, layout.targets))
-    return np.asarray(readings.y - x - layout.translation[readings.frame])
+    x = np.matvec(
+        frames_and_targets.rotation[readings.frame_index],
+        targets_in_base(readings, frames_and_targets.targets),
+    )
+    return np.asarray(readings.reading - x - frames_and_targets.translation[readings.frame_index])
 
 
-def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
+def kabsch(points: Array, readings: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
     """Find the rotation and translation that take points to readings with least squares.
 
     Mathematics: `abs-6`.
 
     Args:
         points: Points, (n, 3) [m].
-        read: Their readings, (n, 3) [m].
+        readings: Their readings, (n, 3) [m].
         mirrored: Whether the determinant is -1 (Kabsch 1976; Arun, Huang, Blostein 1987; Umeyama 1991).
 
     Returns:
         Rotation, (3, 3) [1], and translation, (3,) [m].
     """
-    centre, seen = points.mean(axis=0), read.mean(axis=0)
-    R = nearest_rotation((read - seen).T @ (points - centre), mirrored=mirrored)
+    centre, seen = points.mean(axis=0), readings.mean(axis=0)
+    R = nearest_rotation((readings - seen).T @ (points - centre), mirrored=mirrored)
     return R, seen - R @ centre
 
 
@@ -231,18 +241,18 @@ def nearest_rotation(M: Array, *, mirrored: bool = False) -> Array:
 
 # --- Robust loss for pairs, frames and calibrations: weights of readings, and noise beyond the stated one ---
 
-SCATTER_TOLERANCE = 2.0**-60
+NOISE_ROOT_TOLERANCE = 2.0**-60
 """Error of the estimated noise, over ten times the largest residual [1]."""
 
 
 @dataclass(frozen=True)
-class Loss:
+class HuberLoss:
     """Define a robust loss of the length of a reading's residual."""
 
     threshold: float  #: Length, in standard deviations, beyond which a reading has less than full weight.
-    mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
+    normal_mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
 
-    def influence(self, length: Array) -> Array:
+    def weight(self, length: Array) -> Array:
         """Compute the robust weight of a reading, min(1, threshold / length).
 
         Mathematics: `est-16`.
@@ -255,7 +265,7 @@ class Loss:
         """
         return np.asarray(np.minimum(1.0, self.threshold / np.maximum(length, self.threshold)))
 
-    def scatter(self, residual: Array, variance: Array, share: float) -> float:
+    def extra_noise(self, residual: Array, variance: Array, dof_share: float) -> float:
         """Estimate the standard deviation S that explains the residuals in addition to the stated variances.
 
         Mathematics: `est-17`.
@@ -264,7 +274,7 @@ class Loss:
             residual: Residuals along axes in which the components of a reading are independent, (n, k) [m,
                 rad].
             variance: Stated variances along these axes, (n, k) [m^2, rad^2].
-            share: Degrees of freedom over number of equations [1].
+            dof_share: Degrees of freedom over number of equations [1].
 
         Returns:
             S along an axis [m, rad]; 0 if the stated variances explain the residuals.
@@ -275,23 +285,25 @@ class Loss:
 
         def excess(s: float) -> float:
             length = (squares / (variance + s**2)).sum(axis=1)
-            return float(np.minimum(length, self.threshold**2).mean()) - self.mean_square * share
+            return float(np.minimum(length, self.threshold**2).mean()) - self.normal_mean_square * dof_share
 
         high = 10 * float(np.sqrt(squares.max(initial=0.0)))
         if not len(residual) or excess(0.0) <= 0:
             return 0.0
-        return high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=SCATTER_TOLERANCE * high))
+        return (
+            high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=NOISE_ROOT_TOLERANCE * high))
+        )
 
 
-PAIR_LOSS = Loss(1.628, 1.928)
+PAIR_LOSS = HuberLoss(1.628, 1.928)
 """Loss for pairs while outliers are searched: means of normal 3-vectors keep 95 % efficiency, as single
 numbers do with a bend of 1.345."""
-FRAME_LOSS = Loss(3.0, 2.936)
+FRAME_LOSS = HuberLoss(3.0, 2.936)
 """Loss of a registration: 3 % of sound readings have less than full weight. With a bend of 3.5, errors of
 frame and targets are 1 to 4 % larger if 5 % of the readings are off by 5 mm (median of 100 draws)."""
-READING_LOSS = Loss(3.5, 2.986)
+READING_LOSS = HuberLoss(3.5, 2.986)
 """Loss of a calibration: 0.7 % of sound readings have less than full weight."""
-SQUARED_LOSS = Loss(1e300, 3.0)
+SQUARED_LOSS = HuberLoss(1e300, 3.0)
 """Loss of least squares: full weight for all."""
 
 
@@ -301,7 +313,7 @@ MIN_JOINT_MOTION = 1e-3
 """Motion of a joint below which it counts as still [rad, m]."""
 MIN_POSES = 6
 """Fewest poses that determine one frame and one target without a nominal position."""
-NOMINAL_DEVIATION = 0.02
+NOMINAL_TARGET_DEVIATION = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
 ASSUMED_NOISE = 1e-3
 """Noise by geometric errors if the readings do not determine it [m]."""
@@ -310,13 +322,10 @@ MIN_SPARE_EQUATIONS = 6
 STEP_TOLERANCE = 1e-9
 """Gauss-Newton step at which the fit has converged [m, rad]."""
 MAX_STEPS = 200
-SETTLED_STEP, MAX_UNWEIGHTED_STEPS = 1e-4, 60
-"""After a step below SETTLED_STEP [m, rad], or so many, wild readings are dropped and the noise is estimated
-too.
-
-Before, residuals are those of the start: they would let nominal targets and wild readings win.
-"""
-WILD_RATIO = 10.0
+DROP_OUTLIERS_STEP, MAX_UNWEIGHTED_STEPS = 1e-4, 60
+"""Outliers are dropped, and the noise is estimated, after a Gauss-Newton step below the first [m, rad], or
+after so many steps. Before, the residuals are those of the start: nominal targets and outliers would win."""
+OUTLIER_RATIO = 10.0
 """Length of a residual over the median, or over ASSUMED_NOISE if that is more, beyond which it is dropped."""
 NOISE_TOLERANCE = 1e-6  #: Relative change of the noise that ends the search.
 UNDETERMINED, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
@@ -333,9 +342,11 @@ class Frame:
     #: Covariance of a small rotation about the base's axes, R exp(phi), and of the translation, (6, 6)
     #: [rad, m]; zero for a frame that was given.
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
-    zero: float = 0.0  #: Constant that an instrument adds to every distance from its fixed point [m].
+    distance_offset: float = (
+        0.0  #: Constant that an instrument adds to every distance from its fixed point [m].
+    )
 
-    def at_new_base(self, pose: Array) -> "Frame":
+    def with_base_at(self, pose: Array) -> "Frame":
         """Return the frame that takes the place of the base, with its covariance.
 
         Args:
@@ -355,12 +366,12 @@ class Frame:
         return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec())
 
     @property
-    def angle(self) -> float:
+    def rotation_angle(self) -> float:
         """Return the size of the rotation [rad]."""
         return float(np.linalg.norm(self.rotation_vector))
 
     @property
-    def deviation(self) -> float:
+    def rotation_deviation(self) -> float:
         """Return the largest standard deviation of the rotation about any axis [rad]."""
         return largest_deviation(self.covariance[:3, :3])
 
@@ -369,29 +380,29 @@ class Frame:
 class Registration:
     """Hold the frames and targets that were fitted to readings, with their covariance."""
 
-    names: tuple[str, ...]  #: Names of the frames.
-    markers: tuple[str, ...]  #: Names of the targets.
-    nominal: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
-    layout: FrameLayout  #: Frames and targets in order.
-    free: Mask  #: Frames that were not given, (frames,).
+    frame_names: tuple[str, ...]  #: Names of the frames.
+    target_names: tuple[str, ...]  #: Names of the targets.
+    nominal_targets: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
+    frames_and_targets: FramesAndTargets  #: Frames and targets in order.
+    is_fitted_frame: Mask  #: Frames that were not given, (frames,).
     covariance: Array  #: Covariance of all frames not given (rotation, translation), then targets [rad, m].
-    distance: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
+    distances: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
-    downweighted: int  #: Number of outliers, with less than full robust weight.
+    n_downweighted: int  #: Number of outliers, with less than full robust weight.
 
     @property
     def frames(self) -> dict[str, Frame]:
         """Return the frames by name."""
-        C = np.zeros((len(self.names), 6, 6))
-        for at, k in enumerate(np.flatnonzero(self.free)):
+        C = np.zeros((len(self.frame_names), 6, 6))
+        for at, k in enumerate(np.flatnonzero(self.is_fitted_frame)):
             C[k] = self.covariance[6 * at : 6 * at + 6, 6 * at : 6 * at + 6]
-        every = map(Frame, self.layout.rotation, self.layout.translation, C)
-        return dict(zip(self.names, every, strict=True))
+        every = map(Frame, self.frames_and_targets.rotation, self.frames_and_targets.translation, C)
+        return dict(zip(self.frame_names, every, strict=True))
 
     @property
     def targets(self) -> Array:
         """Return the positions of the targets in the tool's frame, (m, 3) [m]."""
-        return self.layout.targets
+        return self.frames_and_targets.targets
 
     @property
     def target_deviations(self) -> Array:
@@ -402,12 +413,12 @@ class Registration:
     @property
     def rms(self) -> float:
         """Return the RMS distance of readings from the registered model [m]."""
-        return float(np.sqrt(np.mean(self.distance**2)))
+        return float(np.sqrt(np.mean(self.distances**2)))
 
     @property
-    def typical(self) -> float:
+    def median_distance(self) -> float:
         """Return the median distance of readings from the registered model [m]."""
-        return float(np.median(self.distance))
+        return float(np.median(self.distances))
 
 
 def register(
@@ -438,7 +449,9 @@ def register(
     frames, targets = frame_and_target_names(series)
     # What is known: nominal targets and given frames.
     expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
-    known = FrameLayout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
+    known = FramesAndTargets(
+        np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected
+    )
     for name, frame in (known_frames or {}).items():
         if name not in frames:
             raise BenchError(f"frame of {name}: the readings are of {', '.join(frames)}")
@@ -451,12 +464,12 @@ def register(
         _gauss_newton(
             readings, Registration(frames, targets, expected, start, free, none, none, ASSUMED_NOISE, 0)
         )
-        for start in initial_layouts(readings, known)
+        for start in initial_estimates(readings, known)
     ]
     solved = [result for result in tried if isinstance(result, Registration)]
     if not solved:
         raise BenchError(f"registration: {_unsolved(vjm, series, tried)}")
-    return min(solved, key=lambda registration: registration.typical)
+    return min(solved, key=lambda registration: registration.median_distance)
 
 
 def largest_deviation(covariance: Array) -> float:
@@ -496,8 +509,10 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
     if DIVERGED in tried:
         return f"{DIVERGED}; is a unit, the order of joints or the sign of an angle wrong?"
     for readings in series:
-        if readings.seen.sum() < MIN_POINTS:
-            return f"{readings.frame} read {readings.seen.sum()} targets; expected at least {MIN_POINTS}"
+        if readings.seen.sum() < MIN_FRAME_POINTS:
+            return (
+                f"{readings.frame} read {readings.seen.sum()} targets; expected at least {MIN_FRAME_POINTS}"
+            )
     poses = len(np.unique(np.concatenate([readings.q for readings in series]), axis=0))
     return (
         f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, do not "
@@ -508,40 +523,45 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
 
 def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration | str:
     """Take Gauss-Newton steps from a start; returns `UNDETERMINED` if a direction is undetermined."""
-    layout, free, noise, kept = start.layout, start.free, start.noise, None
+    layout, free, noise, kept = start.frames_and_targets, start.is_fitted_frame, start.noise, None
     values, V = np.linalg.eigh(readings.covariance)
     for k in range(MAX_STEPS):
-        e, J = layout_residuals(readings, layout), _jacobian(readings, layout, free)
+        e, J = registration_residuals(readings, layout), _jacobian(readings, layout, free)
         # Whiten residuals by W = (C + s^2 I)^-1/2, in the principal axes of C.
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u = np.matvec(root, e)
         # Huber's weights; readings that were dropped as wild have weight zero.
-        pull = FRAME_LOSS.influence(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
+        pull = FRAME_LOSS.weight(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
         # Normal equations, with the nominal targets as further rows.
         A = (root @ J).reshape(-1, J.shape[2])
         weighted = np.repeat(pull, 3)[:, None] * A
-        information, held = weighted.T @ A, _nominal_rows(start.nominal - layout.targets, A.shape[1])
+        information, held = weighted.T @ A, _nominal_rows(start.nominal_targets - layout.targets, A.shape[1])
         P = _inverse(information + np.diag(held[0]))
         if P is None:
             return UNDETERMINED
         step, before = P @ (weighted.T @ u.ravel() + held[0] * held[1]), noise
         layout = _moved(layout, free, step)
-        if kept is None and (np.abs(step).max() < SETTLED_STEP or k == MAX_UNWEIGHTED_STEPS):
+        if kept is None and (np.abs(step).max() < DROP_OUTLIERS_STEP or k == MAX_UNWEIGHTED_STEPS):
             length = np.linalg.norm(e, axis=1)
-            kept = np.asarray(length <= WILD_RATIO * max(float(np.median(length)), ASSUMED_NOISE))
+            kept = np.asarray(length <= OUTLIER_RATIO * max(float(np.median(length)), ASSUMED_NOISE))
         if kept is not None:
             # Noise s beyond the tracker's, from residuals and remaining degrees of freedom.
             spare = 3 * kept.sum() - float(np.sum(P * information))
             along = np.einsum("nxk,nx->nk", V, e)[kept]
             noise = (
-                FRAME_LOSS.scatter(along, values[kept], spare / along.size)
+                FRAME_LOSS.extra_noise(along, values[kept], spare / along.size)
                 if spare >= MIN_SPARE_EQUATIONS
                 else ASSUMED_NOISE
             )
             if np.abs(step).max() < STEP_TOLERANCE and abs(noise - before) <= NOISE_TOLERANCE * noise:
                 distance, wild = np.linalg.norm(e, axis=1), int((pull < 1).sum())
                 return replace(
-                    start, layout=layout, covariance=P, distance=distance, noise=noise, downweighted=wild
+                    start,
+                    frames_and_targets=layout,
+                    covariance=P,
+                    distances=distance,
+                    noise=noise,
+                    n_downweighted=wild,
                 )
     return DIVERGED
 
@@ -551,33 +571,33 @@ def _nominal_rows(off: Array, size: int) -> tuple[Array, Array]:
 
     The loss is Huber's here too: a nominal position beyond the bend is wrong, not imprecise.
     """
-    length = np.linalg.norm(off, axis=1, keepdims=True) / NOMINAL_DEVIATION
+    length = np.linalg.norm(off, axis=1, keepdims=True) / NOMINAL_TARGET_DEVIATION
     weight, frames = (
-        np.where(np.isfinite(off), FRAME_LOSS.influence(length), 0) / NOMINAL_DEVIATION**2,
+        np.where(np.isfinite(off), FRAME_LOSS.weight(length), 0) / NOMINAL_TARGET_DEVIATION**2,
         (size - off.size, 0),
     )
     return np.pad(weight.ravel(), frames), np.pad(np.nan_to_num(off).ravel(), frames)
 
 
-def _jacobian(readings: MeanReadings, layout: FrameLayout, free: Mask) -> Array:
+def _jacobian(readings: MeanReadings, layout: FramesAndTargets, free: Mask) -> Array:
     """Change of modelled readings with turn and shift of free frames and with targets, (n, 3, k)."""
-    R, n = layout.rotation[readings.frame], np.arange(len(readings.frame))
+    R, n = layout.rotation[readings.frame_index], np.arange(len(readings.frame_index))
     J = np.zeros((len(n), 3, 6 * len(free) + layout.targets.size))
-    turned = R @ skew(base_points(readings, layout.targets)).swapaxes(1, 2)
+    turned = R @ skew(targets_in_base(readings, layout.targets)).swapaxes(1, 2)
     for axis in range(3):
-        J[n, :, 6 * readings.frame + axis] = turned[:, :, axis]
-        J[n, axis, 6 * readings.frame + 3 + axis] = 1.0
-        J[n, :, 6 * len(free) + 3 * readings.target + axis] = (R @ readings.rotation)[:, :, axis]
+        J[n, :, 6 * readings.frame_index + axis] = turned[:, :, axis]
+        J[n, axis, 6 * readings.frame_index + 3 + axis] = 1.0
+        J[n, :, 6 * len(free) + 3 * readings.target_index + axis] = (R @ readings.tool_rotation)[:, :, axis]
     return J[:, :, np.concatenate([np.repeat(free, 6), np.ones(layout.targets.size, dtype=bool)])]
 
 
-def _moved(layout: FrameLayout, free: Mask, step: Array) -> FrameLayout:
+def _moved(layout: FramesAndTargets, free: Mask, step: Array) -> FramesAndTargets:
     """Apply a step of the free unknowns: turn frames about their own axes, shift frames and targets."""
     frames, targets = np.split(step, [6 * free.sum()])
     rotation, translation = layout.rotation.copy(), layout.translation.copy()
     rotation[free] = rotation[free] @ rotation_matrices(frames.reshape(-1, 6)[:, :3])
     translation[free] += frames.reshape(-1, 6)[:, 3:]
-    return FrameLayout(rotation, translation, layout.targets + targets.reshape(-1, 3))
+    return FramesAndTargets(rotation, translation, layout.targets + targets.reshape(-1, 3))
 
 
 def _inverse(information: Array) -> Array | None:

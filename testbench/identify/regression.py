@@ -33,13 +33,13 @@ from testbench.identify.absolute.align import (
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
 from testbench.identify.equations import (
     check_runs,
+    deflection_equations,
     jacobian,
-    nominal_chain,
-    pair_rows,
-    resolve_lines,
-    series_rows,
+    resolve_line_readings,
+    series_equations,
+    undeflected_arm,
 )
-from testbench.identify.registration import READING_LOSS, Loss
+from testbench.identify.registration import READING_LOSS, HuberLoss
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
@@ -57,7 +57,7 @@ RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Term:
+class ResidualTerm:
     """Hold one term of F_M, Eq. (19): positions or rotations.
 
     The rows are divided by sqrt(2) sigma sqrt(N), so that F_M is the sum of sqrt(|R pi - z|^2 + rest).
@@ -67,7 +67,7 @@ class Term:
     z: Array  #: Measured deflections in its coordinates, (n,).
     #: Squared norm of the readings outside the columns' span, which no parameter can explain.
     unexplained: float
-    equations: int  #: Number of scalar equations.
+    n_equations: int  #: Number of scalar equations.
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,13 +75,13 @@ class Regression(Displayed):
     """Hold F_M of a structure on a dataset, as triangular factors of the weighted equations (13)."""
 
     structure: Structure  #: The unknowns, n of them.
-    terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
-    columns: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
-    weight: (
+    terms: tuple[ResidualTerm, ...]  #: Position term, then the rotation term where orientations are read.
+    column_norms: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
+    diagonal_sensitivity: (
         Array  #: Norm of the weighted column of each diagonal entry of C_theta, (n_theta,) [N/m, N m/rad].
     )
     #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; empty if they were not requested.
-    poses: tuple[Array, ...] = ()
+    rows_by_pose: tuple[Array, ...] = ()
     #: Standard deviation of each link's parameters from pose to pose, (links, n); None if they do not vary.
     pose_variation: Array | None = None
 
@@ -91,7 +91,7 @@ class Regression(Displayed):
             "structure": self.structure.name,
             "unknowns": self.structure.n_parameters,
             "rank": self.rank,
-            "equations": self.equations,
+            "equations": self.n_equations,
         }
 
     @cached_property
@@ -100,16 +100,16 @@ class Regression(Displayed):
         return rank(np.vstack([term.R for term in self.terms]))
 
     @cached_property
-    def rows(self) -> tuple[Array, Array]:
+    def weighted_equations(self) -> tuple[Array, Array]:
         """Return A, (r, n), and y, (r,), in standard deviations: A pi - y has noise of deviation 1."""
-        every = [math.sqrt(term.equations / 3) * np.c_[term.R, term.z] for term in self.terms]
+        every = [math.sqrt(term.n_equations / 3) * np.c_[term.R, term.z] for term in self.terms]
         A, y = np.split(np.vstack(every), [self.structure.n_parameters], axis=1)
         return A, y[:, 0]
 
     @property
-    def equations(self) -> int:
+    def n_equations(self) -> int:
         """Count the scalar equations: 3 per measured point and 3 per orientation."""
-        return sum(term.equations for term in self.terms)
+        return sum(term.n_equations for term in self.terms)
 
     @property
     def f_m_floor(self) -> float:
@@ -117,11 +117,11 @@ class Regression(Displayed):
 
         Mathematics: `est-4`.
         """
-        dof = max(0.0, 1 - self.rank / self.equations)
+        dof = max(0.0, 1 - self.rank / self.n_equations)
         return len(self.terms) * math.sqrt(3 * dof)
 
 
-def term_from_triangle(T: Array, unexplained: float, equations: int) -> Term:
+def term_from_triangle(T: Array, unexplained: float, n_equations: int) -> ResidualTerm:
     """Make a term of F_M from the triangular factor of its rows.
 
     Mathematics: `obs-3`.
@@ -129,10 +129,10 @@ def term_from_triangle(T: Array, unexplained: float, equations: int) -> Term:
     Args:
         T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
         unexplained: Squared norm that T does not hold and no parameter explains [1].
-        equations: Scalar equations behind it.
+        n_equations: Scalar equations behind it.
     """
-    return Term(
-        R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + unexplained, equations=equations
+    return ResidualTerm(
+        R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + unexplained, n_equations=n_equations
     )
 
 
@@ -144,7 +144,7 @@ def triangular_factor(rows: Array) -> Array:
     return T
 
 
-def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
+def regression_from_terms(structure: Structure, terms: tuple[ResidualTerm, ...]) -> Regression:
     """Make a regression from terms that were reduced elsewhere.
 
     Args:
@@ -162,7 +162,7 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
     return Regression(structure, terms, columns, weight)
 
 
-def restrict_to(regression: Regression, structure: Structure) -> Regression:
+def restrict_regression(regression: Regression, structure: Structure) -> Regression:
     """Restrict a regression to fewer unknowns; all others are rigid.
 
     Args:
@@ -174,27 +174,27 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
     """
     columns = structure.indices_in(regression.structure)
     parts = ((triangular_factor(np.c_[term.R[:, columns], term.z]), term) for term in regression.terms)
-    restricted = regression_of(
-        structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
+    restricted = regression_from_terms(
+        structure, tuple(term_from_triangle(T, term.unexplained, term.n_equations) for T, term in parts)
     )
-    poses = tuple(rows[:, [*columns, -1]] for rows in regression.poses)
+    poses = tuple(rows[:, [*columns, -1]] for rows in regression.rows_by_pose)
     pose_variation = None if regression.pose_variation is None else regression.pose_variation[:, columns]
-    return replace(restricted, poses=poses, pose_variation=pose_variation)
+    return replace(restricted, rows_by_pose=poses, pose_variation=pose_variation)
 
 
-def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
+def embed_parameters(values: Array, structure: Structure, wider: Structure) -> Array:
     """Put numbers of a structure's parameters at their places among those of a wider structure.
 
     Args:
         values: Numbers, (..., n).
         structure: The structure, n parameters.
-        widest: The wider structure, N parameters.
+        wider: The wider structure, N parameters.
 
     Returns:
         The numbers, zero for all other parameters, (..., N).
     """
-    every = np.zeros((*values.shape[:-1], widest.n_parameters))
-    every[..., structure.indices_in(widest)] = values
+    every = np.zeros((*values.shape[:-1], wider.n_parameters))
+    every[..., structure.indices_in(wider)] = values
     return every
 
 
@@ -243,7 +243,7 @@ def f_m(regression: Regression, pi: Array) -> float:
 GENERIC_RUNS = 60  #: Random runs of a full wrench, read in full pose: they see all that any experiment can.
 
 
-def generic_rows(vjm: Vjm, structure: Structure) -> Array:
+def generic_observation_matrix(vjm: Vjm, structure: Structure) -> Array:
     """Compute the observation matrix, Eq. (12), of an experiment that observes all that any experiment can.
 
     It has random poses within the joint limits, a random full wrench at a random point, and the full pose
@@ -259,14 +259,14 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
     rng = np.random.Generator(np.random.Philox(0))
     q = vjm.arm.draw_poses(rng, GENERIC_RUNS)
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
-    equilibrium = nominal_chain(vjm, q, [Load(wrench, point)])
+    equilibrium = undeflected_arm(vjm, q, [Load(wrench, point)])
     A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, rotations=True)[:, :, :-1]
     return np.concatenate(
         [part.transpose(3, 0, 1, 2).reshape(-1, structure.n_parameters) for part in (A[:-1], A[-1:])]
     )
 
 
-def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
+def non_redundant_structure(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
     """Remove the parameters whose columns the others span in every experiment.
 
     QR with pivoting of a generic observation matrix selects the columns. A removed parameter is zero, and its
@@ -284,7 +284,7 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
     """
     from scipy.linalg import qr  # here: see above
 
-    A = generic_rows(vjm, structure)
+    A = generic_observation_matrix(vjm, structure)
     A = A / np.linalg.norm(A, axis=0)
     _, order = qr(A, mode="r", pivoting=True)
     return structure.select_parameters(np.sort(order[: rank(A)]), name)
@@ -292,12 +292,14 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
 
 # --- Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up ---
 
-BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
-SORTED_RUNS = 16 * BLOCK_RUNS
+RUNS_PER_BATCH = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
+MAX_SORTED_RUNS = 16 * RUNS_PER_BATCH
 """Pairs that are sorted by their parts at a time: limits memory."""
-MAX_NUMBERS = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
+MAX_NUMBERS_IN_MEMORY = (
+    3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
+)
 PANEL_COLUMNS = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
-MIN_POSES, MAX_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
+MIN_SEPARATE_POSES, MAX_SEPARATE_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
 
 
 class TriangularFactors:
@@ -308,81 +310,81 @@ class TriangularFactors:
         self.columns = columns
         #: (columns, columns) each, or all rows where they are fewer.
         self.factors: dict[tuple[int, int], Array] = {}
-        self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
+        self.n_equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
 
-    def add_readings(self, A: Array, kinds: Ids, parts: Ids, *, drop_zeros: bool = False) -> None:
+    def add_readings(self, A: Array, kinds: Ids, groups: Ids, *, drop_zeros: bool = False) -> None:
         """Update the triangular factors of every kind and part with whitened rows of some runs.
 
         Args:
             A: Whitened [A | y] of s readings per run, three components each, (s, 3, columns, runs) [1].
             kinds: Kind of every reading, (s, runs); -1 for lost ones.
-            parts: Part of every run, (runs,).
+            groups: Part of every run, (runs,).
             drop_zeros: Whether to leave out rows of zeros, so that they do not count as equations; a reading
                 along a line fills its unused components with zeros.
         """
         lines = A.transpose(2, 1, 0, 3)
-        for part in np.unique(parts).tolist():
-            kinds_of_part = np.where(parts == part, kinds, -1)
+        for part in np.unique(groups).tolist():
+            kinds_of_part = np.where(groups == part, kinds, -1)
             for kind in np.unique(kinds_of_part[kinds_of_part >= 0]).tolist():
                 these = kinds_of_part == kind
                 rows = np.flatnonzero(these.any(axis=1))
                 block = slice(rows[0], rows[-1] + 1)  # a tenth of the time of a mask, where nothing was lost
                 selected = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
                 selected = selected[:, selected.any(axis=0)] if drop_zeros else selected
-                self.equations[kind, part] += selected.shape[1]
-                self.add(kind, part, selected)
+                self.n_equations[kind, part] += selected.shape[1]
+                self.add_rows(kind, part, selected)
 
-    def add(self, kind: int, part: int, lines: Array) -> None:
-        """Add rows to one part by QR; the memory of `lines` is overwritten.
+    def add_rows(self, kind: int, group: int, transposed_rows: Array) -> None:
+        """Add rows to one part by QR; the memory of `transposed_rows` is overwritten.
 
         Args:
             kind: Kind of the equations.
-            part: Number of the part.
-            lines: The rows, transposed, (columns, rows) [1].
+            group: Number of the part.
+            transposed_rows: The rows, transposed, (columns, rows) [1].
         """
         from scipy.linalg.lapack import dtpqrt  # here: see above
 
-        n, at = self.columns, (kind, part)
+        n, at = self.columns, (kind, group)
         T = self.factors.get(at, np.zeros((0, n)))
         if len(T) < n:
-            lines = np.concatenate([T.T, lines], axis=1)
-            if lines.shape[1] < n:
-                self.factors[at] = lines.T
+            transposed_rows = np.concatenate([T.T, transposed_rows], axis=1)
+            if transposed_rows.shape[1] < n:
+                self.factors[at] = transposed_rows.T
                 return
             T = np.zeros((n, n), order="F")
         panel = min(PANEL_COLUMNS, n)
-        self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
+        self.factors[at] = dtpqrt(0, panel, T, transposed_rows.T, overwrite_a=True, overwrite_b=True)[0]
 
-    def join(self, other: "TriangularFactors") -> None:
+    def merge(self, other: "TriangularFactors") -> None:
         """Add all rows of another set of factors.
 
         Args:
             other: Factors with the same columns.
         """
         for at, T in other.factors.items():
-            self.add(*at, T.T.copy())
-            self.equations[at] += other.equations[at]
+            self.add_rows(*at, T.T.copy())
+            self.n_equations[at] += other.n_equations[at]
 
-    def factor(self, kind: int, parts: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
+    def factor(self, kind: int, groups: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
         """Compute the triangular factor of all rows of some parts.
 
         Args:
             kind: Kind of the equations.
-            parts: Numbers of the parts, (parts,).
+            groups: Numbers of the parts, (parts,).
             columns: Columns that are wanted, (k,).
 
         Returns:
             Triangular factor, (columns, columns) [1].
         """
-        rows = [self.factors[kind, k][:, columns] for k in parts if (kind, k) in self.factors]
+        rows = [self.factors[kind, k][:, columns] for k in groups if (kind, k) in self.factors]
         whole = TriangularFactors(len(np.arange(self.columns)[columns]))
-        whole.add(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
+        whole.add_rows(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
         T = whole.factors[0, 0]
         return T if len(T) == whole.columns else triangular_factor(T)
 
 
 @dataclass(frozen=True)
-class PartitionedRegression:
+class GroupedRegression:
     """Hold the equations of a structure on a dataset, reduced by QR part by part.
 
     A part is a group of runs that can be held out together; each kind of reading has its own factor.
@@ -393,33 +395,33 @@ class PartitionedRegression:
     columns: Ids | slice  #: Columns of the unknowns and of the readings in `factors`.
 
     @property
-    def all_parts(self) -> Ids:
+    def groups(self) -> Ids:
         """Return the numbers by which the parts of the readings are named, ascending, (parts,)."""
         return np.unique([part for _, part in self.factors.factors])
 
-    def some_parts(self, parts: Ids) -> "PartitionedRegression":
+    def select_groups(self, groups: Ids) -> "GroupedRegression":
         """Select the equations of some parts.
 
         Args:
-            parts: Numbers of the parts, (parts,), out of `all_parts`.
+            groups: Numbers of the parts, (parts,), out of `all_parts`.
         """
-        kept, wanted = TriangularFactors(self.factors.columns), set(parts.tolist())
+        kept, wanted = TriangularFactors(self.factors.columns), set(groups.tolist())
         kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in wanted}
-        kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in wanted})
+        kept.n_equations.update({at: n for at, n in self.factors.n_equations.items() if at[1] in wanted})
         return replace(self, factors=kept)
 
-    def joined(self, parts: Ids | None = None) -> Regression:
+    def joined(self, groups: Ids | None = None) -> Regression:
         """Make one regression of some parts: rows over sqrt(N), as in F_M, Eq. (19).
 
         Args:
-            parts: Numbers of the parts, (parts,); None for all.
+            groups: Numbers of the parts, (parts,); None for all.
         """
-        terms, chosen = [], (self.all_parts if parts is None else parts).tolist()
+        terms, chosen = [], (self.groups if groups is None else groups).tolist()
         for kind in sorted({kind for kind, _ in self.factors.factors}):
-            equations = sum(self.factors.equations[kind, k] for k in chosen)
+            equations = sum(self.factors.n_equations[kind, k] for k in chosen)
             T = self.factors.factor(kind, chosen, self.columns) / math.sqrt(equations / 3)
             terms.append(term_from_triangle(T, 0.0, equations))
-        return regression_of(self.structure, tuple(terms))
+        return regression_from_terms(self.structure, tuple(terms))
 
 
 def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regression:
@@ -445,12 +447,12 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
     check_type(structure, Structure, "structure")
     check_type(data, (Dataset, Regression), "data")
     if isinstance(data, Regression):
-        return restrict_to(data, structure)
-    [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
-    return with_poses(vjm, parts.joined(), data)
+        return restrict_regression(data, structure)
+    [parts] = reduce_by_group(vjm, [structure], data, np.broadcast_to(0, data.runs))
+    return with_rows_by_pose(vjm, parts.joined(), data)
 
 
-def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
+def with_rows_by_pose(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
     """Add the rows of every pose to a regression of links and joints with laws.
 
     They are needed to learn how links vary from pose to pose (`pose_variation`): with `MIN_POSES` to
@@ -468,24 +470,24 @@ def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
     if (
         not regression.structure.n_laws
         or len(regression.terms) > 1
-        or not MIN_POSES <= len(poses) <= MAX_POSES
+        or not MIN_SEPARATE_POSES <= len(poses) <= MAX_POSES
     ):
         return regression
-    [parts] = reduce_parts(vjm, [regression.structure], data, part)
+    [parts] = reduce_by_group(vjm, [regression.structure], data, part)
     factors = parts.factors.factors
-    return replace(regression, poses=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
+    return replace(regression, rows_by_pose=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
 
 
-def reduce_parts(
-    vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part: Ids
-) -> list[PartitionedRegression]:
+def reduce_by_group(
+    vjm: Vjm, structures: Sequence[Structure], data: Dataset, group: Ids
+) -> list[GroupedRegression]:
     """Reduce the weighted equations of several structures on runs, part by part.
 
     Args:
         vjm: The arm's virtual joint model.
         structures: The unknowns of every model.
-        runs: The runs.
-        part: Part of every run from 0 on, (runs,); -1 for runs that are left out.
+        data: The runs.
+        group: Part of every run from 0 on, (runs,); -1 for runs that are left out.
 
     Returns:
         The equations of every structure, in order.
@@ -500,51 +502,53 @@ def reduce_parts(
     unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in separate]
 
     factors = [TriangularFactors(s.n_parameters + 1) for s in separate]
-    check_runs(vjm, runs)
-    runs, lines = resolve_lines(vjm, runs), runs.direction is not None
+    check_runs(vjm, data)
+    data, lines = resolve_line_readings(vjm, data), data.direction is not None
     # Rows are made and folded block by block, so that memory does not grow with the runs.
-    for these in _blocks_of(part, runs.pose if lines else np.arange(len(part))):
-        load = Load(runs.wrench[these], runs.point[these])
+    for these in _blocks_of(group, data.pose if lines else np.arange(len(group))):
+        load = Load(data.wrench[these], data.point[these])
         chains = {
-            v: nominal_chain(for_load_history(v, runs.taken_off, these), runs.q[these], [load])
+            v: undeflected_arm(for_load_history(v, data.taken_off, these), data.q[these], [load])
             for v in {model.vjm for model in unknowns}
         }
         for model, folded in zip(unknowns, factors, strict=True):
             folded.add_readings(
-                *pair_rows(model, chains[model.vjm], runs, these, part[these]), part[these], drop_zeros=lines
+                *deflection_equations(model, chains[model.vjm], data, these, group[these]),
+                group[these],
+                drop_zeros=lines,
             )
     alone = iter(factors[1:])
     return [
-        PartitionedRegression(s, next(alone), slice(None))
+        GroupedRegression(s, next(alone), slice(None))
         if place is None
-        else PartitionedRegression(s, factors[0], place)
+        else GroupedRegression(s, factors[0], place)
         for s, place in zip(structures, places, strict=True)
     ]
 
 
-def _blocks_of(part: Ids, pose: Ids) -> Iterator[Ids]:
+def _blocks_of(group: Ids, pose: Ids) -> Iterator[Ids]:
     """Divide the runs into batches of about BLOCK_RUNS, in one part of some thousand runs after the other."""
-    for first in range(0, len(part), SORTED_RUNS):
-        block = slice(first, first + SORTED_RUNS)
-        for these in pose_batches(part[block], pose[block], BLOCK_RUNS):
+    for first in range(0, len(group), MAX_SORTED_RUNS):
+        block = slice(first, first + MAX_SORTED_RUNS)
+        for these in pose_batches(group[block], pose[block], RUNS_PER_BATCH):
             yield first + these
 
 
-def pose_batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
+def pose_batches(group: Ids, pose: Ids, batch_size: int) -> Iterator[Ids]:
     """Yield places of rows in batches, part by part; rows of one pose stay together.
 
     Args:
-        part: Part of every row, (rows,); rows of part -1 are left out.
+        group: Part of every row, (rows,); rows of part -1 are left out.
         pose: Pose of every row, (rows,).
-        size: About how many rows a batch has.
+        batch_size: About how many rows a batch has.
 
     Yields:
         Places of the rows of one batch.
     """
-    order = np.lexsort((pose, part))
-    order = order[part[order] >= 0]
+    order = np.lexsort((pose, group))
+    order = order[group[order] >= 0]
     poses = np.append(np.flatnonzero(np.r_[True, np.diff(pose[order]) != 0]), len(order))
-    wanted = np.append(np.arange(0, len(order), size), len(order))
+    wanted = np.append(np.arange(0, len(order), batch_size), len(order))
     for a, b in pairwise(np.unique(poses[np.searchsorted(poses, wanted)]).tolist()):
         yield order[a:b]
 
@@ -562,10 +566,10 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
 class SeriesBlock:
     """Hold the equations of one block of joint space of one series."""
 
-    series: int  #: Place of the series.
-    gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
-    counts: Array  #: Scalar equations of every kind, (kinds,).
-    face: bool = False  #: Whether they are heights over a plane face.
+    series_index: int  #: Place of the series.
+    gram_matrices: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
+    n_equations: Array  #: Scalar equations of every kind, (kinds,).
+    is_plane_face: bool = False  #: Whether they are heights over a plane face.
 
 
 @dataclass(frozen=True)
@@ -573,13 +577,13 @@ class ReducedReadings:
     """Hold all equations of absolute readings, reduced."""
 
     kinds: tuple[int, ...]  #: Kinds of equations that there are, as places in `EQUATION_KINDS`.
-    parts: tuple[SeriesBlock, ...]  #: The rows, block by block.
+    blocks: tuple[SeriesBlock, ...]  #: The rows, block by block.
     factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
 
     @cached_property
-    def gram(self) -> Array:
+    def total_gram_matrices(self) -> Array:
         """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
-        return sum_gram(self.parts)
+        return sum_gram(self.blocks)
 
     def in_basis(self, basis: "csr_array") -> "ReducedReadings":
         """Transform the equations to other unknowns z, x = basis @ z.
@@ -593,21 +597,26 @@ class ReducedReadings:
         from scipy.sparse import block_diag  # here: see above
 
         B = block_diag((basis, 1.0), format="csr").T
-        grams = [np.array([B @ np.asarray(B @ rotated).T for rotated in block.gram]) for block in self.parts]
-        parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))
+        grams = [
+            np.array([B @ np.asarray(B @ rotated).T for rotated in block.gram_matrices])
+            for block in self.blocks
+        ]
+        parts = tuple(
+            replace(block, gram_matrices=gram) for block, gram in zip(self.blocks, grams, strict=True)
+        )
         return ReducedReadings(
             self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
         )
 
     @property
-    def positions(self) -> Mask:
+    def is_position(self) -> Mask:
         """Return which kinds are positions, (kinds,)."""
         return np.isin(self.kinds, POSITION_KINDS)
 
     @property
-    def counts(self) -> Array:
+    def n_equations(self) -> Array:
         """Return the number of equations of every kind in all parts, (kinds,)."""
-        return np.asarray(sum(part.counts for part in self.parts))
+        return np.asarray(sum(part.n_equations for part in self.blocks))
 
 
 @dataclass(frozen=True)
@@ -617,7 +626,7 @@ class Linearisation:
     unknowns: Unknowns
     state: ArmState
     noise: Noise
-    loss: Loss = READING_LOSS  #: Robust loss that weighs each reading.
+    loss: HuberLoss = READING_LOSS  #: Robust loss that weighs each reading.
 
 
 def reduce_series(
@@ -638,18 +647,18 @@ def reduce_series(
             part = _factors_of_rows(linearisation, readings, np.where(block == block_number, 0, -1))
             factors = [part.factor(kind, [0]) for kind in kinds]
             numbers = 1 if readings.distance is None else 3  # two of three rows of a distance are zero
-            counts = np.array([part.equations[kind, 0] for kind in kinds]) // numbers
+            counts = np.array([part.n_equations[kind, 0] for kind in kinds]) // numbers
             grams, face = np.array([T.T @ T for T in factors]), readings.normal is not None
             parts.append(SeriesBlock(place, grams, counts, face))
-            whole.join(part)
+            whole.merge(part)
     return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
 
 
-def _factors_of_rows(linearisation: Linearisation, series: Series, part: Ids) -> TriangularFactors:
+def _factors_of_rows(linearisation: Linearisation, series: Series, group: Ids) -> TriangularFactors:
     """Fold the rows of a series whose part is 0, batch by batch."""
     folded = TriangularFactors(linearisation.unknowns.size + 1)
     numbers = 3 * folded.columns * (len(series.markers) + (series.rotation is not None))
-    for rows in pose_batches(part, series.pose, max(16, MAX_NUMBERS // numbers)):
+    for rows in pose_batches(group, series.pose, max(16, MAX_NUMBERS_IN_MEMORY // numbers)):
         A, kinds = whitened_rows(linearisation, select_rows(series, rows))
         folded.add_readings(A, kinds, np.zeros(len(rows), dtype=int))
     return folded
@@ -667,7 +676,7 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
         read.
     """
     A, rotation = (
-        series_rows(linearisation.unknowns, linearisation.state, series),
+        series_equations(linearisation.unknowns, linearisation.state, series),
         linearisation.state.frame(series).rotation,
     )
     # Weights by the loss, and the right-hand side for the unknowns themselves in place of steps.
@@ -690,4 +699,4 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
 
 def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
     """Sum the Gram matrices of several parts, (kinds, size + 1, size + 1)."""
-    return np.asarray(sum(part.gram for part in parts))
+    return np.asarray(sum(part.gram_matrices for part in parts))

@@ -14,7 +14,7 @@ and fitted again, until nothing changes. This minimises
 
     sum_i h(|A_i x - y_i|) + 1/2 |B x - c|^2
 
-with Huber's loss h and the rows B, c of the prior. Readings with a residual beyond REJECTION_THRESHOLD are
+with Huber's loss h and the rows B, c of the prior. Readings with a residual beyond REJECTED_RESIDUAL are
 outliers, and the plain method fits the rest. Huber's own fit was worse, because a wild reading keeps its
 influence: with a fifth of the readings off by 1 mm it raised the RMS error over the workspace by 20 to 25 %,
 rejection by 2 to 5 % (KR 500, MGCO68 and MGCO56 with a prior, median of 20 seeds). It was better only for
@@ -40,7 +40,7 @@ from testbench.identify.conic import (
     clip_negative_eigenvalues,
     solve_gco,
 )
-from testbench.identify.equations import WeightedReadings, single_readings
+from testbench.identify.equations import WeightedReadings, weighted_readings
 from testbench.identify.estimate import (
     ORIENTATION_READING,
     Constraint,
@@ -66,7 +66,7 @@ from testbench.identify.regression import (
     Regression,
     check_symmetric,
     f_m,
-    regression_of,
+    regression_from_terms,
     term_from_triangle,
     triangular_factor,
 )
@@ -91,8 +91,8 @@ def minimum_norm(regression: Regression) -> Estimate:
         The estimate; it need not be conservative.
     """
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations equally.
-    rows = np.vstack([np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms])
-    A, y, seen = rows[:, :-1], rows[:, -1], regression.columns > 0
+    rows = np.vstack([np.sqrt(term.n_equations) * np.c_[term.R, term.z] for term in regression.terms])
+    A, y, seen = rows[:, :-1], rows[:, -1], regression.column_norms > 0
     scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n_parameters)
     # SVD of the scaled columns; singular values below RANK_TOLERANCE are structural zeros.
     pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y, rcond=RANK_TOLERANCE)[0] / scale
@@ -148,7 +148,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
     if regression.rank == regression.structure.n_parameters:
         return replace(plain, status=f"{NO_CONSERVATIVE_FIT}: the data determine all unknowns")
     # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
-    free = free_directions(regression, plain.pi)
+    free = equal_fits(regression, plain.pi)
     shortest = cone.norm_constraint(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
     solution = cone.solve(
         _equal_fit_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,))
@@ -170,7 +170,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
     return replace(estimate, status="solved" if good else estimate.status, solver_seconds=solution.seconds)
 
 
-def free_directions(regression: Regression, pi: Array) -> EqualFits:
+def equal_fits(regression: Regression, pi: Array) -> EqualFits:
     """Compute the directions along which F_M does not change, in units of sensitivity.
 
     Args:
@@ -190,20 +190,22 @@ def free_directions(regression: Regression, pi: Array) -> EqualFits:
     return EqualFits(unit, pi / unit, N / length[:, None])
 
 
-def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
+def least_eigenvalue_shift(structure: Structure, equal_fits: EqualFits) -> float:
     """Compute a lower bound of the least t >= -1 for which some X_0 + N w + t 1 is positive semi-definite.
 
     Args:
-        s: The unknowns.
+        structure: The unknowns.
         equal_fits: The affine set of equal fit.
 
     Returns:
         The bound, in units where the data are of order one [1]; above 0 no conservative model fits equally.
     """
-    identity = np.where(s.rows == s.columns, 1.0, 0.0)
+    identity = np.where(structure.rows == structure.columns, 1.0, 0.0)
     first = np.eye(1, 1 + equal_fits.N.shape[1])
     return cone.solve(
-        _equal_fit_program(s, equal_fits, identity, (cone.ConeConstraint("nonnegative", -first, np.ones(1)),))
+        _equal_fit_program(
+            structure, equal_fits, identity, (cone.ConeConstraint("nonnegative", -first, np.ones(1)),)
+        )
     ).lower_bound
 
 
@@ -227,9 +229,9 @@ OPTIMALITY_TOLERANCE = 1e-8
 Then it lies within sqrt(2 OPTIMALITY_TOLERANCE) = 1.4e-4 standard deviations of the optimum in every
 direction.
 """
-ROUNDING_SHARE = 1e-12
+COST_ROUNDING = 1e-12
 """Further allowance as a share of the cost [1]: rounding of large misfits in float64."""
-METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
+METHOD_NAMES: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
 
 
 def solve(
@@ -260,7 +262,9 @@ def solve(
         return (complete_conservatively if constraint == "free" else minimum_norm)(regression)
     # With a prior: minimise chi^2 and penalty in units of the prior, then map x back to pi.
     prior_solution = solve_with_prior(constraint, RegressionWithPrior(regression, prior_or_penalty))
-    estimate = make_estimate(regression, prior_solution.pi, method=METHODS[constraint], constraint=constraint)
+    estimate = make_estimate(
+        regression, prior_solution.pi, method=METHOD_NAMES[constraint], constraint=constraint
+    )
     return replace(
         estimate,
         weighted_prior=prior_or_penalty,
@@ -312,7 +316,7 @@ def certified_solution(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | No
     """
     x, gap = least_squares_on_cone(M, r, sizes)
     cost = float(np.sum((M @ x - r) ** 2)) / 2
-    return x if gap <= OPTIMALITY_TOLERANCE + ROUNDING_SHARE * cost else None
+    return x if gap <= OPTIMALITY_TOLERANCE + COST_ROUNDING * cost else None
 
 
 def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
@@ -365,16 +369,16 @@ def solve_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Soluti
 
 # --- Robust identification ----------------------------------------------------------------------------------
 
-REJECTION_THRESHOLD, LINE_THRESHOLD = 4.033, 3.291
+REJECTED_RESIDUAL, REJECTED_LINE_RESIDUAL = 4.033, 3.291
 """Length beyond which a reading is rejected: the 99.9 % quantile of a normal 3-vector, and of one number.
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
 MAX_REWEIGHTINGS, CONVERGED_CHANGE = 200, 1e-6
 """Most reweightings, and the change of a residual after which they end [1]."""
-WEAK_UNCERTAINTY = 10.0
+WEAK_PRIOR_UNCERTAINTY = 10.0
 """Relative uncertainty of the CAD compliances while outliers of GCO without a prior are searched."""
-NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
+TOO_MANY_OUTLIERS_CAUSE = "sigma too small, or wrong structure, load, unit or frame"
 
 
 def without_outliers(
@@ -401,18 +405,18 @@ def without_outliers(
     Raises:
         BenchError: If the dataset is too large, or too few readings remain.
     """
-    readings = single_readings(vjm, regression.structure, data)
+    readings = weighted_readings(vjm, regression.structure, data)
     start = time.perf_counter()
     weighted_prior = prior_or_penalty if isinstance(prior_or_penalty, WeightedPrior) else None
-    length, status = reject_iteratively(vjm, readings, regression, constraint, weighted_prior)
-    limit = np.where(readings.numbers == 1, LINE_THRESHOLD, REJECTION_THRESHOLD)
+    length, status = robust_residuals(vjm, readings, regression, constraint, weighted_prior)
+    limit = np.where(readings.n_components == 1, REJECTED_LINE_RESIDUAL, REJECTED_RESIDUAL)
     seconds, keep = time.perf_counter() - start, length <= limit
-    left, equations = int(keep.sum()), int(readings.numbers[keep].sum())
+    left, equations = int(keep.sum()), int(readings.n_components[keep].sum())
     if not left or equations < regression.rank:  # fewer equations than directions that all readings see
         raise BenchError(
-            f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECTION_THRESHOLD} "
+            f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECTED_RESIDUAL} "
             f"standard deviations; "
-            f"{equations} equations left for {regression.rank} directions: {NO_OUTLIERS}"
+            f"{equations} equations left for {regression.rank} directions: {TOO_MANY_OUTLIERS_CAUSE}"
         )
     if not keep.all():
         regression = _accepted(regression.structure, readings, keep, np.ones(len(keep)))
@@ -423,11 +427,11 @@ def without_outliers(
         status=plain.status if status == "solved" else f"{status} (search for outliers)",
         solver_seconds=plain.solver_seconds + seconds,
         rejected=_rejected(data, readings, keep, plain.pi),
-        rejected_runs=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
+        rejected_runs=tuple(data.run[np.setdiff1d(readings.run_index, readings.run_index[keep])].tolist()),
     )
 
 
-def reject_iteratively(
+def robust_residuals(
     vjm: Vjm,
     readings: WeightedReadings,
     regression: Regression,
@@ -437,7 +441,7 @@ def reject_iteratively(
     """Minimise Huber's loss by reweighting, and return the residuals.
 
     Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of
-    `WEAK_UNCERTAINTY`.
+    `WEAK_PRIOR_UNCERTAINTY`.
 
     Mathematics: `est-16`.
 
@@ -454,12 +458,12 @@ def reject_iteratively(
     s = regression.structure
     if constraint == "psd" and weighted_prior is None:
         weighted_prior = WeightedPrior(
-            scale_by_prior(cad_prior(vjm.arm), vjm, s), PriorUncertainty(WEAK_UNCERTAINTY)
+            scale_by_prior(cad_prior(vjm.arm), vjm, s), PriorUncertainty(WEAK_PRIOR_UNCERTAINTY)
         )
     every = np.ones(len(readings.y), dtype=bool)
     length, status = np.zeros(len(every)), "solved"
     for _ in range(MAX_REWEIGHTINGS):
-        weighted = _accepted(s, readings, every, np.sqrt(PAIR_LOSS.influence(length)))
+        weighted = _accepted(s, readings, every, np.sqrt(PAIR_LOSS.weight(length)))
         if weighted_prior is None:
             pi = minimum_norm(weighted).pi
         else:
@@ -474,13 +478,13 @@ def reject_iteratively(
 def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weight: Array) -> Regression:
     """Select the equations of some readings; a term without any reading is left out."""
     rows, terms = weight[:, None, None] * np.concatenate([readings.A, readings.y[..., None]], axis=2), []
-    for kind in (readings.marker >= 0, readings.marker < 0):
+    for kind in (readings.marker_index >= 0, readings.marker_index < 0):
         of_kind = keep & kind
         if of_kind.any():
-            equations = int(readings.numbers[of_kind].sum())
+            equations = int(readings.n_components[of_kind].sum())
             T = triangular_factor(rows[of_kind].reshape(-1, rows.shape[2])) / np.sqrt(equations / 3)
             terms.append(term_from_triangle(T, 0.0, equations))
-    return regression_of(structure, tuple(terms))
+    return regression_from_terms(structure, tuple(terms))
 
 
 def _rejected(
@@ -491,9 +495,9 @@ def _rejected(
     names = (*data.markers, ORIENTATION_READING)
     return tuple(
         RejectedReading(
-            run=int(data.run[readings.run[i]]),
-            marker=names[readings.marker[i]],
-            residual=float(length[i] * readings.unit[i]),
+            run=int(data.run[readings.run_index[i]]),
+            marker=names[readings.marker_index[i]],
+            residual=float(length[i] * readings.deviation[i]),
             residual_over_sigma=float(length[i]),
         )
         for i in np.flatnonzero(~keep)

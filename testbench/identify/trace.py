@@ -35,13 +35,13 @@ from testbench.identify import interior
 from testbench.identify.conic import trace_units
 from testbench.identify.estimate import TracePenalty
 from testbench.identify.interior import TINY
-from testbench.identify.regression import PartitionedRegression, Regression
+from testbench.identify.regression import GroupedRegression, Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-FOLDS = 8
+MAX_FOLDS = 8
 """Largest number of parts into which the poses, and the loads, are divided; fewer poses make fewer folds."""
-CLEAR_STANDARD_ERRORS = 2.0
+MIN_STANDARD_ERRORS_BETTER = 2.0
 """Standard errors of the paired difference by which a model must be better to replace the first one."""
 LOAD_LEVEL_DECIMALS = 1
 """Decimals to which forces [N] and moments [N m] are rounded to tell load levels apart."""
@@ -51,25 +51,25 @@ LOAD_LEVEL_DECIMALS = 1
 class Fold:
     """Hold one split of the data: equations that are fitted, and equations that are held out."""
 
-    fitted_parts: Ids  #: Numbers of the parts that are fitted.
-    parts: PartitionedRegression  #: The equations of these parts.
+    fitted_groups: Ids  #: Numbers of the parts that are fitted.
+    fitted_equations: GroupedRegression  #: The equations of these parts.
     held_out: Regression  #: The equations of all other parts.
 
     @cached_property
     def fitted(self) -> Regression:
         """Return the equations that are fitted, reduced to one regression."""
-        return self.parts.joined()
+        return self.fitted_equations.joined()
 
 
 @dataclass(frozen=True)
-class Candidate:
+class HeldOutErrors:
     """Hold the held-out errors of one model."""
 
-    name: str  #: For reports.
+    model_name: str  #: For reports.
     errors: Array  #: F_M on the runs held out, one per fold, (folds,) [1].
 
     @property
-    def error(self) -> float:
+    def mean_error(self) -> float:
         """Return the mean F_M over the folds [1]."""
         return mean_and_standard_error(self.errors)[0]
 
@@ -79,7 +79,7 @@ class Candidate:
         return mean_and_standard_error(self.errors)[1]
 
 
-def divide_poses(data: Dataset) -> Ids:
+def cross_validation_groups(data: Dataset) -> Ids:
     """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load), (runs,).
 
     Two loads are of one level if their forces and their moments are equal in length, to
@@ -87,66 +87,68 @@ def divide_poses(data: Dataset) -> Ids:
     """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
     force, moment = (np.unique(sizes, return_inverse=True)[1] for sizes in level.round(LOAD_LEVEL_DECIMALS).T)
-    load = np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS
-    part = np.unique(data.pose, return_inverse=True)[1] % FOLDS * FOLDS + load
+    load = np.unique(force * len(level) + moment, return_inverse=True)[1] % MAX_FOLDS
+    part = np.unique(data.pose, return_inverse=True)[1] % MAX_FOLDS * MAX_FOLDS + load
     return np.where(data.seen.any(axis=1), part, -1)
 
 
-def folds(parts: PartitionedRegression) -> list[Fold]:
+def folds(equations: GroupedRegression) -> list[Fold]:
     """Make the folds of cross-validation: each group of poses held out, then each load level.
 
     Args:
-        parts: The reduced equations, in the parts of `divide_poses`.
+        equations: The reduced equations, in the parts of `cross_validation_groups`.
 
     Raises:
         BenchError: When all runs are of one pose.
     """
-    numbers = parts.all_parts
-    pose, load = numbers // FOLDS, numbers % FOLDS
+    numbers = equations.groups
+    pose, load = numbers // MAX_FOLDS, numbers % MAX_FOLDS
     if len(np.unique(pose)) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
     held = [labels == k for labels in (pose, load) for k in np.unique(labels)]
     pairs = [(numbers[~labels], numbers[labels]) for labels in held if not labels.all()]
-    return [Fold(kept, parts.some_parts(kept), parts.joined(out)) for kept, out in pairs]
+    return [Fold(kept, equations.select_groups(kept), equations.joined(out)) for kept, out in pairs]
 
 
 @dataclass(frozen=True)
-class Grams:
+class GramMatrices:
     """Hold Gram matrices [A | y]^T [A | y] of whitened rows, for k parameters."""
 
     total: Array  #: Gram matrix of all equations, (k + 1, k + 1) [1].
     held_out: Array  #: Gram matrix of the equations held out, (folds, k + 1, k + 1) [1].
-    equations: Array  #: Number of equations held out in each fold, (folds,).
-    all_equations: int  #: Number of all equations.
+    n_held_out_equations: Array  #: Number of equations held out in each fold, (folds,).
+    n_equations: int  #: Number of all equations.
     n_terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
 
 
-def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
+def gram_matrices(equations: GroupedRegression | Regression, change_of_parameters: Array) -> GramMatrices:
     """Compute Gram matrices of all equations and of each group of poses, after a change of parameters.
 
     Args:
-        parts: The reduced equations in parts of `divide_poses`, n parameters; a regression has nothing to
-            hold out.
-        lift: [pi, 1] by the new parameters and 1, (n + 1, k + 1).
+        equations: The reduced equations in parts of `cross_validation_groups`, n parameters; a regression has
+            nothing to hold out.
+        change_of_parameters: [pi, 1] by the new parameters and 1, (n + 1, k + 1).
 
     Returns:
         The Gram matrices; without folds for a regression or a single pose.
     """
-    if isinstance(parts, Regression):
-        A, y = parts.rows
-        rows = np.c_[A, y] @ lift
+    if isinstance(equations, Regression):
+        A, y = equations.weighted_equations
+        rows = np.c_[A, y] @ change_of_parameters
         total = rows.T @ rows
-        total[-1, -1] += sum(term.equations / 3 * term.unexplained for term in parts.terms)
-        return Grams(total, np.zeros((0, *total.shape)), np.zeros(0), parts.equations, len(parts.terms))
-    folded = parts.factors
-    poses, kinds = np.unique(parts.all_parts // FOLDS), {kind for kind, _ in folded.factors}
-    totals, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
+        total[-1, -1] += sum(term.n_equations / 3 * term.unexplained for term in equations.terms)
+        return GramMatrices(
+            total, np.zeros((0, *total.shape)), np.zeros(0), equations.n_equations, len(equations.terms)
+        )
+    folded = equations.factors
+    poses, kinds = np.unique(equations.groups // MAX_FOLDS), {kind for kind, _ in folded.factors}
+    totals, counts = np.zeros((len(poses), *(change_of_parameters.shape[1],) * 2)), np.zeros(len(poses))
     for at, T in folded.factors.items():
-        k, rows = np.searchsorted(poses, at[1] // FOLDS), T[:, parts.columns] @ lift
+        k, rows = np.searchsorted(poses, at[1] // MAX_FOLDS), T[:, equations.columns] @ change_of_parameters
         totals[k] += rows.T @ rows
-        counts[k] += folded.equations[at]
+        counts[k] += folded.n_equations[at]
     several = slice(None if len(poses) > 1 else 0)
-    return Grams(totals.sum(axis=0), totals[several], counts[several], int(counts.sum()), len(kinds))
+    return GramMatrices(totals.sum(axis=0), totals[several], counts[several], int(counts.sum()), len(kinds))
 
 
 def mean_and_standard_error(difference: Array) -> tuple[float, float]:
@@ -160,16 +162,18 @@ def mean_and_standard_error(difference: Array) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ModelComparison:
     """Hold the result of comparing one model with all others."""
 
-    name: str  #: Name of the model that is selected.
+    selected: str  #: Name of the model that is selected.
     difference: float  #: Mean held-out error of the selected model minus that of the first one [1].
     standard_error: float  #: Standard error of this difference over folds [1].
 
 
-def keep_first_unless_beaten(candidates: Sequence[Candidate], first: str) -> Comparison:
-    """Select the first model unless another's held-out error is `CLEAR_STANDARD_ERRORS` standard errors less.
+def keep_first_unless_beaten(candidates: Sequence[HeldOutErrors], first: str) -> ModelComparison:
+    """Select the first model unless another one predicts held-out readings clearly better.
+
+    Clearly means by `MIN_STANDARD_ERRORS_BETTER` standard errors of the paired difference.
 
     Args:
         candidates: All models with their errors, the first one among them.
@@ -178,25 +182,25 @@ def keep_first_unless_beaten(candidates: Sequence[Candidate], first: str) -> Com
     Returns:
         The first model, or the best of those that beat it.
     """
-    [candidate] = [c for c in candidates if c.name == first]
+    [candidate] = [c for c in candidates if c.model_name == first]
     duels = [
-        Comparison(c.name, *mean_and_standard_error(c.errors - candidate.errors))
+        ModelComparison(c.model_name, *mean_and_standard_error(c.errors - candidate.errors))
         for c in candidates
         if c is not candidate
     ]
-    better = [d for d in duels if d.difference < -CLEAR_STANDARD_ERRORS * d.standard_error]
-    return min(better, key=lambda d: d.difference, default=Comparison(first, 0.0, 0.0))
+    better = [d for d in duels if d.difference < -MIN_STANDARD_ERRORS_BETTER * d.standard_error]
+    return min(better, key=lambda d: d.difference, default=ModelComparison(first, 0.0, 0.0))
 
 
-JOINT_TRACE_WEIGHT = 1e-6
+RELATIVE_JOINT_TRACE_WEIGHT = 1e-6
 """Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
 GRAM_ROUNDING = 1e-12
 """Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
 ROOT_ROUNDING = 1e-15
 """Least singular value of a root matrix, over the largest, that is kept [1]. Smaller ones cost time only."""
-WEIGHT_RATIO, TRIED_WEIGHTS = 5.0, 6
+TRIED_WEIGHT_RATIO, N_TRIED_WEIGHTS = 5.0, 6
 """Ratio of neighbouring weights that are tried, and their number."""
-SELECTION_PROBABILITY = 0.95
+SELECTION_CONFIDENCE = 0.95
 """Confidence with which a weaker weight must predict held-out poses better. In comparison with the rule of
 one standard error of F_M, errors of MGCO56 are 11 % smaller on coupled links, 7 % on links 10 times stiffer
 and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 3 % larger on the family
@@ -231,37 +235,37 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
         columns=np.r_[structure.columns, aggregated].astype(int),
     )
     W = trace_units(structure) ** -2.0
-    W[first:] = JOINT_TRACE_WEIGHT
+    W[first:] = RELATIVE_JOINT_TRACE_WEIGHT
     return TracePenalty(weight, W, whole, np.column_stack([np.eye(structure.n_parameters), *columns]))
 
 
-def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> TracePenalty | None:
+def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> TracePenalty | None:
     """Learn the trace term from readings.
 
     Mathematics: `est-9`.
 
     Args:
         vjm: The model.
-        parts: The readings in the parts of `divide_poses`. A regression, or a single pose, has
+        equations: The readings in the parts of `cross_validation_groups`. A regression, or a single pose, has
             nothing to hold out: then generalised cross-validation chooses (Golub, Heath, Wahba 1979).
 
     Returns:
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
-    penalty = trace_penalty(vjm, parts.structure, 1.0)
-    s, readings = penalty.structure, grams(parts, block_diag(penalty.pi_per_split, np.eye(1)))
+    penalty = trace_penalty(vjm, equations.structure, 1.0)
+    s, readings = penalty.structure, gram_matrices(equations, block_diag(penalty.pi_per_split, np.eye(1)))
     G = np.concatenate([[readings.total], readings.total - readings.held_out])
     rigid = np.array([_fit_joints_only(s, gram) for gram in G])
     strongest = _rigid_rate(s, readings.total, rigid[0])
     if not (s.has_full_blocks and strongest > 0 and readings.total[-1, -1] > 0):
         return None
-    weights = strongest * WEIGHT_RATIO ** -np.arange(float(TRIED_WEIGHTS))
-    scaled = _scaled_folds(penalty, G, weights[TRIED_WEIGHTS // 2])
+    weights = strongest * TRIED_WEIGHT_RATIO ** -np.arange(float(N_TRIED_WEIGHTS))
+    scaled = _scaled_folds(penalty, G, weights[N_TRIED_WEIGHTS // 2])
     choose = _by_held_out_poses if len(readings.held_out) else _by_generalised_cross_validation
     k, left = choose(readings, scaled, rigid, weights)
-    weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
+    weights[0] *= TRIED_WEIGHT_RATIO  # so that no rounding bends a link
     chi2 = max(left, GRAM_ROUNDING * readings.total[-1, -1])  # an exact fit leaves only rounding errors
-    misfit = math.sqrt(chi2 * readings.all_equations / 3)
+    misfit = math.sqrt(chi2 * readings.n_equations / 3)
     return replace(penalty, weight=float(weights[k] * readings.n_terms / misfit))
 
 
@@ -324,7 +328,7 @@ def _scaled_folds(penalty: TracePenalty, G: Array, rate: float) -> _ScaledFolds:
 
 
 def _by_held_out_poses(
-    readings: Grams, scaled: _ScaledFolds, rigid: Array, weights: Array
+    readings: GramMatrices, scaled: _ScaledFolds, rigid: Array, weights: Array
 ) -> tuple[int, float]:
     """Choose a weight by poses held out, then fit all readings with this weight alone.
 
@@ -334,7 +338,7 @@ def _by_held_out_poses(
     x, _ = interior.solve_batch(scaled.problems(slice(1, None)), weights[1:])
     fits = np.concatenate([rigid[1:, None], scaled.parameters(x)], axis=1)
     squares = np.array([_squared_residuals(*pair) for pair in zip(readings.held_out, fits, strict=True)])
-    k = _strongest_weight(np.sqrt(squares / (readings.equations[:, None] / 3)))
+    k = _strongest_weight(np.sqrt(squares / (readings.n_held_out_equations[:, None] / 3)))
     best = rigid[0]
     if k:
         best = scaled.parameters(interior.solve_batch(scaled.problems(slice(0, 1)), weights[k : k + 1])[0])[
@@ -344,14 +348,14 @@ def _by_held_out_poses(
 
 
 def _by_generalised_cross_validation(
-    readings: Grams, scaled: _ScaledFolds, rigid: Array, weights: Array
+    readings: GramMatrices, scaled: _ScaledFolds, rigid: Array, weights: Array
 ) -> tuple[int, float]:
     """Choose a weight by all readings; place and squared residuals as of `_by_held_out_poses`."""
     whole = scaled.problems(slice(0, 1))
     x, multipliers = interior.solve_batch(whole, weights[1:])
     errors = _squared_residuals(readings.total, np.concatenate([rigid[:1], scaled.parameters(x[0])]))
     spent = np.r_[np.count_nonzero(rigid[0]), interior.effective_parameters(whole, x, multipliers)[0]]
-    k = int(np.nanargmin(errors / (readings.all_equations - spent) ** 2))
+    k = int(np.nanargmin(errors / (readings.n_equations - spent) ** 2))
     return k, float(errors[k])
 
 
@@ -402,7 +406,7 @@ def _squared_residuals(gram: Array, pi: Array) -> Array:
 def _strongest_weight(errors: Array) -> int:
     """Select the strongest weight whose error exceeds the least one only by chance, (folds, weights)."""
     logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, TINY), np.inf))
-    best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_PROBABILITY)
+    best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_CONFIDENCE)
     for k in range(best):
         if np.isfinite(logs[0, k]):
             more, error = mean_and_standard_error(logs[:, k] - logs[:, best])

@@ -244,7 +244,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
         return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
 
     data = compliance_equations(
-        T, known.active.compliance_prior, int(linearised_readings.reduced.counts.sum())
+        T, known.active.compliance_prior, int(linearised_readings.reduced.n_equations.sum())
     )
     return BenchProblem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
 
@@ -359,7 +359,7 @@ def _with_data(row: EntryRow, own: BenchProblem) -> EntryRow:
     if isinstance(own.data, Dataset):
         return replace(row, measured=dataset_row(own.data), data_file=csv_text(own.data, own.cell.arm))
     text = StringIO()
-    np.savetxt(text, np.column_stack(own.data.rows), delimiter=",")
+    np.savetxt(text, np.column_stack(own.data.weighted_equations), delimiter=",")
     return replace(row, data_file=text.getvalue())
 
 

@@ -39,9 +39,16 @@ from testbench.identify.prior import (
     WeightedPrior,
     rows_in_prior_units,
 )
-from testbench.identify.regression import RANK_TOLERANCE, Regression, Term, f_m, reduce, reduce_parts
+from testbench.identify.regression import (
+    RANK_TOLERANCE,
+    Regression,
+    ResidualTerm,
+    f_m,
+    reduce,
+    reduce_by_group,
+)
 from testbench.identify.solve import minimum_norm, solve_with_prior
-from testbench.identify.trace import Fold, divide_poses, folds
+from testbench.identify.trace import Fold, cross_validation_groups, folds
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -145,7 +152,7 @@ def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     Returns:
         The folds.
     """
-    [parts] = reduce_parts(vjm, [structure], data, divide_poses(data))
+    [parts] = reduce_by_group(vjm, [structure], data, cross_validation_groups(data))
     return folds(parts)
 
 
@@ -190,16 +197,16 @@ def ridge(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         The estimate.
     """
     regression = reduce(vjm, structure, data)
-    A, y = regression.rows
+    A, y = regression.weighted_equations
     scale = np.linalg.norm(A, axis=0)
     scale[scale < UNSEEN * scale.max()] = np.inf  # what no reading sees is zero
     U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
     z = U.T @ y
-    rest = y @ y - z @ z + sum(term.equations / 3 * term.unexplained for term in regression.terms)
+    rest = y @ y - z @ z + sum(term.n_equations / 3 * term.unexplained for term in regression.terms)
 
     def score(size: float) -> float:
         left = size / (s**2 + size)
-        return float(((left * z) @ (left * z) + rest) / (regression.equations - (1 - left).sum()) ** 2)
+        return float(((left * z) @ (left * z) + rest) / (regression.n_equations - (1 - left).sum()) ** 2)
 
     size = min(RIDGES * s[0] ** 2, key=score)
     pi = Vt.T @ (s / (s**2 + size) * z) / scale
@@ -303,8 +310,8 @@ def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], 
     return draw
 
 
-def _new_readings(term: Term, pi: Array, U: Array, rng: np.random.Generator) -> Term:
-    N, spare = term.equations / 3, term.equations - U.shape[1]
+def _new_readings(term: ResidualTerm, pi: Array, U: Array, rng: np.random.Generator) -> ResidualTerm:
+    N, spare = term.n_equations / 3, term.n_equations - U.shape[1]
     z = term.R @ pi + U @ rng.standard_normal(U.shape[1]) / math.sqrt(N)
     return replace(term, z=z, unexplained=float(rng.chisquare(spare)) / N if spare else 0.0)
 

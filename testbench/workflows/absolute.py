@@ -56,7 +56,7 @@ from testbench.identify.observability import (
 )
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION, READING_LOSS
+from testbench.identify.registration import MIN_POSES, NOMINAL_TARGET_DEVIATION, READING_LOSS
 from testbench.model.load import read_weights
 from testbench.model.structure import BEAM_ENTRIES
 from testbench.model.vjm import Vjm
@@ -270,7 +270,7 @@ def of_held(calibration: Calibration) -> list[str]:
             off, turn, found = deviation_from_stated(series, calibration.state.frame(series))
             place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
             if series.normal is None:
-                zero = calibration.state.frame(series).zero
+                zero = calibration.state.frame(series).distance_offset
                 place = f"its fixed point is {place} from where it is stated"
                 place += (
                     f", and {1e3 * zero:.3f} mm are subtracted from its distances"
@@ -295,8 +295,8 @@ def of_held(calibration: Calibration) -> list[str]:
             known = {*series.markers} <= {*vjm.arm.markers}
             drawn = "where the arm's folder has them" if known else "at the tool"
             by = (
-                f"a prior holds the targets {drawn}, within {1e3 * NOMINAL_DEVIATION:.0f} mm; predictions of "
-                "other orientations depend on it"
+                f"a prior holds the targets {drawn}, within {1e3 * NOMINAL_TARGET_DEVIATION:.0f} mm; "
+                "predictions of other orientations depend on it"
             )
             by = by if mount in every else "a series that shares the target or the frame determines it"
             open_ = f"the places of {names} on the tool and of the frame cannot be separated"

@@ -7,7 +7,7 @@ import numpy as np
 from testbench.identify.conic import TIE_BREAK_WEIGHT, total_trace
 from testbench.identify.estimate import Estimate, ModelAverage
 from testbench.identify.prior import WeightedPrior
-from testbench.identify.solve import COMPLETED_METHOD, NO_OUTLIERS, REJECTION_THRESHOLD
+from testbench.identify.solve import COMPLETED_METHOD, REJECTED_RESIDUAL, TOO_MANY_OUTLIERS_CAUSE
 from testbench.model.structure import PAPER_GCO_METHOD
 from testbench.workflows.rows import FitRow
 
@@ -79,7 +79,7 @@ def _of_rank(estimate: Estimate) -> list[str]:
     free = s.n_parameters - rank
     size = f"{s.name} has {s.n_parameters} unknowns and rank {rank}"
     text = f"{size}: the readings do not determine {free} directions"
-    unseen = int((estimate.compliance_regression.columns == 0).sum())
+    unseen = int((estimate.compliance_regression.column_norms == 0).sum())
     return [f"{text}, and {unseen} unknowns have no effect on any reading" if unseen else text]
 
 
@@ -175,13 +175,13 @@ def _of_outliers(estimate: Estimate) -> list[str]:
     bad = len(estimate.rejected)
     if not bad:
         return []
-    every = bad + estimate.regression.equations // 3
+    every = bad + estimate.regression.n_equations // 3
     said = [
-        f"{bad} of {every} readings are rejected: they lie beyond {REJECTION_THRESHOLD} standard deviations"
+        f"{bad} of {every} readings are rejected: they lie beyond {REJECTED_RESIDUAL} standard deviations"
     ]
     if estimate.rejected_runs:
         runs = ", ".join(map(str, estimate.rejected_runs))
         said.append(f"all readings of run {runs} are rejected: check its load, pose and frame")
     if bad > MAX_REJECTED * every:
-        said.append(f"too many to be outliers: {NO_OUTLIERS}")
+        said.append(f"too many to be outliers: {TOO_MANY_OUTLIERS_CAUSE}")
     return said

@@ -317,7 +317,7 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
             name: Frame(
                 check_array(frame_part.rotation, (3, 3), f"frame {name}"),
                 check_array(frame_part.translation_m, (3,), f"frame {name} [m]"),
-                zero=frame_part.zero_m,
+                distance_offset=frame_part.zero_m,
             )
             for name, frame_part in document.frames.items()
         },
@@ -391,7 +391,7 @@ def _document(model: ArmModel) -> dict[str, object]:
             name: {
                 "rotation": frame.rotation.tolist(),
                 "translation_m": frame.translation.tolist(),
-                "zero_m": frame.zero,
+                "zero_m": frame.distance_offset,
             }
             for name, frame in state.frames.items()
         },

@@ -26,11 +26,11 @@ from testbench.identify.observability import set_aside
 from testbench.identify.posterior import intervals
 from testbench.identify.prior import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.regression import (
-    BLOCK_RUNS,
+    RUNS_PER_BATCH,
     ZERO_COLUMN,
-    PartitionedRegression,
+    GroupedRegression,
     Regression,
-    with_poses,
+    with_rows_by_pose,
 )
 from testbench.model.laws import law_sizes, law_unit, model_for
 from testbench.model.load import weights_with_note
@@ -77,7 +77,7 @@ def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
     if not quiet:
         return []
     least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
-    free = least.regression.equations - least.regression.rank
+    free = least.regression.n_equations - least.regression.rank
     if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
         return []
     words = (
@@ -167,7 +167,10 @@ def fit_models(
         ),
         recommended=taken.name,
         why=reason_for(taken, estimates[taken.name]),
-        held_out=[Row(name=c.name, f_m=c.error, standard_error=c.standard_error) for c in taken.candidates],
+        held_out=[
+            Row(name=c.model_name, f_m=c.mean_error, standard_error=c.standard_error)
+            for c in taken.candidates
+        ],
         doubts=(
             *runs.doubts,
             *of_noise(fitted_models.estimates),
@@ -179,7 +182,7 @@ def fit_models(
         scale=runs.scale,
         failed=tuple(map(failed_row, lost)),
     )
-    return IdentifyResult(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
+    return IdentifyResult(fits, runs, estimates, {c.model_name: c.errors for c in taken.candidates})
 
 
 def _shown_runs(runs: MeasuredRuns) -> tuple[MeasuredRuns, Dataset]:
@@ -200,7 +203,7 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     Raises:
         BenchError: When they move none.
     """
-    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    blocks = [slice(k, k + RUNS_PER_BATCH) for k in range(0, data.runs, RUNS_PER_BATCH)]
     loads = (
         generalised_load(evaluate_chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks
     )
@@ -252,9 +255,9 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clo
     for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
-            readings: PartitionedRegression | Regression = reduced.parts[model.structure.name]
-            if isinstance(readings, PartitionedRegression) and not plain.learns_trace_weight:
-                readings = with_poses(cell.vjm, readings.joined(), runs.used)
+            readings: GroupedRegression | Regression = reduced.parts[model.structure.name]
+            if isinstance(readings, GroupedRegression) and not plain.learns_trace_weight:
+                readings = with_rows_by_pose(cell.vjm, readings.joined(), runs.used)
             estimate = plain.fit_reduced(cell.vjm, readings)
             spent = clock() - start
         else:
@@ -308,7 +311,7 @@ def _fit(cell: Cell, fitted_models: FittedModels, k: int, widest: Dataset | None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Row(
         vars(fit_row(fitted_models.models[k].name, estimate, fitted_models.seconds[k], prior=prior)),
-        equations=estimate.regression.equations,
+        equations=estimate.regression.n_equations,
         identification=error_row(fitted_models.used[k]),
         check=None if check is None else error_row(check),
         intervals=None if widest is None else _intervals(cell, estimate, widest),

@@ -26,12 +26,18 @@ from testbench.errors import Array, BenchError, Ids, check_type
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.method import Method, completed_least_squares, gco, least_squares, with_prior
 from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, perturb_prior
-from testbench.identify.regression import PartitionedRegression, f_m, non_redundant, reduce, reduce_parts
+from testbench.identify.regression import (
+    GroupedRegression,
+    f_m,
+    non_redundant_structure,
+    reduce,
+    reduce_by_group,
+)
 from testbench.identify.trace import (
-    Candidate,
-    Comparison,
     Fold,
-    divide_poses,
+    HeldOutErrors,
+    ModelComparison,
+    cross_validation_groups,
     folds,
     keep_first_unless_beaten,
 )
@@ -89,7 +95,9 @@ def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callab
 
 def _mls32(cell: Cell) -> Model:
     check_type(cell, Cell, "cell")
-    return Model("MLS32", non_redundant(cell.vjm, template56(cell.arm), name="MLS32"), least_squares)
+    return Model(
+        "MLS32", non_redundant_structure(cell.vjm, template56(cell.arm), name="MLS32"), least_squares
+    )
 
 
 class _Named(dict[str, Callable[[Cell], Model]]):
@@ -309,7 +317,7 @@ class Recommendation:
 
     name: str
     why: str  #: A sentence.
-    candidates: tuple[Candidate, ...]  #: Errors of all models on what was held out; empty with one pose.
+    candidates: tuple[HeldOutErrors, ...]  #: Errors of all models on what was held out; empty with one pose.
 
 
 @dataclass(frozen=True)
@@ -451,8 +459,8 @@ class ReducedRuns:
 
     data: Dataset  #: Those that are held, for estimators of one's own.
     poses: int  #: All are in.
-    part: Ids  #: Of every run, `divide_poses`.
-    parts: Mapping[str, PartitionedRegression]  #: By the name of the structure.
+    part: Ids  #: Of every run, `cross_validation_groups`.
+    parts: Mapping[str, GroupedRegression]  #: By the name of the structure.
 
 
 def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRuns:
@@ -467,8 +475,8 @@ def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRu
         The reduced runs.
     """
     structures = {m.structure.name: m.structure for m in models}
-    part = divide_poses(data)
-    parts = reduce_parts(cell.vjm, list(structures.values()), data, part)
+    part = cross_validation_groups(data)
+    parts = reduce_by_group(cell.vjm, list(structures.values()), data, part)
     return ReducedRuns(data, len(np.unique(data.pose)), part, dict(zip(structures, parts, strict=True)))
 
 
@@ -493,16 +501,16 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
         few = f"with fewer than {MIN_POSES} poses, no pose is held out to compare models"
         why = few if runs.poses < MIN_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
-    every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
-    rivals = [c for c in every if first.name != default or c.name in (default, JOINTS_ONLY)]
+    every = tuple(HeldOutErrors(m.name, _errors(cell, m, runs)) for m in models)
+    rivals = [c for c in every if first.name != default or c.model_name in (default, JOINTS_ONLY)]
     duel = keep_first_unless_beaten(rivals, first.name)
-    return Recommendation(duel.name, _why(duel, first.name, default), every)
+    return Recommendation(duel.selected, _why(duel, first.name, default), every)
 
 
-def _why(duel: Comparison, first: str, default: str) -> str:
+def _why(duel: ModelComparison, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
     taken = "the default" if first == default else "the model with fewest unknowns"
-    if duel.name == first:
+    if duel.selected == first:
         return f"it is {taken}; in cross-validation no other model is significantly better"
     return (
         f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} lower than "
@@ -516,9 +524,9 @@ def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
 
     def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
-            pi = method.fit_reduced(cell.vjm, fold.parts, for_intervals=False).pi
+            pi = method.fit_reduced(cell.vjm, fold.fitted_equations, for_intervals=False).pi
             return np.pad(pi, (0, model.structure.n_parameters - len(pi)))  # laws are last
-        return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.fitted_parts))).pi
+        return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.fitted_groups))).pi
 
     held = folds(runs.parts[model.structure.name])
     return np.array([f_m(fold.held_out, fit(fold)) for fold in stepwise(held, "cross-validating")])

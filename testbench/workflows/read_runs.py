@@ -22,7 +22,7 @@ from testbench.files.mapping import Map
 from testbench.files.names import What
 from testbench.files.read_pairs import Export, read_export
 from testbench.identify.base_frame import (
-    STATION,
+    STATION_PREFIX,
     FrameChoice,
     RegisteredDataset,
     register_dataset,
@@ -34,7 +34,7 @@ from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame, Registration, largest_deviation
-from testbench.identify.regression import BLOCK_RUNS
+from testbench.identify.regression import RUNS_PER_BATCH
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, tool_points, tool_poses
@@ -86,14 +86,14 @@ def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
     frames = ["readings are in the base's frame"]
     if registered.frame == "tracker":
         every = registered.registration.frames.items()
-        frames = [_frame_note(name, frame.at_new_base(registered.vjm.base_pose)) for name, frame in every]
+        frames = [_frame_note(name, frame.with_base_at(registered.vjm.base_pose)) for name, frame in every]
     fit = _fit_note(registered.registration, _sag(registered.vjm, registered.data))
     return (*frames, fit, *_target_notes(registered, registered.registration))
 
 
 def _frame_note(name: str, frame: Frame) -> str:
     """Where the base is in the frame of a station, and how well that is known."""
-    angle = frame.angle
+    angle = frame.rotation_angle
     axis = (frame.rotation_vector / max(angle, SMALL)).round(3) + 0.0  # no -0.000
     at = ", ".join(f"{MM * x:.1f}" for x in frame.translation)
     about = ", ".join(f"{x:.3f}" for x in axis)
@@ -102,14 +102,15 @@ def _frame_note(name: str, frame: Frame) -> str:
     if not frame.covariance.any():
         return text
     where = MM * largest_deviation(frame.covariance[3:, 3:])
-    return f"{text}. Uncertainty (1 sd) by noise: {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
+    turned = math.degrees(frame.rotation_deviation)
+    return f"{text}. Uncertainty (1 sd) by noise: {where:.2f} mm and {turned:.3f} deg"
 
 
 def _fit_note(registration: Registration, sag: float | None) -> str:
     """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
     text = f"unloaded readings fit the arm's kinematics to {MM * registration.rms:.2f} mm RMS"
-    if registration.downweighted:
-        text += f"; {registration.downweighted} of {len(registration.distance)} fit worse and count less"
+    if registration.n_downweighted:
+        text += f"; {registration.n_downweighted} of {len(registration.distances)} fit worse and count less"
     size = "" if sag is None else f" ({MM * sag:.2f} mm RMS according to the arm's folder)"
     return (
         f"{text}. Unloaded readings contain the deflection under own weight{size}. Differences between "
@@ -120,13 +121,13 @@ def _fit_note(registration: Registration, sag: float | None) -> str:
 def _target_notes(registered: RegisteredDataset, registration: Registration) -> Iterator[str]:
     """Where targets taken as found are, and how far from where the arm's folder has them."""
     deviations = registration.target_deviations.max(axis=1)
-    for k in np.flatnonzero(registered.targets_taken):
+    for k in np.flatnonzero(registered.is_fitted_target):
         at = ", ".join(f"{MM * x:.1f}" for x in registration.targets[k])
-        away = float(np.linalg.norm(registration.targets[k] - registration.nominal[k]))
+        away = float(np.linalg.norm(registration.targets[k] - registration.nominal_targets[k]))
         new = "new" if math.isnan(away) else f"{MM * away:.1f} mm from its nominal place"
         text = (
-            f"target {registration.markers[k]} at ({at}) mm in the tool's frame, {new}. Uncertainty (1 sd) "
-            "by noise:"
+            f"target {registration.target_names[k]} at ({at}) mm in the tool's frame, {new}. "
+            "Uncertainty (1 sd) by noise:"
         )
         yield f"{text} {MM * deviations[k]:.2f} mm"
 
@@ -138,8 +139,8 @@ def _sag(vjm: Vjm, data: Dataset) -> float | None:
     except InputError:
         return None
     total = 0.0
-    for first in range(0, data.runs, BLOCK_RUNS):
-        where = evaluate_chain(vjm, data.q[first : first + BLOCK_RUNS])
+    for first in range(0, data.runs, RUNS_PER_BATCH):
+        where = evaluate_chain(vjm, data.q[first : first + RUNS_PER_BATCH])
         moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight(where, weights))
         total += float((moved**2).sum())
     return math.sqrt(total / data.runs)
@@ -336,7 +337,9 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
         choice = next(word for word in words if word == frame)
     elif files := _frame_files(frame):
         to_world = np.asarray(np.linalg.inv(cell.vjm.base_pose), dtype=float)
-        choice = {f"{STATION} {k}": one.at_new_base(to_world) for k, one in read_frames(files[0]).items()}
+        choice = {
+            f"{STATION_PREFIX} {k}": one.with_base_at(to_world) for k, one in read_frames(files[0]).items()
+        }
     else:
         raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
     registered = register_dataset(cell.vjm, data, choice)
@@ -371,7 +374,7 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
     registration = registered.registration
     if registration is None:
         return None
-    away = MM * np.linalg.norm(registration.targets - registration.nominal, axis=1)
+    away = MM * np.linalg.norm(registration.targets - registration.nominal_targets, axis=1)
     return {
         "frame": registered.frame,
         "frames": [
@@ -380,10 +383,10 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
                 "position_mm": (MM * frame.translation).tolist(),
                 "rotation_deg": np.degrees(frame.rotation_vector).tolist(),
                 "position_sd_mm": MM * largest_deviation(frame.covariance[3:, 3:]),
-                "rotation_sd_deg": math.degrees(frame.deviation),
+                "rotation_sd_deg": math.degrees(frame.rotation_deviation),
             }
             for name, frame in (
-                (name, frame.at_new_base(registered.vjm.base_pose))
+                (name, frame.with_base_at(registered.vjm.base_pose))
                 for name, frame in registration.frames.items()
             )
         ],
@@ -394,12 +397,12 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
                 "from_nominal_mm": float(away[k]) if np.isfinite(away[k]) else None,
                 "position_sd_mm": MM * float(registration.target_deviations[k].max()),
             }
-            for k, name in enumerate(registration.markers)
+            for k, name in enumerate(registration.target_names)
         ],
         "rms_mm": MM * registration.rms,
         "noise_mm": MM * registration.noise,
-        "readings": len(registration.distance),
-        "wild": registration.downweighted,
+        "readings": len(registration.distances),
+        "wild": registration.n_downweighted,
     }
 
 

@@ -51,7 +51,7 @@ from testbench.identify.absolute.state import (
     shift_fourier_coefficients,
     unknowns_of,
 )
-from testbench.identify.equations import series_rows
+from testbench.identify.equations import series_equations
 from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, solve_normal_equations
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.prior import PriorUncertainty, cad_prior
@@ -88,8 +88,10 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     step = 1e-5 * rng.standard_normal(unknowns.first_columns["geometry"])
     frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
-    rows = series_rows(unknowns, state, one)
-    after = series_rows(unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one)
+    rows = series_equations(unknowns, state, one)
+    after = series_equations(
+        unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one
+    )
     left = rows[:, :, -1] - np.einsum("sxcr,c->sxr", rows[:, :, : len(step)], step)
     np.testing.assert_allclose(after[:, :, -1], left, rtol=0, atol=1e-7)  # of 1e-5
 
@@ -309,7 +311,7 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     left, covariance = predict_series(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrorTerms(), structure)
-    A = series_rows(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
+    A = series_equations(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
     F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
     S = noise.factor[0] ** 2 * (R.T @ C[:, 0] @ R + OPEN**2 * np.eye(3))
     P = np.linalg.inv(S[told])
@@ -461,8 +463,8 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
     assert found.degrees_of_freedom == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     assert not np.tril(found.precision_root, -1).any()
-    [part] = plain.in_basis(B).parts
-    np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
+    [part] = plain.in_basis(B).blocks
+    np.testing.assert_allclose(part.gram_matrices[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
 
 
 def longer(one, times):

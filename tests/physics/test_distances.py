@@ -20,7 +20,7 @@ from testbench.identify.absolute.state import (
     series_equilibrium,
     unknowns_of,
 )
-from testbench.identify.equations import beams, series_rows
+from testbench.identify.equations import distance_directions, series_equations
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Linearisation, reduce_series
@@ -93,7 +93,10 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
         one = replace(one, zero_sigma=1.0, distance=one.distance - 0.7)
     state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
-    rows, (u, _) = series_rows(unknowns, state, one), beams(state, one, series_equilibrium(state, one))
+    rows, (u, _) = (
+        series_equations(unknowns, state, one),
+        distance_directions(state, one, series_equilibrium(state, one)),
+    )
     across = rows - u[:, :, None] * np.einsum("sxr,sxcr->scr", u, rows)[:, None]
     np.testing.assert_allclose(across, 0, atol=1e-9)  # of 1e4, rounding
     step, turns = 1e-5, unknowns.unused_rotations
@@ -107,7 +110,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
         moved = replace(
             state, theta_0=theta_0, C_theta=C, frames={one.frame: frame}, mounts={one.target: mount}
         )
-        return beams(moved, one, series_equilibrium(moved, one))[1]
+        return distance_directions(moved, one, series_equilibrium(moved, one))[1]
 
     for k, size in enumerate(
         np.where(np.arange(unknowns.size) < unknowns.first_columns["elastic"], step, 1e-9)
@@ -142,13 +145,13 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     state = nominal_state(kr500.vjm, replace(weightless, mass=0 * weightless.mass), np.ones(6))
     frame, mount = Frame(np.eye(3), -np.array(POINTS[0])), Mount(kr500.vjm.markers[:1], np.eye(3), ("P1",))
     state = replace(state, frames={"f": frame}, mounts={"t": mount})
-    _, length = beams(state, one, series_equilibrium(state, one))
+    _, length = distance_directions(state, one, series_equilibrium(state, one))
     one = replace(one, distance=length.T + size * rng.standard_normal((rows, 1)))
     noise = estimate_model_error(state, (one,), 1.0)
     assert noise.position_model_error == pytest.approx(size, rel=0.04)
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     few = select_rows(one, np.arange(50))
-    assert reduce_series(Linearisation(unknowns, state, noise), (few,)).counts.tolist() == [50]
+    assert reduce_series(Linearisation(unknowns, state, noise), (few,)).n_equations.tolist() == [50]
 
 
 @pytest.mark.parametrize(("frames", "directions"), [("abc", (29, 30)), ("aaa", (26, 27))])

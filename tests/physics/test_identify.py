@@ -12,7 +12,7 @@ from testbench.identify.conic import gradient_dual
 from testbench.identify.method import gco, least_squares
 from testbench.identify.observability import of_regression, sampled_tasks
 from testbench.identify.prior import PriorUncertainty, cad_prior, rows_in_prior_units, scale_by_prior
-from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank, reduce
+from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_observation_matrix, rank, reduce
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mls36, template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.workflows.advice import advice
@@ -76,12 +76,12 @@ def test_reduced_rows_are_those_of_the_full_weight_matrix(kr500, data, lost):
     A = observation_matrix(evaluate_chain(kr500.vjm, data.q), s, data.wrench, data.point, kr500.vjm.markers)
     y, [term] = data.deflection, reduce(kr500.vjm, s, data).terms
     normal, right = np.einsum("rmin,rmij,rmjk->nk", A, P, A), np.einsum("rmin,rmij,rmj->n", A, P, y)
-    ours = term.equations / 3 * term.R.T @ np.column_stack([term.R, term.z])
+    ours = term.n_equations / 3 * term.R.T @ np.column_stack([term.R, term.z])
     np.testing.assert_allclose(ours[:, :-1], normal, atol=1e-10 * np.abs(normal).max())
     np.testing.assert_allclose(ours[:, -1], right, atol=1e-10 * np.abs(right).max())
-    assert term.equations == 3 * data.seen.sum()
+    assert term.n_equations == 3 * data.seen.sum()
     rest = np.einsum("rmi,rmij,rmj->", y, P, y)
-    assert term.equations / 3 * (term.z @ term.z + term.unexplained) == pytest.approx(rest)
+    assert term.n_equations / 3 * (term.z @ term.z + term.unexplained) == pytest.approx(rest)
 
 
 @pytest.mark.parametrize("wrong", [np.diag([1.0, 1, -1]), np.eye(3) + np.eye(3, k=1), np.diag([1.0, 1, 0])])
@@ -139,7 +139,7 @@ def test_what_is_named_is_not_seen_joint_1_by_no_weight_and_a_side_load_restores
     """Leaving one parameter of each structural direction out costs no rank."""
     structure = mgco68(kr500.arm)
     report = report_of(kr500, structure, data)
-    A = generic_rows(kr500.vjm, structure)
+    A = generic_observation_matrix(kr500.vjm, structure)
     for d in report.lost_to_structure:
         part = A[:, [*d.parameters, *d.minor_parameters]]
         assert rank(part) < part.shape[1]

@@ -11,12 +11,12 @@ from testbench.data.dataset import along_lines, select
 from testbench.errors import BenchError
 from testbench.identify.absolute.state import compliance_unknowns
 from testbench.identify.equations import (
+    deflection_equations,
     directions_under_load,
-    nominal_chain,
-    pair_rows,
     predicted_motion,
-    resolve_lines,
-    single_readings,
+    resolve_line_readings,
+    undeflected_arm,
+    weighted_readings,
 )
 from testbench.identify.method import least_squares
 from testbench.identify.regression import reduce
@@ -45,8 +45,8 @@ def measured(cell, mounted, seed=3, poses=4, mass=100.0, truth="linear", pose=No
 def unresolved_rows(cell, data, structure):
     """Rows of a dataset in metres, its directions as they are stated."""
     still = replace(data, slide=np.zeros_like(data.before))
-    state = nominal_chain(cell.vjm, data.q, [Load(data.wrench, data.point)])
-    A, _ = pair_rows(compliance_unknowns(cell.vjm, structure), state, still, np.arange(data.runs))
+    state = undeflected_arm(cell.vjm, data.q, [Load(data.wrench, data.point)])
+    A, _ = deflection_equations(compliance_unknowns(cell.vjm, structure), state, still, np.arange(data.runs))
     return A[:, 0, :-1] * np.sqrt(np.trace(data.covariance, axis1=2, axis2=3)).T[:, None]
 
 
@@ -56,7 +56,7 @@ def test_rows_of_readings_along_lines_are_the_derivatives_of_what_the_instrument
     mounted = XYZ if kind == "gauge" else [Mounted(WIRE, f"P{k}", fixed=FIXED) for k in (1, 2, 3)]
     data, structure = measured(kr500, mounted), all153(kr500.arm)
     A = unresolved_rows(kr500, data, structure)
-    state = nominal_chain(kr500.vjm, data.q, [Load(data.wrench, data.point)])
+    state = undeflected_arm(kr500.vjm, data.q, [Load(data.wrench, data.point)])
     points = marker_positions(kr500.vjm, data.markers)
     start = state.chain.tool_points_in_world(points)
     for n in rng.choice(structure.n_parameters, 20, replace=False):
@@ -148,7 +148,9 @@ def test_scaled_joints_and_links_predict_the_motion_of_a_softer_arm(kr500):
 def test_readings_of_one_set_up_share_their_tilt_and_no_others_do(kr500):
     """Whitened rows have the normal equations of the dense covariance, written down here again."""
     gauges = [replace(own, instrument=Gauge(sigma=5e-6, resolution=0.0)) for own in XYZ]
-    data = resolve_lines(kr500.vjm, measured(kr500, gauges, poses=3, pose=np.array([0, 0, 1, 2, 2, 2])))
+    data = resolve_line_readings(
+        kr500.vjm, measured(kr500, gauges, poses=3, pose=np.array([0, 0, 1, 2, 2, 2]))
+    )
     structure = joints_only(kr500.arm)
     A = unresolved_rows(kr500, data, structure)
     y = (data.direction * data.deflection).sum(axis=2).T
@@ -159,7 +161,7 @@ def test_readings_of_one_set_up_share_their_tilt_and_no_others_do(kr500):
     group = (np.arange(3)[:, None] * 10 + data.pose).ravel()
     C = np.where(group[:, None] == group, slide @ slide.T, 0.0) + 2 * 5e-6**2 * np.eye(len(slide))
     expected = rows.T @ np.linalg.solve(C, rows)
-    A, y = reduce(kr500.vjm, structure, data).rows
+    A, y = reduce(kr500.vjm, structure, data).weighted_equations
     np.testing.assert_allclose(
         np.c_[A, y].T @ np.c_[A, y], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
     )
@@ -168,17 +170,17 @@ def test_readings_of_one_set_up_share_their_tilt_and_no_others_do(kr500):
 def test_a_reading_along_a_line_is_one_equation_and_finds_the_joints(kr500):
     data = measured(kr500, XYZ, poses=6, mass=1.0)
     regression = reduce(kr500.vjm, joints_only(kr500.arm), data)
-    assert regression.equations == 18
+    assert regression.n_equations == 18
     found = least_squares(kr500.vjm, joints_only(kr500.arm), data)
     assert found.regression.rank == 5  # a weight does not load joint 1
-    assert reduce(kr500.vjm, joints_only(kr500.arm), select(data, data.pose < 3)).equations == 6
+    assert reduce(kr500.vjm, joints_only(kr500.arm), select(data, data.pose < 3)).n_equations == 6
 
 
 def test_single_readings_have_the_deviation_of_their_number(kr500):
     data = measured(kr500, [replace(own, instrument=Gauge(sigma=5e-6)) for own in XYZ])
-    read = single_readings(kr500.vjm, joints_only(kr500.arm), data)
-    slide = np.linalg.norm(resolve_lines(kr500.vjm, data).slide, axis=2).ravel()
-    np.testing.assert_allclose(read.unit, np.sqrt(2 * 5e-6**2 + slide**2), rtol=1e-9)
+    read = weighted_readings(kr500.vjm, joints_only(kr500.arm), data)
+    slide = np.linalg.norm(resolve_line_readings(kr500.vjm, data).slide, axis=2).ravel()
+    np.testing.assert_allclose(read.deviation, np.sqrt(2 * 5e-6**2 + slide**2), rtol=1e-9)
     assert not read.y[:, 1:].any()
 
 
@@ -197,7 +199,7 @@ def test_a_tracker_and_gauges_read_one_after_the_other_give_a_run_each(kr500):
     assert data.runs == 8
     assert data.lines.sum(axis=1).tolist() == [0, 3] * 4
     both = reduce(kr500.vjm, joints_only(kr500.arm), data)
-    assert both.equations == 4 * 9 + 4 * 3
+    assert both.n_equations == 4 * 9 + 4 * 3
 
 
 def test_wrong_readings_along_lines_are_refused(kr500):

@@ -17,7 +17,7 @@ from testbench.identify.absolute.choose import (
     MAX_MASS_DEVIATIONS,
     fit_link_masses,
 )
-from testbench.identify.regression import non_redundant, rank
+from testbench.identify.regression import non_redundant_structure, rank
 from testbench.model import load as loaded
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import template56
@@ -130,7 +130,7 @@ def test_wrong_shapes_say_what_was_expected(kr500):
 def test_algebraic_reduction_finds_the_32_parameters_of_mls32(name, request, rng):
     cell = request.getfixturevalue(name)
     full = template56(cell.arm)
-    reduced = non_redundant(cell.vjm, full, name="MLS32")
+    reduced = non_redundant_structure(cell.vjm, full, name="MLS32")
     assert (reduced.name, reduced.n_parameters) == ("MLS32", 32)
     where, load = evaluate_chain(cell.vjm, random_q(cell, rng, 30)), random_wrench(rng, 30, 1000, 1000)
     A, B = (

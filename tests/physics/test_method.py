@@ -8,7 +8,7 @@ import pytest
 from loads import axis_loads
 
 from testbench import BenchError, Scenario, score, simulate
-from testbench.identify.equations import single_readings
+from testbench.identify.equations import weighted_readings
 from testbench.identify.estimate import ORIENTATION_READING, make_estimate
 from testbench.identify.hierarchy import learn_prior
 from testbench.identify.interior import least_squares_on_cone as psd_least_squares
@@ -32,8 +32,8 @@ from testbench.identify.prior import (
 from testbench.identify.registration import PAIR_LOSS
 from testbench.identify.regression import reduce
 from testbench.identify.solve import (
-    REJECTION_THRESHOLD,
-    reject_iteratively,
+    REJECTED_RESIDUAL,
+    robust_residuals,
     solve,
     solve_with_prior,
     without_outliers,
@@ -88,7 +88,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
     fit_model(kr500, own, data)
     found = recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], data)
     assert found.name == "MGCO47"
-    assert [c.name for c in found.candidates] == ["MGCO47", "mine"]
+    assert [c.model_name for c in found.candidates] == ["MGCO47", "mine"]
     assert [poses for _, poses in seen] == [8] * 2 + [7] * 8  # every one of the eight left out once
     q = campaign.truth.q
     for vjm, _ in seen:
@@ -112,7 +112,7 @@ def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_bett
 def test_the_default_is_recommended_and_errs_less_on_poses_held_out_than_least_squares(kr500, campaign):
     data, cad = campaign.identification, cad_prior(kr500.arm)
     found = recommend(kr500, default_models(kr500, cad), data)
-    by_name = {c.name: c.errors for c in found.candidates}
+    by_name = {c.model_name: c.errors for c in found.candidates}
     assert found.name == DEFAULT
     assert by_name["MLS56"].mean() > by_name[DEFAULT].mean()
 
@@ -240,13 +240,11 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
     s, (data, _) = mgco68(kr500.arm), spoil(readings(kr500, 1), 0.05, 1e-3, np.random.default_rng(1))
     units, own, regression = (
         rough(kr500, s, 1),
-        single_readings(kr500.vjm, s, data),
+        weighted_readings(kr500.vjm, s, data),
         reduce(kr500.vjm, s, data),
     )
     A, y, (B, c) = own.A @ units.L, own.y, prior_rows(units, STRENGTH)
-    length, status = reject_iteratively(
-        kr500.vjm, own, regression, constraint, WeightedPrior(units, STRENGTH)
-    )
+    length, status = robust_residuals(kr500.vjm, own, regression, constraint, WeightedPrior(units, STRENGTH))
     assert status == "solved"
     weight = np.sqrt(np.minimum(1, DELTA / np.maximum(length, DELTA)))
     rows, right = np.vstack([(weight[:, None, None] * A).reshape(-1, s.n_parameters), B]), weight[:, None] * y
@@ -295,9 +293,9 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     assert {(one.run, one.marker) for one in others} == {(data.run[6], name) for name in data.markers}
     assert first.residual == pytest.approx(3e-3, abs=4 * np.sqrt(3) * 50e-6)  # noise and fit: 4 sd
     assert first.residual_over_sigma == pytest.approx(first.residual / (np.sqrt(2) * 50e-6))
-    assert fit.regression.equations == 3 * (45 - 4)
+    assert fit.regression.n_equations == 3 * (45 - 4)
     said = advice(fit)
-    assert f"4 of 45 readings are rejected: they lie beyond {REJECTION_THRESHOLD} standard deviations" in said
+    assert f"4 of 45 readings are rejected: they lie beyond {REJECTED_RESIDUAL} standard deviations" in said
     assert any(f"all readings of run {data.run[6]} are rejected:" in words for words in said)
 
 
@@ -331,7 +329,7 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
     fit = robustly(arm_6r, s, spoiled, "psd", units)
     assert {(data.run[10], ORIENTATION_READING), (data.run[50], ORIENTATION_READING)} <= found(fit)
     assert len(fit.rejected) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
-    kinds = [term.equations for term in fit.regression.terms]
+    kinds = [term.n_equations for term in fit.regression.terms]
     assert sum(kinds) == 3 * (2 * data.runs - len(fit.rejected))
     assert fit.f_m < 1.2 * fit.f_m_floor  # the prior holds some of the rank
 
@@ -342,6 +340,6 @@ def test_spoiling_moves_as_many_readings_as_asked_and_too_many_are_refused(kr500
     assert mask.sum() == round(0.1 * 45)
     moved = np.linalg.norm(spoiled.deflection - data.deflection, axis=-1)
     np.testing.assert_allclose(moved, 1e-3 * mask, atol=1e-15)
-    monkeypatch.setattr("testbench.identify.equations.MAX_READINGS", 44)
+    monkeypatch.setattr("testbench.identify.equations.MAX_INPUT_NUMBERS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
         robustly(kr500, s, data, "none")

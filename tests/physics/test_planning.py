@@ -31,7 +31,7 @@ from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.posterior import information_of_series as told_by
 from testbench.identify.absolute.state import moved_frame, series_equilibrium
-from testbench.identify.equations import beams
+from testbench.identify.equations import distance_directions
 from testbench.identify.observability import undetermined_quantities
 from testbench.identify.prior import (
     PriorUncertainty,
@@ -324,7 +324,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
         for one in readers:
             series = absolute.series_at(one, q)
             [k] = np.flatnonzero(one.seen[0])
-            _, length = beams(state, series, series_equilibrium(state, series))
+            _, length = distance_directions(state, series, series_equilibrium(state, series))
             parts.append(length[k].reshape(2, -1) / one.sigma)
         return np.concatenate(parts, axis=1)
 
@@ -559,7 +559,7 @@ def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
         Mounted(Gauge(resolution=0.0, tilt=0.01), f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)
     ]
     data = read_instruments(kr500, "linear", loaded, gauges, trial_rng(1))
-    A, _ = reduce(kr500.vjm, mgco68(kr500.arm), data).rows
+    A, _ = reduce(kr500.vjm, mgco68(kr500.arm), data).weighted_equations
     A = A @ own.experiment.scaling.L
     told = np.array([rows[:, k, (k + 1) % 3] for k in range(3)]).reshape(9, -1)
     np.testing.assert_allclose(A.T @ A, told.T @ told, rtol=0, atol=1e-4 * np.abs(told.T @ told).max())

@@ -50,9 +50,14 @@ from testbench.identify.prior import (
     scale_by_prior,
     with_weaker_coupling,
 )
-from testbench.identify.regression import f_m, restrict_to, scatter_to
+from testbench.identify.regression import embed_parameters, f_m, restrict_regression
 from testbench.identify.solve import solve, solve_with_prior
-from testbench.identify.trace import FOLDS, Candidate, divide_poses, keep_first_unless_beaten
+from testbench.identify.trace import (
+    MAX_FOLDS,
+    HeldOutErrors,
+    cross_validation_groups,
+    keep_first_unless_beaten,
+)
 from testbench.model.laws import with_joint_couplings, with_laws, without_joint_couplings
 from testbench.model.load import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
@@ -129,11 +134,11 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     names = "run pose q wrench point before after".split()
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
     folds = shrinkage.every_fold(kr500.vjm, structure, both)
-    assert [fold.held_out.equations for fold in folds[8:]] == [9 * light.runs, 9 * heavy.runs]
+    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * light.runs, 9 * heavy.runs]
     turned = np.where(np.arange(heavy.runs)[:, None] % 3 == 0, [0, 0, 0, 0, 40.0, 0], 0.0)
     folds = shrinkage.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
     some = -(-heavy.runs // 3)
-    assert [fold.held_out.equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
+    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
     own, errors = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure), {}
     folds = shrinkage.every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in shrinkage.UNCERTAINTIES:
@@ -145,13 +150,13 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
 
 def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
     hard = np.array([1.0, 3.0, 1.0, 3.0, 2.0, 2.0])
-    first, noise = Candidate("first", hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
-    alike = Candidate("alike", hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
-    better, best = (Candidate(f"less by {d}", hard - d + noise) for d in (0.15, 0.3))
-    assert keep_first_unless_beaten([first, alike], "first").name == "first"
-    assert keep_first_unless_beaten([alike, first], "alike").name == "alike"
+    first, noise = HeldOutErrors("first", hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
+    alike = HeldOutErrors("alike", hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
+    better, best = (HeldOutErrors(f"less by {d}", hard - d + noise) for d in (0.15, 0.3))
+    assert keep_first_unless_beaten([first, alike], "first").selected == "first"
+    assert keep_first_unless_beaten([alike, first], "alike").selected == "alike"
     duel = keep_first_unless_beaten([first, alike, better, best], "first")
-    assert (duel.name, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
+    assert (duel.selected, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
     assert duel.standard_error == pytest.approx(np.std(noise, ddof=1) / np.sqrt(6))
 
 
@@ -236,8 +241,8 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         D = (np.where(seen.scaling.is_link_coupling, c, u) * (seen.scale_exponents @ shares(seen, h))) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
         e = y - A @ seen.scaling.expected_x
-        more = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2 / 2
-        beyond = (regression.equations - len(y)) * np.log(kappa)
+        more = sum(t.n_equations / 3 * t.unexplained for t in regression.terms) / kappa**2 / 2
+        beyond = (regression.n_equations - len(y)) * np.log(kappa)
         return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
 
     def hyper(h):
@@ -435,8 +440,8 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
         e0 = y - A @ (best * e)
         log_determinant = np.linalg.slogdet(S)[1]
         over_scale = math.log(quad(density, best - 2, best + 2, points=[best], limit=200)[0])
-        rest = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2
-        beyond = (regression.equations - len(y)) * math.log(kappa)
+        rest = sum(t.n_equations / 3 * t.unexplained for t in regression.terms) / kappa**2
+        beyond = (regression.n_equations - len(y)) * math.log(kappa)
         dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_determinant + rest) / 2 - beyond
         found.append(log_evidence - dense + (math.log(kappa) / hierarchy.LOG_MISFIT_DEVIATION) ** 2 / 2)
     np.testing.assert_allclose(found, -math.log(2 * math.pi) / 2, rtol=0, atol=1e-5)  # left out on purpose
@@ -478,7 +483,7 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     _, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
     links, laws, ties, joints = (
-        make_estimate(restrict_to(regression, own), rng.normal(size=own.n_parameters), method="known")
+        make_estimate(restrict_regression(regression, own), rng.normal(size=own.n_parameters), method="known")
         for own in (all153(kr500.arm), without_joint_couplings(s), tied(kr500.arm), joints_only(kr500.arm))
     )
     roots = {id(own): rng.normal(size=(3, own.structure.n_parameters)) for own in (links, laws, ties, joints)}
@@ -505,7 +510,7 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     mean = make_estimate(regression, rng.normal(size=s.n_parameters), method="known")
     expected = np.zeros((s.n_parameters, s.n_parameters))
     for p, own in parts:
-        x, root = (scatter_to(numbers, own.structure, s) for numbers in (own.pi, roots[id(own)]))
+        x, root = (embed_parameters(numbers, own.structure, s) for numbers in (own.pi, roots[id(own)]))
         expected += p * (root.T @ root + np.outer(x - mean.pi, x - mean.pi))
     found = posterior_of_estimate(replace(mean, average=average)).covariance(np.eye(s.n_parameters))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -599,14 +604,14 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
     wrench = np.zeros((5, 6))
     wrench[:, [2, 4]] = -level
     data = replace(data, pose=np.array([7, 7, 9, 9, 11]), wrench=wrench)
-    part = divide_poses(data)
-    assert (part // FOLDS).tolist() == [0, 0, 1, 1, 2]
-    load = part % FOLDS
+    part = cross_validation_groups(data)
+    assert (part // MAX_FOLDS).tolist() == [0, 0, 1, 1, 2]
+    load = part % MAX_FOLDS
     assert load[0] == load[3]
     assert len(set(load[[0, 1, 2, 4]])) == 4
     precision = np.tile(np.eye(3), (*data.before.shape[:2], 1, 1))
     precision[0] = 0.0
-    assert divide_poses(replace(data, precision=precision)).tolist() == [-1, *part[1:]]
+    assert cross_validation_groups(replace(data, precision=precision)).tolist() == [-1, *part[1:]]
 
 
 @pytest.mark.parametrize("laws", [False, True])
@@ -711,14 +716,14 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     link = s.rows // 6
     for pose in np.unique(data.pose):
         [term] = reduce(kr500.vjm, s, select(data, data.pose == pose)).terms
-        rows = math.sqrt(term.equations / 3) * np.c_[term.R, term.z]
+        rows = math.sqrt(term.n_equations / 3) * np.c_[term.R, term.z]
         each = [rows[:, :-1][:, link == k] @ pi[link[:147] == k] for k in range(7)]
         S = np.eye(len(rows)) + rho**2 * sum(np.outer(a, a) for a in each)
         H += rows.T @ np.linalg.solve(S, rows)
-        H[-1, -1] += term.equations / 3 * term.unexplained
-    A, y = weighed.rows
+        H[-1, -1] += term.n_equations / 3 * term.unexplained
+    A, y = weighed.weighted_equations
     found = np.c_[A, y].T @ np.c_[A, y]
-    found[-1, -1] += sum(t.equations / 3 * t.unexplained for t in weighed.terms)
+    found[-1, -1] += sum(t.n_equations / 3 * t.unexplained for t in weighed.terms)
     norm = np.sqrt(np.diag(H)) + (np.diag(H) == 0)
     np.testing.assert_allclose(found / norm / norm[:, None], H / norm / norm[:, None], rtol=0, atol=1e-9)
     poses = len(np.unique(data.pose))
@@ -744,7 +749,7 @@ def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr
             inside = np.abs(told.centre - campaign.truth.deflection) <= (told.upper - told.lower) / 2
             covered.append(inside.mean())
         assert covered[1] > 0.85
-        assert found.f_m == pytest.approx(f_m(restrict_to(regression, found.structure), found.pi))
+        assert found.f_m == pytest.approx(f_m(restrict_regression(regression, found.structure), found.pi))
 
 
 def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, campaign, monkeypatch):
@@ -757,7 +762,9 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     changing = method.fit_reduced(kr500.vjm, regression)
     assert found.average.joint_laws_weight == found.average.joint_couplings_weight == 0
     joints = joints_only(kr500.arm)
-    alone = scatter_to(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
+    alone = embed_parameters(
+        least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure
+    )
     seen = alone > 0  # no weight turns joint 1: it has what the prior says
     np.testing.assert_allclose((found.pi - (1 - share) * changing.pi)[seen], share * alone[seen], rtol=2e-3)
     links = found.structure.rows < 6 * found.structure.n_links
@@ -782,7 +789,10 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
     """As least squares on the rows of all others and of the prior predicts them, one fit a pose."""
     _, regression, fit = alike
     whole = fit if fit.average is None else fit.average.links_and_joints
-    weighted_prior, poses = whole.weighted_prior, restrict_to(regression, whole.structure).poses
+    weighted_prior, poses = (
+        whole.weighted_prior,
+        restrict_regression(regression, whole.structure).rows_by_pose,
+    )
     found = average._held_out_errors(poses, poses, weighted_prior)
     L, (B, c) = weighted_prior.scaling.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     for k, held in enumerate(poses):

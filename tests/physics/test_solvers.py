@@ -29,7 +29,7 @@ from testbench.identify.prior import (
     rescale_to_data,
     scale_by_prior,
 )
-from testbench.identify.regression import Term, f_m, reduce, regression_of
+from testbench.identify.regression import ResidualTerm, f_m, reduce, regression_from_terms
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
 from testbench.plant.true_arms import TRUTHS
@@ -300,7 +300,7 @@ def test_an_axis_that_the_data_hardly_show_may_explain_all_of_them(shown):
     """Noise-free readings of one axis: twice its compliance fits as well as a rigid arm, and is the bound."""
     s = Structure("two axes", 2, np.arange(2), np.arange(2), ("one", "other"))
     R, truth = np.diag([1.0, shown]), np.array([0.0, 7.0 / shown])
-    regression = regression_of(s, (Term(R, R @ truth, 0.0, 6),))
+    regression = regression_from_terms(s, (ResidualTerm(R, R @ truth, 0.0, 6),))
     assert f_m(regression, 2 * truth) == pytest.approx(at_rest(regression))
     assert default_trace_bounds(regression, np.zeros(2))[1] == pytest.approx(2 * truth[1])
     stiff = by_hand(regression, np.zeros(2))

@@ -9,8 +9,8 @@ from testbench import BenchError, Scenario, deflections, score, simulate
 from testbench.identify import cone, interior, trace
 from testbench.identify.conic import certify
 from testbench.identify.method import gco, least_squares, paper_gco
-from testbench.identify.regression import reduce, reduce_parts
-from testbench.identify.trace import _strongest_weight, divide_poses, learn_trace_weight
+from testbench.identify.regression import reduce, reduce_by_group
+from testbench.identify.trace import _strongest_weight, cross_validation_groups, learn_trace_penalty
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.campaign import true_cell
 
@@ -96,8 +96,10 @@ def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monk
         return calls[-1][2]
 
     monkeypatch.setattr(interior, "solve_batch", spied)
-    [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divide_poses(campaign.identification))
-    taken = learn_trace_weight(kr500.vjm, parts)
+    [parts] = reduce_by_group(
+        kr500.vjm, [s], campaign.identification, cross_validation_groups(campaign.identification)
+    )
+    taken = learn_trace_penalty(kr500.vjm, parts)
     (folds, weights, (x, _)), (_, [rate], _) = calls
     assert x.shape[:2] == (8, 5)  # joint stiffness only needs no program
     assert np.isfinite(x).all()
@@ -114,7 +116,7 @@ def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monk
     assert rate in weights
     exact = replace(gco, trace_weight=taken.weight)(kr500.vjm, s, campaign.identification)
     # w is of the rate whose fit leaves this F_M
-    assert taken.weight * exact.f_m * exact.regression.equations / 3 == pytest.approx(rate, rel=0.02)
+    assert taken.weight * exact.f_m * exact.regression.n_equations / 3 == pytest.approx(rate, rel=0.02)
 
 
 def test_factors_of_single_numbers_are_those_of_lapack(rng):

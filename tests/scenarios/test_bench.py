@@ -121,7 +121,7 @@ def test_a_task_is_what_it_was_under_its_version(name, kr500):
     task = TASKS[name]
     cell = kr500 if task.arm == "kr500_l480" else build_cell(ROOT / "models" / task.arm)
     own = problem(task, cell, 3)
-    _, y = tb.reduce(own.cell.vjm, own.structure, own.data).rows
+    _, y = tb.reduce(own.cell.vjm, own.structure, own.data).weighted_equations
     moved = own.predict(own.structure.entries(own.prior.C_theta))
     version, arm, *sizes = FROZEN[name]
     assert (task.version, own.true_arm) == (version, arm)

@@ -19,7 +19,7 @@ from testbench.arm.folder import load_arm
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.posterior import RegisteredSeries, predict_series, without_series
 from testbench.identify.absolute.state import nominal_state, unknowns_of
-from testbench.identify.equations import series_rows
+from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
 from testbench.plant.build import build_plant
 from testbench.report.markdown import grid
@@ -240,7 +240,7 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     wanted = np.einsum("rmkk->rmk", predict_series(calm, placed, one)[1])
     unknowns = unknowns_of(model.vjm, (one,), held.errors, model.structure)
     first = unknowns.first_columns["geometry"]
-    rows = series_rows(unknowns, held, one)[: len(one.markers), :, first + model.columns]
+    rows = series_equations(unknowns, held, one)[: len(one.markers), :, first + model.columns]
     found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
     np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
     assert np.array_equal(model.posterior.x, model.unknowns.values(model.state)[model.columns])

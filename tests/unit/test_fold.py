@@ -24,8 +24,8 @@ def folded(rows, parts):
     found = TriangularFactors(COLUMNS)
     for k in parts:
         for one in rows[k]:
-            found.add(0, k, one.T.copy())
-            found.equations[0, k] += len(one)
+            found.add_rows(0, k, one.T.copy())
+            found.n_equations[0, k] += len(one)
     return found
 
 
@@ -56,7 +56,7 @@ def test_readings_go_to_the_rows_of_their_kind_and_part(rng, lost):
             rows = A.transpose(0, 3, 1, 2)[of].reshape(-1, COLUMNS)
             T = found.factor(kind, [part])
             np.testing.assert_allclose(T.T @ T, rows.T @ rows, rtol=0, atol=1e-11)
-            assert found.equations[kind, part] == len(rows)
+            assert found.n_equations[kind, part] == len(rows)
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])
@@ -83,7 +83,7 @@ def test_runs_that_come_in_several_blocks_are_each_counted_once(kr500, monkeypat
         evaluate_chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers
     )
     rows = np.column_stack([A.reshape(-1, structure.n_parameters), data.deflection.ravel()])
-    monkeypatch.setattr(regression, "SORTED_RUNS", 8)
-    found = np.column_stack(reduce(kr500.vjm, structure, data).rows) * np.sqrt(2) * asked.sigma
+    monkeypatch.setattr(regression, "MAX_SORTED_RUNS", 8)
+    found = np.column_stack(reduce(kr500.vjm, structure, data).weighted_equations) * np.sqrt(2) * asked.sigma
     expected = (rows.T @ rows)[:-1]  # but for the readings' own sum, a part of which is no row
     np.testing.assert_allclose((found.T @ found)[:-1], expected, rtol=1e-9, atol=1e-12 * expected.max())

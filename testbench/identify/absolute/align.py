@@ -32,18 +32,18 @@ from testbench.identify.equations import series_residuals
 from testbench.identify.registration import (
     ASSUMED_NOISE,
     MIN_POSES,
-    NOMINAL_DEVIATION,
+    NOMINAL_TARGET_DEVIATION,
     READING_LOSS,
     Frame,
-    FrameLayout,
-    Loss,
+    FramesAndTargets,
+    HuberLoss,
     arm_reach,
     mean_readings,
     moving_joints,
     nearest_rotation,
     register,
 )
-from testbench.identify.registration import layout_residuals as left_by
+from testbench.identify.registration import registration_residuals as left_by
 from testbench.model.vjm import Vjm, tool_poses
 
 # --- Residuals of readings, their noise about a state, and outliers -----------------------------------------
@@ -165,7 +165,7 @@ def whitening_matrices(
 
 
 def robust_whitening(
-    series: Series, noise: Noise, rotation: Array, residual: Array, loss: Loss = READING_LOSS
+    series: Series, noise: Noise, rotation: Array, residual: Array, loss: HuberLoss = READING_LOSS
 ) -> tuple[Array, Array]:
     """Compute whitening matrices of single readings, and the robust weight of each from its residual.
 
@@ -181,7 +181,7 @@ def robust_whitening(
         (s, rows) [1].
     """
     W, _ = whitening_matrices(series, noise, rotation)
-    return W, loss.influence(np.linalg.norm(np.einsum("srxy,syr->sxr", W, residual), axis=1))
+    return W, loss.weight(np.linalg.norm(np.einsum("srxy,syr->sxr", W, residual), axis=1))
 
 
 def residuals(state: ArmState, series: Series) -> Array:
@@ -247,7 +247,7 @@ def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: f
     mean = 1.0 - (1.0 - DISTANCE_TO_POSITION_SQUARES) * lines / max(every, 1)
     for kind, size in ((position, mean), (rotation, 1.0)):
         length, variances = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        errors.append(READING_LOSS.scatter(length, variances, dof_ratio * size))
+        errors.append(READING_LOSS.extra_noise(length, variances, dof_ratio * size))
     return Noise(errors[0], errors[1])
 
 
@@ -488,7 +488,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     # Unknowns: steps of the frame, then of the targets, in base axes; a deviation of 0 fixes one.
     targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
     named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
-    of_target = NOMINAL_DEVIATION if named else UNNAMED_DEVIATION
+    of_target = NOMINAL_TARGET_DEVIATION if named else UNNAMED_DEVIATION
     deviation = np.r_[series.frame_deviation, np.full(targets.size, of_target)]
     free, f = deviation > 0, len(series.frame_deviation)
     tools = [tool_poses(state.vjm, part.q) for part in parts]
@@ -529,7 +529,7 @@ def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, po
     position, rotation = tool
     x = (position[:, None] + points @ rotation.swapaxes(1, 2)) @ frame.rotation.T + frame.translation
     if series.normal is None:
-        modelled = np.linalg.norm(x, axis=2) + frame.zero
+        modelled = np.linalg.norm(x, axis=2) + frame.distance_offset
     else:
         modelled = (x - np.array(series.fixed)) @ series.normal
     return np.asarray((series.distance - modelled)[series.seen])
@@ -648,7 +648,7 @@ def _register_subset(
     )
 
 
-def _registered(state: ArmState, series: Series, *, shared: bool) -> FrameLayout | None:
+def _registered(state: ArmState, series: Series, *, shared: bool) -> FramesAndTargets | None:
     """Register a series, with the state's frame and mount where they are shared; None if undetermined."""
     frame, mount = state.frames.get(series.frame), state.mounts.get(series.target)
     given = {series.frame: frame} if shared and frame is not None else {}
@@ -661,12 +661,12 @@ def _registered(state: ArmState, series: Series, *, shared: bool) -> FrameLayout
         return None
     return (
         None
-        if shared and registration.frames[series.frame].deviation > MAX_FRAME_DEVIATION
-        else registration.layout
+        if shared and registration.frames[series.frame].rotation_deviation > MAX_FRAME_DEVIATION
+        else registration.frames_and_targets
     )
 
 
-def _level_layout(state: ArmState, series: Series) -> FrameLayout:
+def _level_layout(state: ArmState, series: Series) -> FramesAndTargets:
     """Fit a frame to nominal targets: those of the state, else of the arm's folder, else the tool's origin.
 
     The frame is upright as far as the readings leave its rotation undetermined.
@@ -675,7 +675,7 @@ def _level_layout(state: ArmState, series: Series) -> FrameLayout:
     position, rotation = tool_poses(state.vjm, series.q)
     points = position[:, None] + targets @ rotation.swapaxes(1, 2)
     frame = fit_upright_frame(points[series.seen], series.position[series.seen])
-    return FrameLayout(frame.rotation[None], frame.translation[None], targets)
+    return FramesAndTargets(frame.rotation[None], frame.translation[None], targets)
 
 
 def _nominal_targets(state: ArmState, series: Series) -> Array:

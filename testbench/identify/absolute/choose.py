@@ -237,7 +237,7 @@ def with_shared_pattern(
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
-        solve_active_unknowns(active, gram_of_active(active, reduced.gram), scales, WIDE_PRIOR),
+        solve_active_unknowns(active, gram_of_active(active, reduced.total_gram_matrices), scales, WIDE_PRIOR),
         [],
     )
     V = solved.covariance
@@ -277,22 +277,22 @@ def _evaluate(
     active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
 ) -> _Trial:
     """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
-    S = gram_of_active(active, reduced.gram)
-    scales = learn_error_scales(active, S, reduced.counts, start, rules.constraint)
+    S = gram_of_active(active, reduced.total_gram_matrices)
+    scales = learn_error_scales(active, S, reduced.n_equations, start, rules.constraint)
     every = _by_series(reduced)
-    most = (1 - MIN_EQUATIONS_SHARE) * reduced.counts.sum()
+    most = (1 - MIN_EQUATIONS_SHARE) * reduced.n_equations.sum()
     # A face is no repetition of the others: only its own heights show motion along its normal.
-    repeated = [parts for parts in every if len(every) > 1 and not any(part.face for part in parts)]
-    fair = [parts for parts in repeated if sum(part.counts.sum() for part in parts) <= most]
+    repeated = [parts for parts in every if len(every) > 1 and not any(part.is_plane_face for part in parts)]
+    fair = [parts for parts in repeated if sum(part.n_equations.sum() for part in parts) <= most]
     blocks = _held_out_sums(active, reduced, scales, rules, _blocks_to_hold_out(reduced))
-    faces = any(part.face for part in reduced.parts)
+    faces = any(part.is_plane_face for part in reduced.blocks)
     return _Trial(active, scales, blocks, _held_out_sums(active, reduced, scales, rules, fair), faces)
 
 
 def _by_series(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
     """Group the blocks by their series."""
-    places = sorted({part.series for part in reduced.parts})
-    return [[part for part in reduced.parts if part.series == place] for place in places]
+    places = sorted({part.series_index for part in reduced.blocks})
+    return [[part for part in reduced.blocks if part.series_index == place] for place in places]
 
 
 def _blocks_to_hold_out(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
@@ -308,12 +308,12 @@ def _held_out_sums(
     held: Sequence[Sequence[SeriesBlock]],
 ) -> Array:
     """Hold out parts of the readings in turn: the numbers of `_Trial.blocks`, (held, 4)."""
-    S, positions, totals = gram_of_active(active, reduced.gram), reduced.positions, []
-    faces = any(part.face for part in reduced.parts)
+    S, positions, totals = gram_of_active(active, reduced.total_gram_matrices), reduced.is_position, []
+    faces = any(part.is_plane_face for part in reduced.blocks)
     first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
     whole = solve_active_unknowns(active, S, scales, rules.prior_uncertainty).variances(np.arange(first))
     for parts in held:
-        n = sum(part.counts[positions].sum() for part in parts)
+        n = sum(part.n_equations[positions].sum() for part in parts)
         every, deviance = _held_out(active, S, parts, (scales, rules), whole, faces=faces)
         sums = every[positions]
         totals.append((n, sums.sum(), rules.equation_deviation[positions] ** 2 @ sums, deviance))
@@ -385,7 +385,7 @@ def _held_out(
     v[at] = np.r_[normal.x, -1.0]
     deviance = 0.0
     if faces:
-        counts = np.sum([part.counts for part in parts], axis=0)
+        counts = np.sum([part.n_equations for part in parts], axis=0)
         deviance = predictive_deviance(
             np.tensordot(scales.noise_factor**-2.0, T, 1)[np.ix_(at, at)], v[at], normal
         ) + float(2 * counts @ np.log(scales.noise_factor))

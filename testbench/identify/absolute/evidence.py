@@ -45,13 +45,13 @@ from testbench.identify.prior import (
     rescale_to_data,
     rows_with_prior,
 )
-from testbench.identify.registration import NOMINAL_DEVIATION
+from testbench.identify.registration import NOMINAL_TARGET_DEVIATION
 from testbench.identify.regression import (
     Linearisation,
     ReducedReadings,
     Regression,
     reduce_series,
-    regression_of,
+    regression_from_terms,
     term_from_triangle,
 )
 from testbench.identify.solve import certified_solution, solve, solve_by_clarabel
@@ -159,7 +159,7 @@ def default_error_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
         if kind == "frame":
             deviation[first + 3 : first + 6] = LEVEL_DEVIATION
         else:
-            deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_DEVIATION
+            deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_TARGET_DEVIATION
     for name, sizes in unknowns.frame_deviations.items():
         deviation[unknowns.columns(f"frame {name}")] = [size or LEVEL_DEVIATION for size in sizes]
     for kind, columns in unknowns.prior_groups:
@@ -426,7 +426,7 @@ def solve_step(
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
         step = _solve_compliances(
-            T, active.compliance_prior, int(reduced.counts.sum()), constraint, uncertainty
+            T, active.compliance_prior, int(reduced.n_equations.sum()), constraint, uncertainty
         )
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse = solve_triangular(step.precision_root[:r, :r], np.eye(r))
@@ -493,7 +493,7 @@ def compliance_equations(T: Array, compliance_prior: PriorScaling, equations: in
     """
     r = len(T) - 1 - len(compliance_prior.expected_x)
     term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
-    return regression_of(compliance_prior.structure, (term,))
+    return regression_from_terms(compliance_prior.structure, (term,))
 
 
 def back_substitute(T: Array, pi: Array) -> Array:
@@ -623,7 +623,7 @@ def gauss_newton_step(
     """
     state, noise = linearisation_point
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
-    S, counts = gram_of_active(active, reduced.gram), reduced.counts
+    S, counts = gram_of_active(active, reduced.total_gram_matrices), reduced.n_equations
     scales = learn_error_scales(
         active, S, counts, default_error_scales(active.unknowns, len(counts)), constraint
     )

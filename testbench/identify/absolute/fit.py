@@ -379,7 +379,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     return Calibration(
         state=after,
         active=chosen.active,
-        information=np.tensordot(chosen.error_scales.noise_factor**-2.0, reduced.gram, 1)[:-1, :-1],
+        information=np.tensordot(chosen.error_scales.noise_factor**-2.0, reduced.total_gram_matrices, 1)[:-1, :-1],
         precision_root=solved.precision_root,
         noise=noise,
         selection=chosen,
@@ -427,7 +427,11 @@ def _select_errors(
             start: Scales to start from.
         """
         return learn_error_scales(
-            selected, gram_of_active(selected, reduced.gram), reduced.counts, start, options.constraint
+            selected,
+            gram_of_active(selected, reduced.total_gram_matrices),
+            reduced.n_equations,
+            start,
+            options.constraint,
         )
 
     sizes = scales(active, reduced, default_error_scales(unknowns, len(reduced.kinds)))

@@ -27,7 +27,7 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.evidence import default_error_scales, moved_mount
 from testbench.identify.absolute.state import ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame, unknowns_of
-from testbench.identify.equations import series_rows
+from testbench.identify.equations import series_equations
 from testbench.identify.posterior import ArmModel, Posterior
 
 CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom [1].
@@ -190,7 +190,7 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
 def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array]:
     """Compute columns of frame, mount and arm, (s, 3, f + a, rows), and residuals, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
-    rows, f = series_rows(unknowns, state, series), unknowns.first_columns["geometry"]
+    rows, f = series_equations(unknowns, state, series), unknowns.first_columns["geometry"]
     return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
 
@@ -315,7 +315,7 @@ def information_of_series(unknowns: Unknowns, state: ArmState, series: Series) -
         Information matrix in SI units, (size, size).
     """
     m = len(series.markers)
-    A = series_rows(unknowns, state, series)[:, :, :-1]
+    A = series_equations(unknowns, state, series)[:, :, :-1]
     A[:m] /= series.sigma
     if series.sigma_rotation is not None:
         A[m:] /= series.sigma_rotation

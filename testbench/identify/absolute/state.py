@@ -37,7 +37,13 @@ import numpy as np
 from testbench.data.dataset import Series, evenly_spaced
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
-from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame, kabsch, largest_deviation
+from testbench.identify.registration import (
+    ASSUMED_NOISE,
+    NOMINAL_TARGET_DEVIATION,
+    Frame,
+    kabsch,
+    largest_deviation,
+)
 from testbench.model.kinematics import ORDER_BANDS, JointErrorTerms, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
@@ -140,7 +146,7 @@ def moved_frame(frame: Frame, step: Array) -> Frame:
     """
     [turn] = rotation_matrices(step[None, 3:6])
     moved = frame.translation + frame.rotation @ step[:3]
-    return Frame(frame.rotation @ turn, moved, zero=frame.zero + float(step[6:].sum()))
+    return Frame(frame.rotation @ turn, moved, distance_offset=frame.distance_offset + float(step[6:].sum()))
 
 
 @dataclass(frozen=True)
@@ -288,7 +294,8 @@ that counts as determined [rad]."""
 def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     """Find the frames and mounts that absolute readings leave undetermined, for the nominal geometry.
 
-    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_DEVIATION`, a frame if that
+    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_TARGET_DEVIATION`, a frame if
+    that
     of its rotation exceeds `LEVEL_DEVIATION`.
 
     Mathematics: `abs-7`.
@@ -337,7 +344,7 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     }
     for name, targets_read in read.items():
         ends = [first[name] + 3 * k for k in targets_read]
-        if any(largest_deviation(covariance[k : k + 3, k : k + 3]) > NOMINAL_DEVIATION for k in ends):
+        if any(largest_deviation(covariance[k : k + 3, k : k + 3]) > NOMINAL_TARGET_DEVIATION for k in ends):
             undetermined.add(f"mount {name}")
     return frozenset(undetermined)
 

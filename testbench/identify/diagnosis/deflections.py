@@ -34,11 +34,11 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.equations import (
     WeightedReadings,
-    each_reading,
     jacobian,
-    nominal_chain,
-    single_readings,
-    whiten,
+    rows_of_readings,
+    undeflected_arm,
+    weighted_readings,
+    whiten_deflections,
 )
 from testbench.identify.hierarchy import evidence_posterior, maximise_evidence, prior_evidence
 from testbench.identify.prior import PriorScaling
@@ -121,7 +121,7 @@ class ResidualModel:
         return np.column_stack([as_read - self._residuals(data) for data in corrected])
 
     def _residuals(self, data: Dataset) -> Array:
-        read = single_readings(self.vjm, self.scaling.structure, data)
+        read = weighted_readings(self.vjm, self.scaling.structure, data)
         return np.asarray((read.y - read.A @ self.pi).ravel())
 
     def score_issue(self, name: str, correction: "Correction[LoadedRuns]") -> Issue:
@@ -236,7 +236,7 @@ def fit_residual_model(
     hyperparameters = (
         maximise_evidence(model.evidence, model.medians) if hyperparameters is None else hyperparameters
     )
-    read = single_readings(vjm, structure, data)
+    read = weighted_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n_parameters) @ model.scaling.L
     # The most probable compliances: least squares over the rows of the readings and of the prior.
     s, kappa = model.entry_scales(hyperparameters), np.exp(hyperparameters[-1])
@@ -271,7 +271,7 @@ def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structur
     Returns:
         Two columns per joint, backlash first, (rows, 2 joints) [1].
     """
-    state, first = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
+    state, first = undeflected_arm(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
     turn = np.diag(structure.matrix(pi))[first:, None] * state.u[first:]
     state = replace(
         state, phi=np.stack([USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn)], axis=1)
@@ -281,7 +281,7 @@ def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structur
     )
     points, read = marker_positions(vjm, data.markers), data.sigma_rotation is not None
     A = jacobian(unknowns, state, points, rotations=read)[:, :, unknowns.columns("errors")]
-    return each_reading(A, whiten(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
+    return rows_of_readings(A, whiten_deflections(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
 
 
 def load_levels(data: Dataset) -> list[Mask]:

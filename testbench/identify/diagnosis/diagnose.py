@@ -47,7 +47,7 @@ from testbench.identify.diagnosis.moves import (
     p_value,
     with_rms_shift,
 )
-from testbench.identify.equations import MAX_READINGS, check_runs
+from testbench.identify.equations import MAX_ROBUST_READINGS, check_runs
 from testbench.identify.prior import Prior, scale_by_prior
 from testbench.model.load import weights_with_note
 from testbench.model.structure import all153, joints_only
@@ -212,7 +212,7 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     """Find mistakes in all loads from the first batch of runs, in single runs from all batches."""
     data = loads.data
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(RUNS_PER_BATCH, MAX_READINGS // readings_per_run))))
+    parts = max(1, -(-data.runs // max(1, min(RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run))))
     subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
     issues = load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
     runs = {row.name for row in hypotheses.single_runs}

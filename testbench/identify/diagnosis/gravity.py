@@ -30,7 +30,7 @@ from testbench.identify.absolute.evidence import fit_geometry_and_springs
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.base_frame import RegisteredDataset
 from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit_kinematics
-from testbench.identify.equations import single_readings
+from testbench.identify.equations import weighted_readings
 from testbench.identify.prior import Prior, PriorScaling, scale_by_prior
 from testbench.identify.registration import Frame
 from testbench.model.kinematics import body_pose
@@ -207,7 +207,7 @@ def snap_direction(g: Array, angle_limit: float) -> Array:
 def _by_deflections(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> tuple[Array, float]:
     """Fit the direction of gravity, (3,), by robust least squares, and the share that it explains [1]."""
     pi = scaling.L @ scaling.expected_x
-    read = [single_readings(vjm, scaling.structure, with_gravity_along(data, e)) for e in np.eye(3)]
+    read = [weighted_readings(vjm, scaling.structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
     for _ in range(REWEIGHTINGS):

@@ -180,20 +180,22 @@ def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Correct
     off = (
         np.zeros(0)
         if registration is None
-        else np.linalg.norm(registration.targets - registration.nominal, axis=1)
+        else np.linalg.norm(registration.targets - registration.nominal_targets, axis=1)
     )
     far = np.flatnonzero(off > MAX_TARGET_DISTANCE)
     if registration is None or not len(far):
         return
-    between = np.linalg.norm(registration.targets[far, None] - registration.nominal[None, far], axis=2)
+    between = np.linalg.norm(
+        registration.targets[far, None] - registration.nominal_targets[None, far], axis=2
+    )
     if (len(far) > 1 and bool((between.min(axis=1) < MAX_TARGET_DISTANCE).all())) != exchanged:
         return
     if exchanged:
-        yield Correction(tuple(registration.markers[k] for k in far))
+        yield Correction(tuple(registration.target_names[k] for k in far))
     else:
         worst = int(far[np.argmax(off[far])])
-        off_by = registration.targets[worst] - registration.nominal[worst]
-        yield Correction((registration.markers[worst],), off_by)
+        off_by = registration.targets[worst] - registration.nominal_targets[worst]
+        yield Correction((registration.target_names[worst],), off_by)
 
 
 # --- Readings against the kinematics ------------------------------------------------------------------------
@@ -657,7 +659,7 @@ def _levels(loads: LoadedRuns) -> LoadCorrections:
 def _equations_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]]]:
     """Yield the name of every run and the range of its equations, three per reading."""
     assert loads.model is not None
-    run = loads.model.readings.run
+    run = loads.model.readings.run_index
     for r, name in enumerate(map(str, loads.data.run)):
         first, end = np.searchsorted(run, [r, r + 1])
         if first < end:
@@ -683,7 +685,7 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
     """Try displaced targets of one run, each displaced independently: all of them, or one."""
     if (model := loads.model) is None:
         return
-    size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.unit, 3)
+    size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.deviation, 3)
     least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * loads.data.sigma * model.misfit]))
 
     def is_large(b: Array) -> bool:
@@ -691,7 +693,7 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
 
     for name, every in _equations_of_runs(loads):
         for equations in [every] if all_targets else [(k, k + 3) for k in range(*every, 3)]:
-            target = model.readings.marker[equations[0] // 3]
+            target = model.readings.marker_index[equations[0] // 3]
             label = () if all_targets or target < 0 else (loads.data.markers[target],)
             yield Correction(
                 (name, *label),

@@ -31,7 +31,7 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
-from testbench.identify.equations import series_rows
+from testbench.identify.equations import series_equations
 from testbench.identify.prior import PriorScaling
 from testbench.model.kinematics import JointErrorTerms
 from testbench.model.vjm import rigid_motion_matrix
@@ -257,7 +257,7 @@ def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
 
 def _equations(nuisance: NuisanceModel, series: Series) -> tuple[Array, Array]:
     """Whiten [A e], (c + 1, equations), and Z, (z, equations); equations are ordered by row."""
-    active, rows = nuisance.active, series_rows(nuisance.active.unknowns, nuisance.state, series)
+    active, rows = nuisance.active, series_equations(nuisance.active.unknowns, nuisance.state, series)
     rotation = nuisance.state.frame(series).rotation
     W, weights = robust_whitening(series, nuisance.noise, rotation, rows[:, :, -1])
     W = W * np.sqrt(weights)[..., None, None]
@@ -307,7 +307,7 @@ def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issu
         The issue; its number `shift` is the RMS distance over all readings [m].
     """
     moved = step.name.removesuffix("_moved")
-    Z = move_columns(nuisance, series, series_rows(nuisance.active.unknowns, nuisance.state, series), moved)
+    Z = move_columns(nuisance, series, series_equations(nuisance.active.unknowns, nuisance.state, series), moved)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, numbers={**step.numbers, "shift": shift})

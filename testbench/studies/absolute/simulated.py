@@ -32,7 +32,7 @@ from testbench.identify.absolute.fit import (
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.absolute.posterior import RegisteredSeries, inside_ellipsoid, predict_series
 from testbench.identify.absolute.state import ArmState, unknowns_of
-from testbench.identify.equations import series_rows
+from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.registration import SQUARED_LOSS
@@ -203,10 +203,10 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
         deviation[own] = sizes[kind]
     known = ErrorScales(deviation, np.ones(len(reduced.kinds)))
     V = solve_active_unknowns(
-        active, gram_of_active(active, reduced.gram), known, PriorUncertainty(SHAPE)
+        active, gram_of_active(active, reduced.total_gram_matrices), known, PriorUncertainty(SHAPE)
     ).covariance
     assert active.compliance_prior is not None
-    lines = series_rows(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
+    lines = series_equations(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(active.columns))
     A = np.hstack([A[:, : active.n_rigid], A[:, active.n_rigid :] @ active.compliance_prior.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))

@@ -26,7 +26,7 @@ from testbench.identify.prior import (
     scale_by_prior,
 )
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.solve import METHODS, minimum_norm, solve
+from testbench.identify.solve import METHOD_NAMES, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
@@ -152,7 +152,7 @@ def posterior(case: CoverageCase, k: int) -> list[Covered]:
     pi = case.scaling.L @ draw_conservative(case.scaling, uncertainty, rng)
     regression, truth = resampler(case.regression)(pi, rng), case.functionals @ pi
     found = []
-    for constraint, method in METHODS.items():
+    for constraint, method in METHOD_NAMES.items():
         fit = solve(regression, constraint, WeightedPrior(case.scaling, uncertainty))
         at = partial(posterior_of_estimate(fit).intervals, case.functionals)
         found.append(_covered_at(f"{case.name}, {method}", "posterior", truth, at))

@@ -21,8 +21,8 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import Estimate, deflections_of_models
-from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_of
-from testbench.identify.solve import complete_conservatively, free_directions, solve
+from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_from_terms
+from testbench.identify.solve import complete_conservatively, equal_fits, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.plant.true_arms import true_arms
@@ -116,13 +116,15 @@ def _weighed_as(gco: Estimate) -> Regression:
     """
     terms = gco.regression.terms
     norms = np.array([np.sqrt(np.sum((t.R @ gco.pi - t.z) ** 2) + t.unexplained) for t in terms])
-    size = np.maximum(norms, LEAST_NORM * norms.max()) * [t.equations for t in terms]
+    size = np.maximum(norms, LEAST_NORM * norms.max()) * [t.n_equations for t in terms]
     shares = np.sqrt(size.mean() / size)
     weighed = (
         replace(t, R=c * t.R, z=c * t.z, unexplained=c**2 * t.unexplained)
         for c, t in zip(shares, terms, strict=True)
     )
-    return regression_of(gco.regression.structure, tuple(weighed)) if len(terms) > 1 else gco.regression
+    return (
+        regression_from_terms(gco.regression.structure, tuple(weighed)) if len(terms) > 1 else gco.regression
+    )
 
 
 def added(ls: Estimate, gco: Estimate) -> float:
@@ -138,7 +140,7 @@ def added(ls: Estimate, gco: Estimate) -> float:
     more = 0.0
     for term in ls.regression.terms:
         theirs, ours = (term.R @ estimate.pi - term.z for estimate in (ls, gco))
-        more += term.equations / 3 * float(ours @ ours - theirs @ theirs)
+        more += term.n_equations / 3 * float(ours @ ours - theirs @ theirs)
     return more / ls.regression.rank
 
 
@@ -150,7 +152,7 @@ def _lent(ls: Estimate, gco: Estimate) -> Estimate:
     """The fit of least squares, the free directions of GCO: what differs from GCO is seen by the data."""
     if ls.regression.rank == ls.structure.n_parameters:
         return ls
-    free = free_directions(ls.regression, ls.pi)
+    free = equal_fits(ls.regression, ls.pi)
     twice = np.where(ls.structure.fills_two_entries, 2.0, 1.0)  # entries that stand at two places of C
     w: Array = free.N.T @ (twice * (gco.pi / free.unit - free.x))
     pi = ls.pi + free.unit * (free.N @ w)
@@ -333,8 +335,8 @@ def expected(vjm: Vjm, clean: Clean, grid: CellGrid, regressions: Sequence[Regre
 
 def _amplified(regression: Regression, rows: Array) -> float:
     """Root of the summed variances that least squares leaves rows, (k, n) [m per unit of pi], in metres."""
-    touched = regression.columns > 0
-    A = np.vstack([np.sqrt(t.equations / 3) * t.R[:, touched] for t in regression.terms])
+    touched = regression.column_norms > 0
+    A = np.vstack([np.sqrt(t.n_equations / 3) * t.R[:, touched] for t in regression.terms])
     scale = np.linalg.norm(A, axis=0)
     _, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
     kept = s > RANK_TOLERANCE * s[0]

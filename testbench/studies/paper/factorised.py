@@ -34,7 +34,7 @@ from testbench.errors import Array, BenchError
 from testbench.identify.cone import nearest_psd
 from testbench.identify.conic import ConicProgram, certify, scaled_gco_program, tie_break_penalty
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.regression import Regression, Term, check_symmetric, reduce
+from testbench.identify.regression import Regression, ResidualTerm, check_symmetric, reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.runs.rows import trial_rng
@@ -69,7 +69,7 @@ class Factorised:
     rows: npt.NDArray[np.int_]  #: Rows of C_theta that are unknown and touched by data, (k,).
     #: Which entries of V are in b, (m, k): a block of size n needs vectors of R^min(m, n).
     free: npt.NDArray[np.bool_]
-    terms: tuple[Term, ...]  #: Terms of F_M over the parameters in the program's units.
+    terms: tuple[ResidualTerm, ...]  #: Terms of F_M over the parameters in the program's units.
 
     @property
     def size(self) -> int:
