@@ -171,7 +171,8 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
         ]
         unknowns = unknowns_of(stiff.vjm, tuple(series), JointErrorTerms(), joints_only(stiff.arm))
         rows = [
-            series_rows(unknowns, state, one)[0, :, : unknowns.first_columns["elastic"]] for one in series
+            series_equations(unknowns, state, one)[0, :, : unknowns.first_columns["elastic"]]
+            for one in series
         ]
         normal = [np.einsum("x,xcr->rc", one.normal, own) for one, own in zip(series, rows, strict=True)]
         size = np.linalg.svd(np.concatenate(normal), compute_uv=False)

@@ -294,9 +294,8 @@ that counts as determined [rad]."""
 def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     """Find the frames and mounts that absolute readings leave undetermined, for the nominal geometry.
 
-    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_TARGET_DEVIATION`, a frame if
-    that
-    of its rotation exceeds `LEVEL_DEVIATION`.
+    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_TARGET_DEVIATION`, a frame
+    if that of its rotation exceeds `LEVEL_DEVIATION`.
 
     Mathematics: `abs-7`.
 
