@@ -106,7 +106,7 @@ def sensitivity_units(
     Returns:
         Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
     """
-    s, weight = regression.structure, regression.weight
+    s, weight = regression.structure, regression.diagonal_sensitivity
     trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
     d = 1 / np.sqrt(np.maximum(weight, UNOBSERVED_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
     return np.asarray(f_m_unit * d[s.rows] * d[s.columns])
