@@ -340,6 +340,6 @@ def test_spoiling_moves_as_many_readings_as_asked_and_too_many_are_refused(kr500
     assert mask.sum() == round(0.1 * 45)
     moved = np.linalg.norm(spoiled.deflection - data.deflection, axis=-1)
     np.testing.assert_allclose(moved, 1e-3 * mask, atol=1e-15)
-    monkeypatch.setattr("testbench.identify.equations.MAX_INPUT_NUMBERS", 44)
+    monkeypatch.setattr("testbench.identify.equations.MAX_ROBUST_READINGS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
         robustly(kr500, s, data, "none")

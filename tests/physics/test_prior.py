@@ -736,7 +736,7 @@ def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr
     for kind, seed in (("following_50", 1), ("tubes", 1)):
         campaign, (method, s) = simulate(true_cell(kr500, kind, seed), SCENARIO, seed), default(kr500, seed)
         regression = reduce(kr500.vjm, s, campaign.identification)
-        plain = method.fit_reduced(kr500.vjm, replace(regression, poses=()))
+        plain = method.fit_reduced(kr500.vjm, replace(regression, rows_by_pose=()))
         found = method.fit_reduced(kr500.vjm, regression)
         if kind == "tubes":
             assert pose_to_pose_variation(regression, plain) == 0
@@ -782,7 +782,7 @@ def alike(kr500, campaign):
     """The default, the equations of a campaign, and its fit without looking for links that change."""
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
-    return method, regression, method.fit_reduced(kr500.vjm, replace(regression, poses=()))
+    return method, regression, method.fit_reduced(kr500.vjm, replace(regression, rows_by_pose=()))
 
 
 def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
