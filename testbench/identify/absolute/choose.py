@@ -237,7 +237,9 @@ def with_shared_pattern(
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, joint_information = (
-        solve_active_unknowns(active, gram_of_active(active, reduced.total_gram_matrices), scales, WIDE_PRIOR),
+        solve_active_unknowns(
+            active, gram_of_active(active, reduced.total_gram_matrices), scales, WIDE_PRIOR
+        ),
         [],
     )
     V = solved.covariance

@@ -379,7 +379,9 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     return Calibration(
         state=after,
         active=chosen.active,
-        information=np.tensordot(chosen.error_scales.noise_factor**-2.0, reduced.total_gram_matrices, 1)[:-1, :-1],
+        information=np.tensordot(chosen.error_scales.noise_factor**-2.0, reduced.total_gram_matrices, 1)[
+            :-1, :-1
+        ],
         precision_root=solved.precision_root,
         noise=noise,
         selection=chosen,

@@ -307,7 +307,9 @@ def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issu
         The issue; its number `shift` is the RMS distance over all readings [m].
     """
     moved = step.name.removesuffix("_moved")
-    Z = move_columns(nuisance, series, series_equations(nuisance.active.unknowns, nuisance.state, series), moved)
+    Z = move_columns(
+        nuisance, series, series_equations(nuisance.active.unknowns, nuisance.state, series), moved
+    )
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, numbers={**step.numbers, "shift": shift})
