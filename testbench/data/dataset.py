@@ -123,7 +123,7 @@ class Dataset(Displayed):
 
     @property
     def lines(self) -> Mask:
-        """Tell which readings are one number along a direction, (runs, m)."""
+        """Tell which readings are one number along a direction, as of a dial gauge, (runs, m)."""
         if self.direction is None:
             return np.zeros((self.runs, len(self.markers)), dtype=bool)
         return np.asarray(self.direction.any(axis=2)) & self.seen
@@ -222,13 +222,13 @@ def rotation_between(before: Array, after: Array) -> Array:
 
 
 def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], shapes: Shapes) -> None:
-    """Check the shapes and values of readings.
+    """Check the shapes and values of a `Dataset` or a `Series`.
 
     Args:
-        data: The readings.
-        rows: How many there are.
-        ids: Names of their identifiers.
-        shapes: Shapes of arrays that other readings have not.
+        data: The dataset or series.
+        rows: Number of its runs or rows.
+        ids: Names of the fields that are identifiers, (rows,) integers each.
+        shapes: Expected shape of each further array, by its name and unit.
 
     Raises:
         BenchError: If an array has another shape or kind, two targets have one name, or a sigma is not
@@ -325,7 +325,7 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def join_rows(parts: Sequence[Rows]) -> Rows:
-    """Concatenate the rows of several parts; all else is taken from the first."""
+    """Concatenate datasets, or other dataclasses of arrays, row by row; the first one gives all else."""
     every = [row_arrays(part) for part in parts]
     whole = {name: np.concatenate([arrays[name] for arrays in every]) for name in every[0]}
     return replace(parts[0], **whole)
@@ -521,7 +521,7 @@ class Series(Displayed):
 
     @property
     def quantile_95(self) -> float:
-        """Return the 95 % quantile of chi squared of a reading's numbers."""
+        """Return the 95 % quantile of chi squared: three degrees of freedom, or one for a distance [1]."""
         return 7.8147 if self.distance is None else 3.8415
 
     @property
@@ -545,13 +545,13 @@ class Series(Displayed):
 
 
 def numbers_per_target(series: Sequence[Series]) -> float:
-    """Compute how many numbers a reading of a target has: three of a position, one of a distance; the mean.
+    """Compute the mean count of numbers per reading: a position has three, a distance has one.
 
     Args:
-        series: The readings.
+        series: Absolute readings of targets.
 
     Returns:
-        The mean number [1].
+        Mean over all readings [1].
     """
     read = [(readings.distance is None, int(readings.seen.sum())) for readings in series]
     return sum((3 if position else 1) * n for position, n in read) / sum(n for _, n in read)

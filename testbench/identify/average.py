@@ -239,7 +239,7 @@ MIN_MODEL_PROBABILITY = 0.05
 def average_two_priors(
     regression: Regression, constraint: Constraint, prior: PriorScaling, softened_prior: PriorScaling
 ) -> Estimate:
-    """Average estimates under a prior and a softened prior by their evidence, with intervals.
+    """Average estimates under a prior, and under one with less coupled links, by their evidence.
 
     If the readings show links whose compliance varies from pose to pose, rows are weighted accordingly
     (`pose_variation`), and joints only have at least the weight `MIN_JOINTS_ONLY_WEIGHT`.
@@ -247,10 +247,10 @@ def average_two_priors(
     Mathematics: `prior-12`.
 
     Args:
-        regression: The reduced dataset, of a structure with laws.
+        regression: The reduced dataset, of a structure with joint laws.
         constraint: Least squares or GCO.
         prior: Units of the prior.
-        softened_prior: Units of the softened prior.
+        softened_prior: Units of the prior with less coupled links, see `with_weaker_coupling`.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
@@ -409,7 +409,7 @@ def _held_out_errors(
 
 
 def joints_only_weight(held_out_errors: tuple[Array, Array] | None, *, links_vary: bool) -> float:
-    """Choose the weight of joints only by the errors of both models in poses left out.
+    """Choose the weight of the rigid-link model (joints only) by errors in poses left out of the fit.
 
     Mathematics: `prior-14`.
 

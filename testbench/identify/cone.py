@@ -34,7 +34,7 @@ CONES: dict[ConeKind, Callable[[int], object]] = {
 
 @dataclass(frozen=True)
 class Block:
-    """Hold unknowns that form one symmetric matrix, or one free block."""
+    """Hold unknowns of a conic program: the entries of one semi-definite matrix, or free numbers."""
 
     indices: Ids  #: Their places in v, (k,).
     matrix_order: int = (
@@ -65,7 +65,7 @@ class ConeProgram:
 
 @dataclass(frozen=True)
 class Solution:
-    """Hold the last iterate of the solver, with its duals."""
+    """Hold the solution of a conic program: unknowns, duals, cost and the lower bound that they prove."""
 
     x: Array  #: The unknowns v, (n,).
     duals: tuple[Array, ...]  #: Dual of every `ConeConstraint`, (rows,) each, then of every PSD block.

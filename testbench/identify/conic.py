@@ -404,7 +404,7 @@ def _certified(
 
 
 def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -> ConicSolution | None:
-    """Solve the program by our dense interior-point method.
+    """Solve the scaled GCO program by our dense interior-point method.
 
     Args:
         regression: The equations, in the parameters of the penalty's structure.
@@ -464,14 +464,14 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
 
 
 def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
-    """Solve the program by Clarabel, with the dual that Clarabel returns.
+    """Solve the scaled GCO program by Clarabel, with Clarabel's dual as its proof.
 
     Args:
         regression: The equations, in the parameters of the penalty's structure.
         program: The scaled program.
 
     Returns:
-        The answer; a rigid arm where no marker moved.
+        Parameters and dual; all parameters are zero where no marker moves.
     """
     s, n, count = program.touched_structure, regression.structure.n_parameters, len(program.z)
     if f_m(regression, np.zeros(n)) == 0:

@@ -48,7 +48,10 @@ ORIENTATION_READING = "orientation"
 
 @dataclass(frozen=True)
 class Dual:
-    """Hold dual vectors y_k of length one at most, one per term of F_M; see `certify`."""
+    """Hold dual vectors y_k, |y_k| <= 1, one per term of F_M, Eq. (19); they prove a lower bound of F_M.
+
+    Each term is a norm |r_k| of residuals, and |r_k| >= y_k . r_k. `certify` uses this bound.
+    """
 
     y: Array  #: Components against the rows of the term's R, (terms, n) [1].
     y_unexplained: Array  #: Components against the residual that no parameter explains, (terms,) [1].
@@ -69,7 +72,10 @@ class TracePenalty:
 
     @property
     def gradient(self) -> Array:
-        """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
+        """Return the gradient of the trace term w <W, C'> by the k parameters of C', (k,).
+
+        W is diagonal, and C' holds the compliances of links and joints.
+        """
         s = self.structure
         return np.where(s.rows == s.columns, self.weight * self.W_diagonal[s.rows], 0.0)
 
@@ -114,7 +120,10 @@ def sensitivity_units(
 
 @dataclass(frozen=True, repr=False)
 class Certificate(Displayed):
-    """Hold bounds of how far an estimate is from the best conservative one within `trace_bounds`."""
+    """Hold bounds on how much better than an estimate any conservative model can fit, Eq. (19).
+
+    They hold for all models whose blocks have traces within `trace_bounds`.
+    """
 
     #: Upper bound of F_M + w <W, C> above its least value [1]; it measures how well the program is solved.
     duality_gap: float

@@ -178,7 +178,7 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
         h: Hyperparameters, logarithms, (m,) [1].
 
     Returns:
-        Unknowns, covariance, loss and its gradient.
+        Most probable unknowns, their covariance, -log p(y, h) and its gradient by h.
 
     Raises:
         BenchError: When the equations leave an unknown undetermined, or rounding leaves P no root.
@@ -206,7 +206,9 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
 
 
 def evidence_hessian(model: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
-    """Compute the second derivatives of the loss by the hyperparameters, with implicit differentiation.
+    """Compute the Hessian of the negative log evidence -log p(y, h) by the hyperparameters h.
+
+    The most probable unknowns x depend on h, so the differentiation is implicit.
 
     With w = d^-2 and U = -d^2 loss / dx dh, the unknowns move by dx/dh = V U. The second derivative of the
     loss at the optimal x is smaller by U^T V U than at a fixed x; that of log det P is smaller by

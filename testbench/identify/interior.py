@@ -440,11 +440,11 @@ class _State:
 
 
 def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array]:
-    """Solve all folds with all weights.
+    """Solve least squares with a trace term, for every fold of the readings and every weight of the trace.
 
     Args:
-        problems: The folds.
-        weights: Weights of the trace term, (weights,).
+        problems: One least-squares problem per fold.
+        weights: Weights of the trace term that are tried, (weights,) [1].
 
     Returns:
         x and its multipliers, (folds, weights, n) each, NaN where none was found.

@@ -483,7 +483,7 @@ class ArmModel:
 
     @property
     def vjm(self) -> Vjm:
-        """Return its nominal virtual joint model."""
+        """Return the virtual joint model of the nominal arm."""
         return self.state.vjm
 
     @property
@@ -498,12 +498,12 @@ class ArmModel:
 
     @property
     def scatter(self) -> float:
-        """Return the standard deviation of a position about an absolute model beyond its unknowns [m]."""
+        """Return the standard deviation of positions that the calibrated model leaves unexplained [m]."""
         return 0.0 if self.noise is None else self.noise.position_model_error * float(self.noise.factor[0])
 
     @property
     def unknowns(self) -> Unknowns:
-        """Return all unknowns that the model may have, in the order geometry, joint errors, compliances."""
+        """Return all unknowns of an arm model, in the order geometry, joint errors, compliances."""
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 
@@ -549,7 +549,7 @@ def model_of_compliances(
 
 @runtime_checkable
 class ModelSource(Protocol):
-    """Describe what makes a model of its arm by itself, such as a calibration."""
+    """Describe objects with a method `model()` that returns an identified arm, such as a `Calibration`."""
 
     def model(self) -> ArmModel:
-        """Make the model."""
+        """Return the identified arm."""

@@ -56,7 +56,7 @@ class MeanReadings:
 
 @dataclass(frozen=True)
 class FramesAndTargets:
-    """Hold frames and targets; NaN where one is not known yet."""
+    """Hold poses of the base in tracker frames, and targets on the tool; NaN where not known yet."""
 
     rotation: Array  #: R_s, frame from base, (frames, 3, 3).
     translation: Array  #: t_s, base in the frame, (frames, 3) [m].
@@ -247,7 +247,7 @@ NOISE_ROOT_TOLERANCE = 2.0**-60
 
 @dataclass(frozen=True)
 class HuberLoss:
-    """Define a robust loss of the length of a reading's residual."""
+    """Define Huber's loss of a reading's residual: linear in its length beyond a threshold."""
 
     threshold: float  #: Length, in standard deviations, beyond which a reading has less than full weight.
     normal_mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
@@ -347,10 +347,10 @@ class Frame:
     )
 
     def with_base_at(self, pose: Array) -> "Frame":
-        """Return the frame that takes the place of the base, with its covariance.
+        """Express the tracker's frame relative to another base frame, with its covariance.
 
         Args:
-            pose: Pose of the new frame's origin in base axes, (4, 4) [m].
+            pose: Pose of the new base frame in the present one, homogeneous matrix, (4, 4) [1, m].
         """
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
@@ -392,7 +392,7 @@ class Registration:
 
     @property
     def frames(self) -> dict[str, Frame]:
-        """Return the frames by name."""
+        """Return the pose of the arm's base in every tracker frame, by the frame's name."""
         C = np.zeros((len(self.frame_names), 6, 6))
         for at, k in enumerate(np.flatnonzero(self.is_fitted_frame)):
             C[k] = self.covariance[6 * at : 6 * at + 6, 6 * at : 6 * at + 6]

@@ -72,7 +72,10 @@ class ResidualTerm:
 
 @dataclass(frozen=True, repr=False)
 class Regression(Displayed):
-    """Hold F_M of a structure on a dataset, as triangular factors of the weighted equations (13)."""
+    """Hold the weighted equations A pi = y, Eq. (13), of a dataset, reduced to triangular factors by QR.
+
+    They give F_M, Eq. (19), of any parameters pi of the structure.
+    """
 
     structure: Structure  #: The unknowns, n of them.
     terms: tuple[ResidualTerm, ...]  #: Position term, then the rotation term where orientations are read.
@@ -145,7 +148,7 @@ def triangular_factor(rows: Array) -> Array:
 
 
 def regression_from_terms(structure: Structure, terms: tuple[ResidualTerm, ...]) -> Regression:
-    """Make a regression from terms that were reduced elsewhere.
+    """Make a regression from the reduced terms of F_M: positions, and rotations where they are read.
 
     Args:
         structure: The unknowns, n of them.
@@ -199,7 +202,7 @@ def embed_parameters(values: Array, structure: Structure, wider: Structure) -> A
 
 
 def check_symmetric(structure: Structure) -> None:
-    """Check that a structure can be a Gramian.
+    """Check that the unknown compliance blocks are symmetric, as C_i = V_i^T V_i requires.
 
     Raises:
         BenchError: If it does not impose symmetry.
@@ -564,7 +567,7 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
 
 @dataclass(frozen=True)
 class SeriesBlock:
-    """Hold the equations of one block of joint space of one series."""
+    """Hold Gram matrices of the equations of one series of readings, in one block of joint space."""
 
     series_index: int  #: Place of the series.
     gram_matrices: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
@@ -582,7 +585,7 @@ class ReducedReadings:
 
     @cached_property
     def total_gram_matrices(self) -> Array:
-        """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
+        """Return the Gram matrices of [A | y] over all blocks, one per kind, (kinds, size + 1, size + 1)."""
         return sum_gram(self.blocks)
 
     def in_basis(self, basis: "csr_array") -> "ReducedReadings":
@@ -698,5 +701,5 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
 
 
 def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
-    """Sum the Gram matrices of several parts, (kinds, size + 1, size + 1)."""
+    """Sum the Gram matrices of several blocks of readings, (kinds, size + 1, size + 1)."""
     return np.asarray(sum(part.gram_matrices for part in parts))

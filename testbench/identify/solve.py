@@ -438,7 +438,7 @@ def robust_residuals(
     constraint: Constraint,
     weighted_prior: WeightedPrior | None,
 ) -> tuple[Array, str]:
-    """Minimise Huber's loss by reweighting, and return the residuals.
+    """Fit all readings by Huber's loss, by iterative reweighting, and return their residuals.
 
     Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of
     `WEAK_PRIOR_UNCERTAINTY`.
@@ -447,8 +447,8 @@ def robust_residuals(
 
     Args:
         vjm: The arm's virtual joint model.
-        readings: Readings one by one.
-        regression: All readings, reduced.
+        readings: The weighted equations, reading by reading.
+        regression: The same equations, reduced.
         constraint: "none" for least squares, "psd" for GCO.
         weighted_prior: The prior; None for none.
 

@@ -209,7 +209,7 @@ and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 
 
 
 def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty:
-    """Make the trace term of the arm's kinematics.
+    """Make the trace term w <W, C> of GCO, with W from the arm's kinematics.
 
     Mathematics: `est-8`.
 
@@ -240,7 +240,7 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
 
 
 def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> TracePenalty | None:
-    """Learn the trace term from readings.
+    """Learn the weight w of the trace term w <W, C> of GCO by cross-validation over poses.
 
     Mathematics: `est-9`.
 
@@ -250,7 +250,8 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
             nothing to hold out: then generalised cross-validation chooses (Golub, Heath, Wahba 1979).
 
     Returns:
-        The trace term; None where the readings show nothing, or a block of the structure lacks entries.
+        The trace term with the learnt weight; None where no marker moves, or the structure lacks entries of a
+        block.
     """
     penalty = trace_penalty(vjm, equations.structure, 1.0)
     s, readings = penalty.structure, gram_matrices(equations, block_diag(penalty.pi_per_split, np.eye(1)))
