@@ -473,7 +473,7 @@ def with_rows_by_pose(vjm: Vjm, regression: Regression, data: Dataset) -> Regres
     if (
         not regression.structure.n_laws
         or len(regression.terms) > 1
-        or not MIN_SEPARATE_POSES <= len(poses) <= MAX_POSES
+        or not MIN_SEPARATE_POSES <= len(poses) <= MAX_SEPARATE_POSES
     ):
         return regression
     [parts] = reduce_by_group(vjm, [regression.structure], data, part)
