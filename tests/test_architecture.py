@@ -134,6 +134,18 @@ def test_no_module_imports_itself_through_others():
     assert graph == {}
 
 
+def test_every_module_is_used():
+    """A merge can bring back a module that was deleted: nothing imports it, and no other test sees it."""
+    paths = [*modules().values(), PACKAGE / "__init__.py"]
+    used = {name for path in paths for name in imports(path)}
+    by_name = ("cli", "studies")  # commands and studies are imported by their names
+    assert not [
+        module
+        for module, path in modules().items()
+        if path.stem != "__init__" and room(module) not in by_name and module not in used
+    ]
+
+
 def given(node):
     """Names that a statement of a module gives."""
     if isinstance(node, ast.Assign | ast.AnnAssign):

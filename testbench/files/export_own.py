@@ -224,7 +224,7 @@ def nominal_rigid(vjm: Vjm) -> Rigid:
 
 
 def identified_rigid(state: ArmState) -> Rigid:
-    """Compute the geometry with its identified errors: `chain` at theta_0, for every q.
+    """Compute the geometry with its identified errors: `evaluate_chain` at theta_0, for every q.
 
     Args:
         state: The calibrated arm.

@@ -30,7 +30,7 @@ FOLDER = Path(__file__).parents[1] / "languages"
 MAX_BYTES = 20_000  #: Size of a language's table [byte].
 MM = 1e-3  #: Metres per millimetre.
 FLAGS = re.MULTILINE | re.IGNORECASE
-Rotation = Annotated[
+Notation = Annotated[
     str,
     matching(
         "vector|quaternion|(intrinsic|extrinsic) [xyz]{3}",
@@ -139,7 +139,7 @@ class Language(StrictModel):
     decimals: int  #: Decimals of a number.
     angle: Literal["deg", "rad"]  #: Unit of angles.
     length: Literal["mm", "m"]  #: Unit of lengths.
-    rotation: Rotation  #: What an orientation is; a quaternion's first is real.
+    rotation: Notation  #: What an orientation is; a quaternion's first is real.
     axes: list[str]  #: Names of the robot's axes.
     external: list[str] = Field(default=[])  #: Names of external axes.
     pose: list[str] = Field(default=[])  #: Names of a pose's numbers, where it has names.

@@ -294,7 +294,7 @@ class JointErrorTerms:
 
     @property
     def coefficient_bands(self) -> Ids:
-        """Return the place in `BANDS` of every coefficient of a joint, (k,); -1 without an order."""
+        """Return the place in `ORDER_BANDS` of every coefficient of a joint, (k,); -1 without an order."""
         order = np.tile(self.orders, 2)
         band = np.full(self.n_coefficients, -1)
         band[: len(order)] = np.searchsorted(ORDER_BANDS, order, "right") - 1

@@ -270,9 +270,8 @@ def weight_columns(chain: ChainState) -> Array:
         `Weights.parameters` is `own_weight`.
     """
     _, n_theta, runs = chain.J_theta.shape
-    columns = np.zeros(
-        (len(chain.body_frames), 4, n_theta, runs)
-    )  # runs last: every product is one long loop
+    # runs last: every product is one long loop
+    columns = np.zeros((len(chain.body_frames), 4, n_theta, runs))
     for k, (p, R) in enumerate(chain.body_frames):
         # the Jacobian at the body's origin: v_z(p) = v_z + (omega x (p - tool))_z
         arm = p - chain.tool_position.T

@@ -43,7 +43,7 @@ class BlockGroup:
 
     block_indices: Ids  #: Indices of the blocks in `Structure.blocks`, (k,).
     theta_rows: Ids  #: Rows of C_theta of each block, (k, size).
-    #: Indices of their upper triangles in `Structure.triangles`, (k, size (size + 1) / 2).
+    #: Indices of their upper triangles in `Structure.upper_triangles`, (k, size (size + 1) / 2).
     triangle_entries: Ids
 
     @cached_property
@@ -189,7 +189,7 @@ class Structure(Displayed):
 
     @cached_property
     def parameter_of_entry(self) -> Ids:
-        """Return the parameter of every entry of `triangles`, (entries,); -1 for an entry that is known."""
+        """Return the parameter of every entry of `upper_triangles`, (entries,); -1 for a known entry."""
         place = np.full((self.n_theta,) * 2, -1)
         place[self.rows, self.columns] = place[self.columns, self.rows] = np.arange(self.n_parameters)
         return np.asarray(place[self.upper_triangles])

@@ -365,10 +365,8 @@ def tube_colours(layer: Layer, scale: ErrorScale | None) -> npt.NDArray[np.uint8
 
 
 STEEL = 7850.0  #: Density by which the size of a weight follows from its mass [kg/m^3].
-CORD, ARROW = (
-    0.1,
-    0.2,
-)  #: Length of a weight's cord, and of the arrow of the largest force, over the reach [1].
+CORD, ARROW = 0.1, 0.2
+"""Length of a weight's cord, and of the arrow of the largest force, over the reach [1]."""
 UPRIGHT = 1e-6  #: Of a force, most of what is not straight down in a weight [1].
 KINDS = 4  #: Most masses or forces that have a label each.
 GAUGE, GAUGE_RADIUS = 0.05, 0.008  #: Length and radius of a gauge over the reach [1].

@@ -135,9 +135,8 @@ SECTION_5_2 = FullPose(
     most=41e-3,
 )
 
-ELASTIC = CalibrationOptions(
-    used_errors=frozenset({SPRINGS, LINKS})
-)  #: What explains the UR10 beside geometry.
+ELASTIC = CalibrationOptions(used_errors=frozenset({SPRINGS, LINKS}))
+"""What explains the UR10 beside geometry."""
 FAMILY = ("tubes", "off_10", "off_20", "off_40", "cast", "joints")
 OTHERS = ("stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints")
 WRONG = ("link", "joints", "axes", "uncoupled")

@@ -366,9 +366,8 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
         after = linear_fit_after(spec, prior, partial(measured_rows, q=q, load=np.zeros(len(q), dtype=int)))
         promise = forecast_on(after, whole.tasks.q, whole.tasks.load)
         [off] = bench.off([fit_model(cell, models[fit], data)], tasks)
-        own = (off @ evaluate_chain(cell.vjm, tasks.q).tool_rotation).reshape(
-            len(off), -1
-        )  # along the tool's axes
+        along_tool = off @ evaluate_chain(cell.vjm, tasks.q).tool_rotation
+        own = along_tool.reshape(len(off), -1)
         yield PlanErrorRow(
             "promise",
             plan,

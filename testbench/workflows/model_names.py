@@ -47,9 +47,8 @@ WORDS: Mapping[str, str] = {
 METHODS = {"MLS": "least squares", "LS": "least squares", "MGCO": "GCO", "ALL": "GCO"}
 """Methods by the letters of a name."""
 KIND = re.compile(r"(MLS|LS|MGCO|ALL)([1-9]\d*)")
-FULL_LINK = len(
-    FULL_ENTRIES
-)  #: Unknowns of a link in full: counts of models of full links are multiples of it.
+FULL_LINK = len(FULL_ENTRIES)
+"""Unknowns of a link in full: counts of models of full links are multiples of it."""
 
 
 def in_words(name: str) -> str:

@@ -970,10 +970,10 @@ def describe(
             far = f"{most} lie within {ends[0]} of the arm's kinematics, with this change within {ends[1]}"
         words = f"the {_readings_text(issue)} {words} ({far})"
     if issue.name == "joint_order" and len(columns) == len(arm.joints):
-        joint_compliance_indices = zip(issue.where, columns, arm.joints, strict=True)
+        joint_columns = zip(issue.where, columns, arm.joints, strict=True)
         lines = [
             f'{name}_{unit} = "{column}"'
-            for name, (column, unit), joint in joint_compliance_indices
+            for name, (column, unit), joint in joint_columns
             if name != joint.name
         ]
         words += f"; in a map's [columns]: {', '.join(lines)}"

@@ -220,9 +220,8 @@ def _with_frame_of(calibration: Calibration, series: Series) -> RegisteredSeries
     """
     unknowns, every = calibration.active.unknowns, np.arange(calibration.active.unknowns.size)
     names = f"frame {series.frame}", f"mount {series.target}"
-    at = np.concatenate(
-        [every[unknowns.columns(name)] for name in names]
-    )  # the first of the selected columns
+    # all frames and mounts are selected, before the arm's unknowns
+    at = np.concatenate([every[unknowns.columns(name)] for name in names])
     at = np.r_[at, np.flatnonzero(calibration.active.columns >= unknowns.first_columns["geometry"])]
     whole = posterior_of_calibration(calibration)
     return RegisteredSeries(
