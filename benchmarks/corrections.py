@@ -4,7 +4,7 @@ import numpy as np
 from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, InverseStatics, equilibrium, target_of
+from testbench.correct.newton import Aim, InverseStatics, equilibrium, programmed_target
 from testbench.correct.newton import solve_inverse_statics as corrected
 from testbench.errors import Array
 from testbench.identify.method import gco, with_prior
@@ -31,7 +31,7 @@ def correcting_ten_thousand_points() -> list[Row]:
     found = []
 
     def solve() -> None:
-        target = target_of(state, q, "unloaded", np.zeros(3))
+        target = programmed_target(state, q, "unloaded", np.zeros(3))
         found.append(corrected(InverseStatics(state, q, [load], target, Aim(), np.ones(q.shape))))
 
     own, still = interleave(REPEATS, solve, lambda: equilibrium(state, q, [load]))

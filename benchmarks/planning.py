@@ -5,14 +5,14 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, 
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.design.criteria import Criterion, LinearCriterion, mean_square
-from testbench.design.exchange import MIN_GAIN, SWEEPS, Feasibility, exchange
+from testbench.design.exchange import MAX_SWEEPS, MIN_EXCHANGE_GAIN, Feasibility, exchange
 from testbench.design.planning import make_plan
 from testbench.design.rows import (
     DesignProblem,
     MeasurementSetup,
     Specification,
     Tasks,
-    build_problem,
+    build_design_problem,
     information,
     measured_rows,
     task_rows,
@@ -34,21 +34,21 @@ def specification(poses: Array, count: int) -> Specification:
     """So many poses under a weight, for tasks among those given, (poses, n) [rad]."""
     cell = build_cell(MODELS / ARM)
     load = Load(np.array([0, 0, -WEIGHT * GRAVITY, 0, 0, 0]), cell.vjm.load_point)
-    experiment = MeasurementSetup(
+    setup = MeasurementSetup(
         cell.vjm, scale_by_prior(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm)), cell.vjm.markers, 50e-6
     )
-    return Specification(experiment, (load,), Tasks(poses[:TASKS], load), poses[:TASKS], 0.3, count)
+    return Specification(setup, (load,), Tasks(poses[:TASKS], load), poses[:TASKS], 0.3, count)
 
 
 def try_everything(problem: DesignProblem, criterion: Criterion, start: Ids) -> Ids:
     """The exchange by its definition: every candidate in every place, until a sweep changes nothing."""
     plan = start.copy()
-    value = criterion.information(information(problem, plan))
-    for _ in range(SWEEPS):
+    value = criterion.phi(information(problem, plan))
+    for _ in range(MAX_SWEEPS):
         before = value
         for k in range(len(plan)):
             reached = criterion.with_candidate(information(problem, np.delete(plan, k)), problem.rows)
-            if reached.max() > (1 + MIN_GAIN) * value:
+            if reached.max() > (1 + MIN_EXCHANGE_GAIN) * value:
                 plan[k], value = int(reached.argmax()), float(reached.max())
         if value == before:
             break
@@ -71,7 +71,7 @@ def planning_of_many_poses() -> list[Row]:
     )
     spec = specification(q, MANY)
     rows = measured_rows(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
-    problem = build_problem(spec.experiment, rows, spec.uncertainty)
+    problem = build_design_problem(spec.setup, rows, spec.uncertainty)
     criterion = LinearCriterion(mean_square(task_rows(spec) @ problem.lift))
     start = np.random.default_rng(2).integers(0, CANDIDATES, MANY)
     fast, slow = interleave(

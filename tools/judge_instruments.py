@@ -24,7 +24,7 @@ from judge_arms import lines
 from threadpoolctl import threadpool_limits
 
 from testbench.design.criteria import criterion_of
-from testbench.design.exchange import Gauges, choose_places, gauge_rows, greedy
+from testbench.design.exchange import Gauges, choose_poses_and_gauges, gauge_rows, greedy
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import BenchError
@@ -80,7 +80,7 @@ def plan(cell, scenario, uncertainty, sigma):
     by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
     gauges = Gauges(len(cell.arm.markers), sigma, GAUGE.tilt)
     rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
-    chosen = choose_places(rows, found.problem, criterion, gauges, PLACES)
+    chosen = choose_poses_and_gauges(rows, found.problem, criterion, gauges, PLACES)
     direction = np.zeros((PLACES, len(cell.arm.markers), 3))
     direction[np.arange(PLACES)[:, None], chosen.marker] = np.eye(3)[chosen.axis]
     return by_tracker, found.q[chosen.pose], direction

@@ -35,7 +35,7 @@ from testbench.workflows.arm_models import read_model
 from testbench.workflows.calibration_numbers import write_model
 from testbench.workflows.cell import build_cell
 from testbench.workflows.options import ArmName, Force, SigmaUm, mass, of_flag, plain, takes
-from testbench.workflows.plan import gain_of_more
+from testbench.workflows.plan import gain_of_further_poses
 from testbench.workflows.rows import MM
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def command(asked: CalibrateOptions) -> None:
         calibrated = calibrate_with_masses(cell.vjm, series, tried, notes)
         left, more, console = counted.remaining_errors(calibrated), None, plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
-            more = gain_of_more(cell, calibrated.calibration.model(), series[0].sigma)
+            more = gain_of_further_poses(cell, calibrated.calibration.model(), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
             nothing = "rejected   the calibrated arm predicts worse than the nominal arm; nothing was written"

@@ -37,11 +37,11 @@ from testbench.workflows.plan_input import (
     Place,
     PoseConditions,
     build_checks,
-    find,
+    find_feasible_poses,
     given_poses,
     hung_masses,
     masses_in_turn,
-    place,
+    parse_point,
     read_loads,
 )
 
@@ -186,7 +186,9 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     times = 1 if asked.loads is None else len(read_masses(asked.loads))
     q = given_poses(cell, asked.file, asked.mapping, asked.poses, times)
     if q is None:
-        q = find(build_checks(cell, PoseConditions()), asked.poses or 0, trial_rng(asked.seed, 0)).q
+        q = find_feasible_poses(
+            build_checks(cell, PoseConditions()), asked.poses or 0, trial_rng(asked.seed, 0)
+        ).q
     masses = hung_masses(cell.arm, asked.file, asked.payload_kg, asked.loads, len(q))
     pulls = None if asked.file is None else read_loads(asked.file)[1]
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
@@ -230,7 +232,7 @@ def _sigma(asked: SimulateOptions) -> float:
 
 def _trackers(asked: SimulateOptions) -> list[Place]:
     """Where trackers stand, each in the world [m]; BenchError for what is far away."""
-    found = list(map(place, asked.tracker or []))
+    found = list(map(parse_point, asked.tracker or []))
     for own in found:
         check_station_position(own)
     return found

@@ -4,11 +4,11 @@
 are within the limits, with the remaining error and its interval. A point that cannot be corrected keeps its
 programmed joints and has a reason.
 
-`joints_along` converts a Cartesian program to joints for `compensate`. `solve_poses` puts the tool into all
-poses at once by damped Newton steps within limits. A path has supports, one stride apart. They are guessed at
-once; then every support is solved again from its left neighbour until none changes. The result is the same as
-solving one after the other, because only supports after a change are solved again. The points between start
-from joints interpolated between their supports.
+`joints_along_path` converts a Cartesian program to joints for `compensate`. `solve_poses` puts the tool into
+all poses at once by damped Newton steps within limits. A path has supports, `SUPPORT_DISTANCE` apart. They
+are guessed at once; then every support is solved again from its left neighbour until none changes. The result
+is the same as solving one after the other, because only supports after a change are solved again. The points
+between start from joints interpolated between their supports.
 """
 
 import itertools
@@ -29,8 +29,8 @@ from testbench.correct.newton import (
     Target,
     assign_rows,
     equilibrium,
+    programmed_target,
     solve_inverse_statics,
-    target_of,
     with_rows,
 )
 from testbench.correct.predicted import LoadedPoses, half_widths
@@ -142,7 +142,7 @@ def _damped(J: Array, e: Array, weight: Array) -> Array:
     return np.asarray((J.swapaxes(1, 2) @ np.linalg.solve(A, e[..., None]))[..., 0])
 
 
-STRIDE, FAR_ROTATION = 0.1, 0.2
+SUPPORT_DISTANCE, SUPPORT_ROTATION = 0.1, 0.2
 """Distance between supports of a path over the arm's reach [1], and the rotation that counts as far [rad]."""
 MAX_STEADY_MOTION, MAX_MOTION_PER_STRIDE = 0.1, 3.0
 """Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
@@ -158,10 +158,10 @@ SAME_CONFIGURATION = 0.05  #: Largest difference of joints that count as one con
 MAX_SUPPORT_MOTION = 0.5
 #: Share of its error to which an unreached pose must come for new joints to replace it [1].
 MIN_IMPROVEMENT = 0.9
-HALVINGS = 20  #: Most rounds that add supports: more than the points between two supports allow.
+MAX_SUPPORT_ROUNDS = 20  #: Most rounds that add supports: more than the points between two supports allow.
 
 
-def joints_along(
+def joints_along_path(
     vjm: Vjm, position: Array, rotation: Array, *, start: Array | None = None, point: Array | None = None
 ) -> InverseKinematics:
     """Find joints that keep a point of the tool on a path, continuous from point to point.
@@ -306,7 +306,9 @@ def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[InverseKinemat
     """Find joints along a path once, and the points, (jumps,), behind which they jump."""
     turn = np.linalg.norm(rotation_vectors_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / FAR_ROTATION + 1e-9)])
+    way = np.concatenate(
+        [[0.0], np.cumsum(step / (SUPPORT_DISTANCE * vjm.reach) + turn / SUPPORT_ROTATION + 1e-9)]
+    )
     places, q = path_supports(vjm, target, _support_places(way), first)
     start = np.stack([np.interp(way, way[places], joint) for joint in q.T], axis=1)
     # a motion well beyond the interpolated one is a jump to another branch
@@ -382,7 +384,7 @@ def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[
     """
     supports = solve_poses(vjm, select_rows(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
-    for _ in range(HALVINGS):
+    for _ in range(MAX_SUPPORT_ROUNDS):
         # the supports so far, each from the one before
         supports = solve_path(vjm, select_rows(target, places), supports, open_)
         far = np.abs(np.diff(supports.q, axis=0)).max(axis=1, initial=0) > MAX_SUPPORT_MOTION
@@ -425,7 +427,7 @@ class Compensated(Displayed):
     after: Array  #: Predicted minus programmed position with it, world, (points, 3) [m].
     rotation_error: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
     half_width: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
-    stopped: Mask  #: Joints that a limit stopped, (points, n).
+    at_limit: Mask  #: Joints that a limit at_limit, (points, n).
     refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
     reference: JointMeaning  #: Meaning that the program's joints were given.
 
@@ -478,9 +480,9 @@ def compensate(
     point = np.array(aim.point)
     meant: JointMeaning = aim.reference or ("drawn" if model.absolute else "unloaded")
     # the target of the program, and how far the uncorrected tool is from it
-    target = target_of(model.state, q, meant, point)
+    target = programmed_target(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).at(point) - target.position
-    solution, held = within_limits(model, q, loads, target, aim)
+    solution, held = solve_within_limits(model, q, loads, target, aim)
     refused = _refused(model.arm, solution, q, site)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     # refused points keep their joints, and their error before correction
@@ -497,7 +499,7 @@ def compensate(
     )
 
 
-def within_limits(
+def solve_within_limits(
     model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
 ) -> tuple[Corrected, Mask]:
     """Solve all points as `solve_inverse_statics` does, with joints kept inside their limits.
@@ -513,7 +515,7 @@ def within_limits(
         aim: Tool point and the part of its pose to correct.
 
     Returns:
-        The solution, and which joints a limit stopped, (points, n).
+        The solution, and which joints a limit at_limit, (points, n).
     """
     arm, (lower, upper) = model.arm, model.arm.limits
     free_joints = True if arm.dependence_matrix is None else arm.dependence_matrix.any(axis=0)

@@ -250,7 +250,7 @@ class Aim:
             raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
 
 
-def target_of(state: ArmState, q: Array, reference: JointMeaning, point: Array) -> Target:
+def programmed_target(state: ArmState, q: Array, reference: JointMeaning, point: Array) -> Target:
     """Compute the target poses that programmed joints ask for.
 
     Mathematics: `cor-2`.

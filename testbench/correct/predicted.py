@@ -136,7 +136,7 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
     for batch in batches(len(end.q)):
         before = None if start is None else start.select(batch)
         # Widths by the posterior, then terms that a linear model leaves out, or the scatter of positions.
-        rows = rows_between(model, end.select(batch), before, points)
+        rows = motion_rows(model, end.select(batch), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
             loaded_poses = end.select(batch)
@@ -177,7 +177,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    rows = rows_between(model, end, None, point[None])[:, 0]
+    rows = motion_rows(model, end, None, point[None])[:, 0]
     x = end.rest_poses(model.state).at(point)
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
@@ -189,7 +189,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     return np.asarray(np.hypot(half, _scatter(model)))
 
 
-def rows_between(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, points: Array) -> Array:
+def motion_rows(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, points: Array) -> Array:
     """Compute positions, or motions from one pose to another, per unit of every uncertain unknown.
 
     Mathematics: `cor-8`.
@@ -295,7 +295,7 @@ def largest_uncertainty(
     """
     sample = select_evenly(np.arange(len(q)), MAX_POSES)
     end = LoadedPoses(q, loads, with_own_weight=absolute).select(sample)
-    rows = rows_between(model, end, None if absolute else LoadedPoses(q[sample]), point[None])
+    rows = motion_rows(model, end, None if absolute else LoadedPoses(q[sample]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
     unseen = np.isinf(model.posterior.deviations(rows))
     shares = _bounded_shares(model, rows[unseen]) if unseen.any() else _variance_shares(model, rows)

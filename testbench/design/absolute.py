@@ -38,7 +38,7 @@ It leaves about a quarter of a thousand unknowns: those about which further read
 
 @dataclass(frozen=True)
 class AbsoluteSetup:
-    """Describe all unknowns of an absolute calibration together, and how every pose is read."""
+    """Describe the unknowns of an absolute calibration with their prior, and the readings of one pose."""
 
     unknowns: Unknowns  #: Layout of the unknowns.
     state: ArmState  #: Arm with its unknowns at their expected values.
@@ -53,10 +53,10 @@ class AbsoluteSetup:
     kinds: tuple[tuple[Series, ...], ...] = ()
 
 
-def expected_root(
+def prior_covariance_root(
     unknowns: Unknowns, scaling: PriorScaling, uncertainty: float, geometry: float, error: float
 ) -> Array:
-    """Build a root of the prior's covariance: all unknowns per unit of their prior.
+    """Build a root L of the prior's covariance L L^T of all unknowns.
 
     Args:
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
@@ -76,7 +76,7 @@ def expected_root(
     return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, scaling.L.T).T))
 
 
-def series_at(pose: Series, q: Array) -> Series:
+def series_in_poses(pose: Series, q: Array) -> Series:
     """Build the series of readings that poses would give: one row per pose and load, readings still zero.
 
     Args:
@@ -151,7 +151,7 @@ def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
     return np.asarray((flat - Q @ (Q.T @ flat)).reshape(A.shape) @ setup.L)
 
 
-def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
+def scale_sensitivity(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
     """Compute the scale of predicted positions per unit of x: how they grow with the distance of each other.
 
     Args:
@@ -162,7 +162,7 @@ def scale_row(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float
     Returns:
         Scale, (r,) [m/m], and the RMS distance of a position from the middle of all [m].
     """
-    series = series_at(setup.pose, q)
+    series = series_in_poses(setup.pose, q)
     at = series_equilibrium(setup.state, series).chain.tool_points_in_world(setup.state.mount(series).points)
     off = at - at.reshape(-1, 3).mean(axis=0)
     return off.ravel() @ rows.reshape(-1, rows.shape[2]) / (off**2).sum(), float(
@@ -225,7 +225,7 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    series, state = series_at(setup.pose, q), setup.state
+    series, state = series_in_poses(setup.pose, q), setup.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
     bent, straight = (
@@ -237,7 +237,7 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
 
 
 def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
-    """Make poses the candidates of a plan, in the directions that such a plan can see.
+    """Compute the candidates of a plan, in the directions of the unknowns that such a plan can observe.
 
     A direction counts as observed if the information of `poses` average candidates is more than
     `setup.min_information` of it.
@@ -269,7 +269,7 @@ def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None =
     return CandidateSet(q, np.zeros(len(q), dtype=int) if kind is None else kind, problem)
 
 
-def information_of(setup: AbsoluteSetup, q: Array) -> Array:
+def position_information(setup: AbsoluteSetup, q: Array) -> Array:
     """Compute the information matrix of positions that are read in some poses, without a prior.
 
     Args:

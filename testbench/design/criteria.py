@@ -18,13 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.design.rows import DesignProblem, in_blocks, row_products
+from testbench.design.rows import DesignProblem, row_products, split_into_blocks
 from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
-POWER = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
+POWER_MEAN_EXPONENT = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
 MIN_ACCURACY = 1e-3  #: Accuracy of K down to which gains are updated [1]: N loses the digits of its square.
-SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
+MAX_EXACT_CANDIDATES = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Tangent:
 class DeterminantCriterion:
     """Implement the D-criterion det(M)^(1/r), which measures the volume of the confidence ellipsoid."""
 
-    def information(self, M: Array) -> float:
+    def phi(self, M: Array) -> float:
         """Compute Phi(M) = det(M)^(1/r).
 
         Mathematics: `pose-4`.
@@ -71,7 +71,7 @@ class DeterminantCriterion:
         """
         seen = row_products(rows, np.asarray(np.linalg.inv(M))) @ rows.swapaxes(1, 2)
         growth = np.linalg.slogdet(np.eye(rows.shape[1]) + seen)[1]
-        return np.asarray(self.information(M) * np.exp(growth / len(M)))
+        return np.asarray(self.phi(M) * np.exp(growth / len(M)))
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = Phi(M) M^-1 / r, from the inequality of arithmetic and geometric means.
@@ -81,7 +81,7 @@ class DeterminantCriterion:
         Args:
             M: Information matrix, (r, r) [1].
         """
-        value = self.information(M)
+        value = self.phi(M)
         return Tangent(value * np.linalg.inv(M) / len(M), value, curvature=1.0)
 
 
@@ -94,7 +94,7 @@ class LinearCriterion:
 
     W: Array  #: Weight, symmetric, positive semi-definite, (r, r).
 
-    def information(self, M: Array) -> float:
+    def phi(self, M: Array) -> float:
         """Compute Phi(M) = 1 / tr(W M^-1).
 
         Mathematics: `pose-5`.
@@ -119,7 +119,7 @@ class LinearCriterion:
         Returns:
             Phi(M + F^T F) of every candidate, (candidates,).
         """
-        return gains_of(M, rows, self.W).with_candidate()
+        return candidate_gains(M, rows, self.W).with_candidate()
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
@@ -138,16 +138,16 @@ class LinearCriterion:
 class LargestCriterion:
     """Implement the minimax criteria G and E: 1 / the largest of k costs, each a cost tr(W_i M^-1).
 
-    Where a gradient is needed, a smooth stand-in replaces the maximum: the power mean of the costs with
-    exponent `POWER`. It weights every cost by its size to the power `POWER` - 1. A weighted mean is no larger
-    than the maximum, so the tangent of the weighted criterion bounds this one too.
+    Where a gradient is needed, a smooth stand-in replaces the maximum: the power mean of the costs with the
+    exponent p = `POWER_MEAN_EXPONENT`. It weights every cost by its size to the power p - 1. A weighted mean
+    is no larger than the maximum, so the tangent of the weighted criterion bounds this one too.
     """
 
     costs: Callable[[Array], Array]  #: Costs at information matrices, (..., r, r) to (..., k).
     #: W of the weighted mean of the costs at M, from M and weights (k,) whose sum is one, to (r, r).
     weighting: Callable[[Array, Array], Array]
 
-    def information(self, M: Array) -> float:
+    def phi(self, M: Array) -> float:
         """Compute Phi(M) = 1 / largest cost.
 
         Mathematics: `pose-6`.
@@ -161,7 +161,9 @@ class LargestCriterion:
         return float(1 / self.costs(M).max())
 
     def with_candidate(self, M: Array, rows: Array) -> Array:
-        """Compute Phi with one more candidate, exactly for the `SHORTLIST` that the stand-in ranks first.
+        """Compute Phi with one more candidate, exactly for the best ones by the stand-in.
+
+        At most `MAX_EXACT_CANDIDATES` are computed exactly.
 
         Args:
             M: Information matrix, (r, r).
@@ -172,9 +174,9 @@ class LargestCriterion:
         """
         values = np.zeros(len(rows))
         first = np.arange(len(rows))
-        if len(rows) > SHORTLIST:
-            gain = gains_of(M, rows, self._weighted(M, self.costs(M))).reductions()
-            first = np.argpartition(-gain, SHORTLIST)[:SHORTLIST]
+        if len(rows) > MAX_EXACT_CANDIDATES:
+            gain = candidate_gains(M, rows, self._weighted(M, self.costs(M))).reductions()
+            first = np.argpartition(-gain, MAX_EXACT_CANDIDATES)[:MAX_EXACT_CANDIDATES]
         few = rows[first]
         # exact costs of the short list; all others keep 0
         values[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
@@ -190,11 +192,11 @@ class LargestCriterion:
         """
         costs = self.costs(M)
         most = costs.max()
-        height = 1 / (most * np.mean((costs / most) ** POWER) ** (1 / POWER))
+        height = 1 / (most * np.mean((costs / most) ** POWER_MEAN_EXPONENT) ** (1 / POWER_MEAN_EXPONENT))
         return Tangent(_tangent(M, self._weighted(M, costs)).Z, float(height))
 
     def _weighted(self, M: Array, costs: Array) -> Array:
-        share = (costs / costs.max()) ** (POWER - 1)
+        share = (costs / costs.max()) ** (POWER_MEAN_EXPONENT - 1)
         return self.weighting(M, share / share.sum())
 
 
@@ -305,7 +307,8 @@ def gram_matrices(rows: Array) -> Array:
 class Gains:
     """Hold the reduction of tr(W M^-1) by each candidate: tr(K^-1 N).
 
-    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that changes by a few rows; see `update`.
+    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that changes by a few rows; see
+    `update_gains`.
     """
 
     rows: Array  #: Whitened rows F, (candidates, k, r).
@@ -343,8 +346,8 @@ class Gains:
         return np.asarray(reduction)
 
 
-def gains_of(M: Array, rows: Array, W: Array) -> Gains:
-    """Compute the reduction of tr(W M^-1) by each candidate, from M.
+def candidate_gains(M: Array, rows: Array, W: Array) -> Gains:
+    """Compute how much each candidate would reduce tr(W M^-1), from M itself.
 
     Args:
         M: Information matrix, (r, r).
@@ -355,14 +358,14 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
     both = np.hstack([I, I @ W @ I])
     blocks = [
         row_products(block, both).reshape(len(block), 2 * k, r) @ block.swapaxes(1, 2)
-        for block in in_blocks(rows)
+        for block in split_into_blocks(rows)
     ]
     products = np.ascontiguousarray(np.concatenate(blocks).transpose(1, 2, 0))
     return Gains(rows, W, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
 
 
-def update(gains: Gains, M: Array, rows: Array, signs: Array) -> Gains:
-    """Compute the gains after some rows were added to M or removed from it, by Woodbury's formula.
+def update_gains(gains: Gains, M: Array, rows: Array, signs: Array) -> Gains:
+    """Update the candidates' gains after rows were added to M or removed from it, by Woodbury's formula.
 
     With the rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new inverse is I - U S^-1 U^T.
     So K and N of every candidate change by products of F U and F V, which are as narrow as f. Where updates
@@ -385,7 +388,7 @@ def update(gains: Gains, M: Array, rows: Array, signs: Array) -> Gains:
     change = np.linalg.eigvals(signs[:, None] * S).real
     accuracy = gains.accuracy * float(min(change.min(), 1 / max(change.max(), 1.0)))
     if not accuracy > MIN_ACCURACY:
-        return gains_of(M, gains.rows, gains.W)
+        return candidate_gains(M, gains.rows, gains.W)
     # T = (F U)^T and R = (F V)^T of every candidate, (k of f, k of F, candidates), and X = S^-1 T
     products = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)]))
     T, R = np.split(np.ascontiguousarray(products.transpose(2, 1, 0)), 2)

@@ -36,20 +36,20 @@ from testbench.design.criteria import (
     Criterion,
     LargestCriterion,
     LinearCriterion,
-    gains_of,
+    candidate_gains,
     gram_matrices,
-    update,
+    update_gains,
 )
 from testbench.design.rows import (
     DesignProblem,
     Specification,
+    add_information,
     deflection_rows,
-    in_blocks,
     information,
-    loads_of,
-    remaining_information,
     row_products,
-    sum_information,
+    select_loads,
+    split_into_blocks,
+    suffix_information,
 )
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.model.vjm import tool_poses
@@ -59,21 +59,23 @@ from testbench.progress import stepwise
 
 #: Candidates of the first working set, and how many join it in a round.
 FIRST_CANDIDATES, JOINING_CANDIDATES = 120, 40
-MAX_ROUNDS = 40  #: Most rounds.
-GAP = 1e-3  #: Relative gap from Phi, or its smooth stand-in, to the bound at which the relaxation ends [1].
+MAX_RELAXATION_ROUNDS = 40  #: Most rounds.
+#: Relative gap from Phi, or its smooth stand-in, to the bound at which the relaxation ends [1].
+RELAXATION_GAP = 1e-3
 MIN_WEIGHT = 1e-6  #: Share of the mean weight below which a candidate leaves the working set [1].
-MAX_STEPS = 150  #: Most multiplicative steps.
-POWER, GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
+MAX_MULTIPLICATIVE_STEPS = 150  #: Most multiplicative steps.
+FIRST_EXPONENT, EXPONENT_GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
 ENTRY_SHARE = 0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
-INNER_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
-RIDGE = 1e-9  #: Ridge on the Newton model's curvature over its mean diagonal [1]; candidates may depend.
+WORKING_SET_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
+#: Ridge on the Newton model's curvature over its mean diagonal [1]; candidates may be dependent.
+CURVATURE_RIDGE = 1e-9
 EQUALITY_WEIGHT = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
-MIN_STEP = 1e-3  #: Least share of a Newton step that is tried [1].
+MIN_NEWTON_SHARE = 1e-3  #: Least share of a Newton step that is tried [1].
 
 
 @dataclass(frozen=True)
-class Relaxed:
+class RelaxedDesign:
     """Hold the relaxed optimum: weights of candidates, and the bound on all plans with its dual."""
 
     support: Ids  #: Candidates with weight, (s,).
@@ -94,12 +96,14 @@ def sensitivity(rows: Array, Z: Array) -> Array:
     Returns:
         Sensitivities, (candidates,).
     """
-    blocks = [np.einsum("pkr,pkr->p", row_products(block, Z), block) for block in in_blocks(rows)]
+    blocks = [np.einsum("pkr,pkr->p", row_products(block, Z), block) for block in split_into_blocks(rows)]
     return np.concatenate(blocks)
 
 
-def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:
-    """Solve the relaxed problem to within `GAP`, and bound Phi of every plan of as many poses.
+def relax(
+    problem: DesignProblem, criterion: Criterion, poses: int, start: RelaxedDesign | None = None
+) -> RelaxedDesign:
+    """Solve the relaxed problem to within `RELAXATION_GAP`, and bound Phi of every plan of as many poses.
 
     For G and E, which are not smooth, the bound is within a few per cent.
 
@@ -116,18 +120,18 @@ def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relax
     """
     S = np.linspace(0, len(problem.rows) - 1, min(FIRST_CANDIDATES, len(problem.rows))).astype(int)
     S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
-    best: Relaxed | None = None
-    for _ in range(MAX_ROUNDS):
+    best: RelaxedDesign | None = None
+    for _ in range(MAX_RELAXATION_ROUNDS):
         # better weights on the working set S
         w = _improve_weights(problem.prior, criterion, problem.rows[S], w)
-        M = sum_information(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
+        M = add_information(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
         # the bound over all candidates: <Z, prior> + N max <Z, F^T F>
         plane = criterion.tangent(M)
         g = sensitivity(problem.rows, plane.Z)
         limit = float((plane.Z * problem.prior).sum() + poses * g.max())
         if best is None or limit < best.bound:
-            best = Relaxed(S, w, limit, plane.Z)
-        if limit <= (1 + GAP) * plane.height:
+            best = RelaxedDesign(S, w, limit, plane.Z)
+        if limit <= (1 + RELAXATION_GAP) * plane.height:
             break
         S, w = _exchange_members(g, S, w)
     assert best is not None
@@ -162,9 +166,9 @@ def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) 
         return _multiply(prior, criterion, every, w)
     # halve the step until Phi does not fall
     share = 1.0
-    while share > MIN_STEP:
+    while share > MIN_NEWTON_SHARE:
         trial = w + share * (goal - w)
-        if criterion.information(prior + (trial @ every).reshape(prior.shape)) >= plane.height:
+        if criterion.phi(prior + (trial @ every).reshape(prior.shape)) >= plane.height:
             return np.asarray(trial)
         share /= 2
     return w
@@ -182,7 +186,7 @@ def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
 
     # |L^T x - L^-1 (H w + slope)|^2 is the model but for a constant; one stiff row keeps the sum of x
     size = float(np.trace(H)) / len(H)
-    L = np.linalg.cholesky(H + RIDGE * size * np.eye(len(H)))
+    L = np.linalg.cholesky(H + CURVATURE_RIDGE * size * np.eye(len(H)))
     stiff = EQUALITY_WEIGHT * np.sqrt(size)
     A, b = np.vstack([L.T, np.full(len(w), stiff)]), np.r_[np.linalg.solve(L, H @ w + slope), stiff * w.sum()]
     x, _ = nnls(A, b)
@@ -191,14 +195,14 @@ def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
 
 def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Array:
     """Climb by multiplicative steps w_i <- w_i g_i^power, scaled to the same sum, g_i = <Z, F^T F>."""
-    total, power, new = w.sum(), POWER, w == 0
+    total, power, new = w.sum(), FIRST_EXPONENT, w == 0
     # a weight of zero stays zero under products: give new candidates some
     if new.any():
         w = np.where(new, ENTRY_SHARE * total / new.sum(), (1 - ENTRY_SHARE) * w)
     plane = criterion.tangent(prior + (w @ grams).reshape(prior.shape))
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_MULTIPLICATIVE_STEPS):
         g = grams @ plane.Z.ravel()
-        if total * g.max() - w @ g <= INNER_GAP * plane.height:
+        if total * g.max() - w @ g <= WORKING_SET_GAP * plane.height:
             break
         # halve the exponent until the stand-in does not fall; let it grow after a step that climbs
         while power > 1e-3:
@@ -206,7 +210,7 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
             trial *= total / trial.sum()
             reached = criterion.tangent(prior + (trial @ grams).reshape(prior.shape))
             if reached.height >= plane.height:
-                w, plane, power = trial, reached, min(GROWTH * power, MAX_EXPONENT)
+                w, plane, power = trial, reached, min(EXPONENT_GROWTH * power, MAX_EXPONENT)
                 break
             power /= 2
         else:
@@ -216,17 +220,17 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
 
 # --- Plans of whole poses -----------------------------------------------------------------------------------
 
-MAX_STARTS, MAX_STARTS_OF_MAXIMUM, MAX_DRAWN = 12, 4, 190
+MAX_STARTS, MAX_STARTS_OF_MAXIMUM, MAX_START_POSES = 12, 4, 190
 """Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most
 poses that all random starts have together. The greedy start comes in addition."""
-SHORTLIST = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
-SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
-MIN_GAIN = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
+MAX_START_CANDIDATES = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
+MAX_SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
+MIN_EXCHANGE_GAIN = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
 STALE_SHARE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
 
 
 def select_poses(
-    problem: DesignProblem, criterion: Criterion, poses: int, relaxed: Relaxed, rng: np.random.Generator
+    problem: DesignProblem, criterion: Criterion, poses: int, relaxed: RelaxedDesign, rng: np.random.Generator
 ) -> Ids:
     """Find the best plan from several starts, each improved by exchange.
 
@@ -238,7 +242,7 @@ def select_poses(
         problem: Candidates.
         criterion: Information function.
         poses: Number of poses of the plan.
-        relaxed: Relaxed optimum for the same number of poses.
+        relaxed: RelaxedDesign optimum for the same number of poses.
         rng: Source of the random starts.
 
     Returns:
@@ -247,21 +251,23 @@ def select_poses(
     # candidates that the starts may use
     short, most = relaxed.support, MAX_STARTS
     if isinstance(criterion, LargestCriterion):
-        useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:SHORTLIST]
+        useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:MAX_START_CANDIDATES]
         short, most = np.union1d(useful, short), MAX_STARTS_OF_MAXIMUM
     # random starts are drawn in proportion to the relaxed weights
     rows, share = problem.rows[short], np.zeros(len(problem.rows))
     share[relaxed.support] = relaxed.weights / relaxed.weights.sum()
     starts = [greedy(problem, criterion, rows, poses)]
-    starts += [rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, MAX_DRAWN // poses))]
+    starts += [
+        rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, MAX_START_POSES // poses))
+    ]
     plans = [exchange(problem, criterion, rows, start) for start in stepwise(starts, "exchanging poses")]
     # only the best start is exchanged with all candidates
-    best = max(plans, key=lambda plan: criterion.information(information(problem, short[plan])))
+    best = max(plans, key=lambda plan: criterion.phi(information(problem, short[plan])))
     return np.sort(exchange(problem, criterion, problem.rows, short[best]))
 
 
 def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int) -> Ids:
-    """Choose one pose after the other, each the best next one.
+    """Choose poses greedily: each is the candidate that increases the criterion most.
 
     Args:
         problem: Candidates, for the prior's information.
@@ -273,7 +279,7 @@ def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int
         Indices into rows in the order of choice, (poses,).
     """
     M, plan = problem.prior, np.zeros(poses, dtype=int)
-    gains = gains_of(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
+    gains = candidate_gains(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
     for k in stepwise(range(poses), "choosing poses"):
         # of a linear criterion the gains follow M; the others are computed from it
         worth = criterion.with_candidate(M, rows) if gains is None else gains.with_candidate()
@@ -281,7 +287,7 @@ def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int
         added = rows[plan[k]]
         M = M + added.T @ added
         if gains is not None and k < poses - 1:
-            gains = update(gains, M, added, np.ones(len(added)))
+            gains = update_gains(gains, M, added, np.ones(len(added)))
     return plan
 
 
@@ -307,20 +313,20 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
 def _exchange_linear(prior: Array, W: Array, rows: Array, plan: Ids) -> Ids:
     """Exchange by a linear criterion, whose gains of all candidates follow the plan; see `exchange`."""
     one, left = np.ones(rows.shape[1]), len(plan)
-    gains = gains_of(sum_information(prior, rows[plan]), rows, W)
-    before, after = prior, remaining_information(rows[plan])
+    gains = candidate_gains(add_information(prior, rows[plan]), rows, W)
+    before, after = prior, suffix_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
-    for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
+    for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_SWEEPS * len(plan)):
         if k == 0:
-            before, after = prior, remaining_information(rows[plan])
+            before, after = prior, suffix_information(rows[plan])
         rest, replaced = before + after[k + 1], rows[plan[k]]
         # Phi with every candidate in place of k; if the best one is better it stays there, and all poses are
         # tried again
-        reached = update(gains, rest, replaced, -one).with_candidate()
+        reached = update_gains(gains, rest, replaced, -one).with_candidate()
         best, left = int(reached.argmax()), left - 1
-        if reached[best] > (1 + MIN_GAIN) * reached[plan[k]]:
+        if reached[best] > (1 + MIN_EXCHANGE_GAIN) * reached[plan[k]]:
             M, changed = rest + rows[best].T @ rows[best], np.concatenate([rows[best], replaced])
-            gains, plan[k], left = update(gains, M, changed, np.r_[one, -one]), best, len(plan)
+            gains, plan[k], left = update_gains(gains, M, changed, np.r_[one, -one]), best, len(plan)
         elif left == 0:
             break
         before = before + rows[plan[k]].T @ rows[plan[k]]
@@ -334,15 +340,15 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
     exchanges ago, therefore shows which candidates can help.
     """
     left = len(plan)
-    M = sum_information(prior, rows[plan])
-    value, Z, fresh = criterion.information(M), criterion.tangent(M).Z, True
-    useful, before, after = sensitivity(rows, Z), prior, remaining_information(rows[plan])
+    M = add_information(prior, rows[plan])
+    value, Z, fresh = criterion.phi(M), criterion.tangent(M).Z, True
+    useful, before, after = sensitivity(rows, Z), prior, suffix_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
-    for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
+    for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_SWEEPS * len(plan)):
         if k == 0:
-            before, after = prior, remaining_information(rows[plan])
+            before, after = prior, suffix_information(rows[plan])
         # promising candidates: in place of k they lift the plane, a bound of Phi, above Phi of the plan
-        floor, rest = (1 + MIN_GAIN) * value, before + after[k + 1]
+        floor, rest = (1 + MIN_EXCHANGE_GAIN) * value, before + after[k + 1]
         promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
         # an old plane leaves too many: take it anew at the present M
         if not fresh and len(promising) > STALE_SHARE * len(rows):
@@ -363,11 +369,11 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
 
 # --- Local refinement of a plan: from the best candidates to better joint angles, pose after pose -----------
 
-NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
-#: Neighbours of a pose that are judged at a time by `ascend_poses`, where many poses climb at once.
+REFINE_NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
+#: Neighbours of a pose that are judged at a time by `improve_single_poses`, where many poses climb at once.
 ASCEND_NEIGHBOURS = 16
-REFINE_ROUNDS, ASCEND_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `ascend_poses`.
-STEP, SHRINK = 0.25, 0.7
+REFINE_ROUNDS, ASCEND_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `improve_single_poses`.
+FIRST_JOINT_STEP, STEP_SHRINKAGE = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
 CHECKED_NEIGHBOURS = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
 MIN_REFINEMENT = 1e-6  #: Relative gain below which a step does not count [1].
@@ -379,7 +385,7 @@ Rows = Callable[[Array, Ids], Array]
 
 Each pose is measured as the pose in its place of the plan is, such as under the same load.
 """
-Measured = Callable[[Array, Ids, Array | None], Array]
+WhitenedRows = Callable[[Array, Ids, Array | None], Array]
 """Function of joints (poses, n) [rad, m], loads (poses,) and lift (n, r) to whitened rows (poses, k, r).
 
 Rows are per unit of a, where x = lift @ a, or of x itself where the lift is None.
@@ -390,18 +396,18 @@ Feasible = Callable[[Array], Mask]
 
 @dataclass(frozen=True)
 class Feasibility:
-    """Tell where the arm can go: which poses are feasible, and which ways between two poses are clear."""
+    """Hold two checks: which poses are feasible, and which straight paths between two poses are clear."""
 
     feasible: Feasible  #: Which poses (poses, n) [rad, m] the arm can take and the tracker can see.
     #: Whether the arm can go straight from one pose (n,) to another [rad].
-    clear: Callable[[Array, Array], bool] = lambda _start, _end: True
+    path_is_clear: Callable[[Array, Array], bool] = lambda _start, _end: True
 
 
 @dataclass(frozen=True)
 class PoseSearch:
-    """Describe how poses are searched for, whatever they are measured for."""
+    """Describe a search for poses: their readings, number, limits and feasibility."""
 
-    measured: Measured  #: Whitened rows of poses, each under its own load, whose index is given.
+    whitened_rows: WhitenedRows  #: Whitened rows of poses, each under its own load, whose index is given.
     poses: int  #: Number of poses to measure.
     limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
     #: Which poses near the candidates are feasible, and which ways between them are clear.
@@ -437,14 +443,16 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     Returns:
         Improved poses, (poses, n) [rad, m].
     """
-    q, step, read = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
-    M = sum_information(prior, read)
+    q, step, read = q.copy(), np.full(len(q), FIRST_JOINT_STEP), rows(q, np.arange(len(q)))
+    M = add_information(prior, read)
     for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
-        before, after = prior, remaining_information(read)
+        before, after = prior, suffix_information(read)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
-            # neighbours of some poses at once, (places, NEIGHBOURS, n), and their information
-            trials = search.draw_around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
-            seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
+            # neighbours of some poses at once, (places, REFINE_NEIGHBOURS, n), and their information
+            trials = search.draw_around(
+                q[places, None], np.tile(step[places, None, None], (REFINE_NEIGHBOURS, 1))
+            )
+            seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, REFINE_NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
                 # the best feasible neighbour that helps replaces the pose; without one its step shrinks
@@ -454,7 +462,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
                     q[k], read[k] = trial[allowed[0]], tells[allowed[0]]
                     M = rest + read[k].T @ read[k]
                 else:
-                    step[k] *= SHRINK
+                    step[k] *= STEP_SHRINKAGE
                 before = before + read[k].T @ read[k]
     return q
 
@@ -466,7 +474,7 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
     plan of information M has that of the others, (r, r). Only trials are computed that can
     help by a tangent: Phi(M') is no more than <Z, M'>.
     """
-    floor, Z = (1 + MIN_REFINEMENT) * criterion.information(M), criterion.tangent(M).Z
+    floor, Z = (1 + MIN_REFINEMENT) * criterion.phi(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(replaced[None], Z)
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
@@ -476,8 +484,8 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
     return np.asarray(hopeful[first[reached[first] > floor]])
 
 
-def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSearch) -> Array:
-    """Improve poses by a measure that depends on each pose separately.
+def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSearch) -> Array:
+    """Improve poses one by one, by a random local search for a measure of usefulness of a single pose.
 
     Args:
         q: Poses to start from, (poses, n) [rad, m].
@@ -488,7 +496,7 @@ def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSea
     Returns:
         Poses at least as useful as their starts, (poses, n) [rad, m].
     """
-    q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
+    q, value, step = q.copy(), usefulness(q), np.full(len(q), FIRST_JOINT_STEP)
     for _ in range(ASCEND_ROUNDS):
         trial = search.draw_around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
         # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
@@ -499,7 +507,7 @@ def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSea
         better = np.flatnonzero(reached > (1 + MIN_REFINEMENT) * value)
         better = better[search.feasibility.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
-        step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK
+        step[np.setdiff1d(np.arange(len(q)), better)] *= STEP_SHRINKAGE
     return q
 
 
@@ -520,7 +528,7 @@ class Gauges:
 
 @dataclass(frozen=True)
 class GaugePlan:
-    """Hold the gauges of every pose of a plan."""
+    """Hold poses, the marker and the axis that each gauge reads in them, and their information."""
 
     pose: Ids  #: Indices of the poses among the candidates, (poses,).
     marker: Ids  #: Index of the marker of every gauge, (poses, count).
@@ -545,16 +553,16 @@ def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: A
     """
     D = _motions(spec, q, load)
     poses, markers = D.shape[:2]
-    deviation = _deviations(D @ spec.experiment.scaling.expected_x, gauges)
+    deviation = _deviations(D @ spec.setup.scaling.expected_x, gauges)
     rows = D.reshape(poses, markers * 3, -1) / deviation.reshape(poses, -1, 1)
     return row_products(rows, lift).reshape(poses, markers, 3, -1)
 
 
 def _motions(spec: Specification, q: Array, load: Ids) -> Array:
     """Compute motions of all markers per unit of x along world axes, (poses, m, 3, n) [m]."""
-    D = deflection_rows(spec.experiment, q, loads_of(spec, load))  # tool axes
-    D = D.reshape(len(q), len(spec.experiment.targets), 3, -1)
-    return np.asarray(np.einsum("pxy,pmyn->pmxn", tool_poses(spec.experiment.vjm, q)[1], D))
+    D = deflection_rows(spec.setup, q, select_loads(spec, load))  # tool axes
+    D = D.reshape(len(q), len(spec.setup.targets), 3, -1)
+    return np.asarray(np.einsum("pxy,pmyn->pmxn", tool_poses(spec.setup.vjm, q)[1], D))
 
 
 def _deviations(d: Array, gauges: Gauges) -> Array:
@@ -565,7 +573,7 @@ def _deviations(d: Array, gauges: Gauges) -> Array:
 
 @dataclass(frozen=True)
 class PlacedGauges:
-    """Hold the gauges of a plan in the order of measuring."""
+    """Hold the marker, axis and noise of every gauge reading of a plan, in the order of measuring."""
 
     gauges: Gauges  #: Number and accuracy of the gauges.
     marker: Ids  #: Index of the marker of every gauge, (poses, count).
@@ -587,10 +595,10 @@ class PlacedGauges:
         return np.asarray(D[np.arange(len(q))[:, None], self.marker, self.axis] / self.deviation[..., None])
 
 
-def placed_gauges(
+def collect_placed_gauges(
     spec: Specification, q: Array, load: Ids, gauges: Gauges, chosen: GaugePlan
 ) -> PlacedGauges:
-    """Collect the gauges of a plan with the deviation of their readings, as `gauge_rows` counts it.
+    """Collect the gauges of a plan, with the standard deviation of each reading: noise and tilt.
 
     Args:
         spec: Specification of the plan.
@@ -599,13 +607,13 @@ def placed_gauges(
         gauges: The gauges.
         chosen: Their markers and axes.
     """
-    d = _motions(spec, q, load) @ spec.experiment.scaling.expected_x
+    d = _motions(spec, q, load) @ spec.setup.scaling.expected_x
     index = np.arange(len(q))[:, None], chosen.marker, chosen.axis
     return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[index])
 
 
 def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
-    """Choose the gauges of each pose by a plane of the criterion: each marker's best axis, the best markers.
+    """Choose the most sensitive gauges of each pose: each marker's best axis, then the best markers.
 
     Args:
         rows: Rows of the poses, `gauge_rows`, (poses, m, 3, r) [1].
@@ -622,7 +630,7 @@ def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids
     return marker, sensitivities.argmax(axis=2)[every, marker], best[every, marker].sum(axis=1)
 
 
-def choose_places(
+def choose_poses_and_gauges(
     rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges, poses: int
 ) -> GaugePlan:
     """Choose poses, and the gauges in each of them, by exchange over all of both.
@@ -649,7 +657,7 @@ def choose_places(
 
 
 def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges) -> GaugePlan:
-    """Choose the gauges in given poses: each pose in turn, until no pose gains by other gauges.
+    """Choose the gauges in given poses, pose by pose, until other gauges in one pose do not help.
 
     Args:
         rows: Rows of the poses, `gauge_rows`, (poses, m, 3, r) [1].

@@ -29,8 +29,8 @@ from testbench.identify.prior import PriorUncertainty, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 
-DRAWS = 4000  #: Draws of the remaining error behind an interval.
-INFLATION, DEVIATION_INFLATION = (0.7, 1.25), 1.2
+INTERVAL_DRAWS = 4000  #: Draws of the remaining error behind an interval.
+INTERVAL_INFLATION, DEVIATION_INFLATION = (0.7, 1.25), 1.2
 """Factors on the ends of a 90 % interval and on a standard deviation, for nonlinear arms and wrong priors.
 
 Measured over the family of true arms and wrong priors, every pair twice (seeds 1 to 72; 8, 12 and 20 poses,
@@ -39,7 +39,8 @@ planned and random, on two grounds; all links and joints identified with a learn
 97 % of the errors of a deflection along one axis were within 1.2 times the normal interval of 95 %; on cast
 links 92 %.
 """
-UNSEEN_SHARE = 1e-6  #: Share of a prediction's norm along unseen directions from which it has no bound [1].
+#: Share of a prediction's norm along unobservable directions from which it has no bound [1].
+MIN_UNOBSERVABLE_SHARE = 1e-6
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,13 +66,15 @@ class Forecast(Displayed):
 
 
 def inflate_intervals(forecast: Forecast) -> Forecast:
-    """Widen a forecast's intervals by `INFLATION`, to hold where the arm is nonlinear and the prior wrong.
+    """Widen a forecast's intervals to hold where the arm is nonlinear and the prior wrong.
+
+    The factors are those of `INTERVAL_INFLATION`.
 
     Errors and deviations are unchanged.
 
     Mathematics: `pose-11`.
     """
-    below, above = INFLATION
+    below, above = INTERVAL_INFLATION
     return replace(
         forecast,
         low=below * forecast.low,
@@ -92,7 +95,7 @@ def unbounded_predictions(problem: DesignProblem, rows: Array) -> Mask:
         True where a pose's prediction error has no bound, (poses,).
     """
     open_ = np.linalg.norm(rows @ problem.unobservable, axis=(1, 2))
-    return np.asarray(open_ > UNSEEN_SHARE * np.linalg.norm(rows, axis=(1, 2)))
+    return np.asarray(open_ > MIN_UNOBSERVABLE_SHARE * np.linalg.norm(rows, axis=(1, 2)))
 
 
 def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
@@ -113,7 +116,7 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     # a root of the covariance of x, lift M^-1 lift^T + hidden
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.remaining_covariance)
-    errors = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
+    errors = forecast_normal_errors(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
     return without_bound(errors, unbounded_predictions(problem, rows))
 
 
@@ -136,15 +139,15 @@ def without_bound(forecast: Forecast, unbounded: Mask) -> Forecast:
     return Forecast(error, low, high, deviation, math.inf, math.inf, math.inf)
 
 
-def forecast_of(bias: Array, spread: Array) -> Forecast:
-    """Forecast errors that are distributed as bias + spread @ N(0, 1).
+def forecast_normal_errors(bias: Array, spread: Array) -> Forecast:
+    """Compute RMS distances and their 90 % intervals for errors distributed as bias + spread @ N(0, 1).
 
     Args:
         bias: Mean error, (poses, 3 m) [m].
         spread: Root of its covariance, (poses, 3 m, k) [m].
 
     Returns:
-        RMS distances with 5th and 95th percentiles over `DRAWS` draws.
+        RMS distances with 5th and 95th percentiles over `INTERVAL_DRAWS` draws.
     """
     targets = bias.shape[1] / 3
     draws = _draws(spread.shape[2])
@@ -153,13 +156,13 @@ def forecast_of(bias: Array, spread: Array) -> Forecast:
     square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in pairs])  # (poses, draws)
     square /= targets
     variance = np.square(bias) + np.square(spread).sum(axis=2)
-    mean = mean_square_of(bias, spread)
+    mean = mean_square_distance(bias, spread)
     low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
     over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
     return Forecast(np.sqrt(mean), low, high, np.sqrt(variance), *map(math.sqrt, (mean.mean(), *over)))
 
 
-def mean_square_of(bias: Array, spread: Array) -> Array:
+def mean_square_distance(bias: Array, spread: Array) -> Array:
     """Compute the mean square distance of a target in every pose, for errors bias + spread @ N(0, 1).
 
     Args:
@@ -175,8 +178,11 @@ def mean_square_of(bias: Array, spread: Array) -> Array:
 
 @lru_cache(maxsize=4)
 def _draws(k: int) -> Array:
-    """Draw the normal numbers that all forecasts share, (k, DRAWS); drawing takes as long as using them."""
-    return np.random.Generator(np.random.Philox(0)).standard_normal((k, DRAWS))
+    """Draw the normal numbers that all forecasts share, (k, INTERVAL_DRAWS).
+
+    Drawing takes as long as using them.
+    """
+    return np.random.Generator(np.random.Philox(0)).standard_normal((k, INTERVAL_DRAWS))
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,7 @@ def linear_fit(
     full_setup: MeasurementSetup,
     uncertainty: float,
     spec: Specification,
-    read: Callable[[Specification], Array],
+    whitened_rows: Callable[[Specification], Array],
 ) -> LinearFit:
     """Fit the model of a specification to a plan, as a linear function of all unknowns of the arm.
 
@@ -205,18 +211,18 @@ def linear_fit(
         full_setup: The same measurement with every unknown of the arm.
         uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
         spec: Specification with the model's unknowns and its prior.
-        read: Function that gives whitened rows of all readings per unit of a specification's unknowns x,
-            (poses, k, n) [1].
+        whitened_rows: Function that gives whitened rows of all readings per unit of a specification's
+            unknowns x, (poses, k, n) [1].
 
     Returns:
         The fit x_m = K y + k.
     """
-    A = _flat(read(replace(spec, experiment=full_setup)))
-    K, k = _fit(spec, _flat(read(spec)))
-    return LinearFit(full_setup, uncertainty, spec.experiment, _narrow(K), k, K @ A)
+    A = _flat(whitened_rows(replace(spec, setup=full_setup)))
+    K, k = _fit(spec, _flat(whitened_rows(spec)))
+    return LinearFit(full_setup, uncertainty, spec.setup, _narrow(K), k, K @ A)
 
 
-def forecast_on(fit: LinearFit, q: Array, load: Load) -> Forecast:
+def forecast_fit(fit: LinearFit, q: Array, load: Load) -> Forecast:
     """Forecast the errors of the fit's predictions, with intervals.
 
     Mathematics: `pose-12`.
@@ -229,10 +235,10 @@ def forecast_on(fit: LinearFit, q: Array, load: Load) -> Forecast:
     Returns:
         RMS distances with their intervals.
     """
-    return forecast_of(*_error(fit, q, load))
+    return forecast_normal_errors(*_error(fit, q, load))
 
 
-def error_on(fit: LinearFit, q: Array, load: Load) -> Array:
+def fit_error(fit: LinearFit, q: Array, load: Load) -> Array:
     """Compute the RMS errors of the fit's predictions without intervals, which take most of the time.
 
     Args:
@@ -243,13 +249,13 @@ def error_on(fit: LinearFit, q: Array, load: Load) -> Array:
     Returns:
         RMS distance of a target, (poses,) [m].
     """
-    return np.sqrt(mean_square_of(*_error(fit, q, load)))
+    return np.sqrt(mean_square_distance(*_error(fit, q, load)))
 
 
 def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
-    """Compute bias and spread of the predictions, as `forecast_of` takes them."""
+    """Compute bias and spread of the predictions, as `forecast_normal_errors` takes them."""
     # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
-    T, model_rows = (deflection_rows(experiment, q, load) for experiment in (fit.full_setup, fit.model_setup))
+    T, model_rows = (deflection_rows(setup, q, load) for setup in (fit.full_setup, fit.model_setup))
     D = T - model_rows @ fit.gain
     bias = D @ fit.full_setup.scaling.expected_x - model_rows @ fit.constant
     return bias, np.concatenate([fit.uncertainty * D, model_rows @ fit.scatter], axis=2)
@@ -257,7 +263,7 @@ def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     """Compute K and k of a fit x = K y + k from whitened rows, (readings, n)."""
-    scaling = spec.experiment.scaling
+    scaling = spec.setup.scaling
     if spec.uncertainty is None:
         return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(scaling.expected_x))
     B, c = prior_rows(scaling, PriorUncertainty(spec.uncertainty, SCALE_UNCERTAINTY))

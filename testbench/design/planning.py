@@ -36,14 +36,14 @@ from testbench.design.exchange import (
     Gauges,
     PlacedGauges,
     PoseSearch,
-    Relaxed,
-    ascend_poses,
+    RelaxedDesign,
     choose_gauges,
-    choose_places,
+    choose_poses_and_gauges,
+    collect_placed_gauges,
     gauge_rows,
     greedy,
+    improve_single_poses,
     most_informative_gauges,
-    placed_gauges,
     refine_plan,
     relax,
     select_poses,
@@ -53,10 +53,10 @@ from testbench.design.forecast import Forecast, forecast
 from testbench.design.rows import (
     DesignProblem,
     Specification,
-    build_problem,
+    add_information,
+    build_design_problem,
     information,
     measured_rows,
-    sum_information,
     task_rows,
     workspace_rows,
 )
@@ -68,7 +68,7 @@ from testbench.progress import stepwise
 # --- A measurement plan: from candidate poses to those that pay, with certificate, forecast and order -------
 
 MAX_NEIGHBOURS = 12  #: Nearest other places of each place whose legs come first.
-ZERO_LEG = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
+MIN_LEG_SHARE = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
 MAX_EXACT_PLACES = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
 Surcharge = Callable[[int, int], float]
@@ -171,12 +171,13 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool
     integrality = np.full(len(legs), int(integer))
     result = milp(price, integrality=integrality, bounds=Bounds(0, 1), constraints=rules)
     assert result.x is not None, result.message  # from each place to the next is a trip
-    return np.flatnonzero(result.x > (0.5 if integer else ZERO_LEG))
+    return np.flatnonzero(result.x > (0.5 if integer else MIN_LEG_SHARE))
 
 
 MAX_ASCENTS, POSES_PER_ASCENT = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
-MAX_PLACES = 1000  #: Poses among which places with gauges are exchanged: those with the most information.
+#: Most poses among which those with gauges are exchanged: the ones with the most information.
+MAX_GAUGED_POSES = 1000
 BOUND_PLANES = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
 COLLISION_DETOUR = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
@@ -203,8 +204,8 @@ class ChosenPoses(Displayed):
     examined: CandidateSet  #: All candidates examined, those of the plan among them.
     chosen: Ids  #: Indices of the plan's poses among the examined, (poses,).
     value: float  #: Phi of the plan.
-    #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
-    relaxed: Relaxed
+    #: RelaxedDesign optimum over all examined poses: its bound holds for all plans of as many poses.
+    relaxed: RelaxedDesign
 
     def summary(self) -> dict[str, object]:
         """Summarise the choice: poses, candidates and efficiency."""
@@ -232,7 +233,7 @@ class Plan(ChosenPoses):
     specification: Specification  #: Specification of the plan.
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
-    def read(self, spec: Specification) -> Array:
+    def whitened_rows(self, spec: Specification) -> Array:
         """Compute whitened rows of the plan's readings.
 
         Args:
@@ -241,12 +242,12 @@ class Plan(ChosenPoses):
         Returns:
             Rows per unit of the specification's x, (poses, k, n) [1].
         """
-        read = measured_rows if self.gauges is None else self.gauges.rows
-        return read(spec, self.q, self.load)
+        rows = measured_rows if self.gauges is None else self.gauges.rows
+        return rows(spec, self.q, self.load)
 
 
 def candidate_set(spec: Specification, q: Array) -> CandidateSet:
-    """Make every pose under every load a candidate.
+    """Combine all poses with all loads to candidates, and compute the information of their readings.
 
     Args:
         spec: Loads, prior and number of poses of the plan.
@@ -261,12 +262,12 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
-    problem = build_problem(spec.experiment, measured_rows(spec, every, load), spec.uncertainty)
+    problem = build_design_problem(spec.setup, measured_rows(spec, every, load), spec.uncertainty)
     seen, r = min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0]))), problem.r
     if spec.uncertainty is None and seen < r:
         raise BenchError(
             f"poses: {spec.poses} poses determine at most {seen} of the {r} directions of "
-            f"{spec.experiment.scaling.structure.name} that these loads can determine; "
+            f"{spec.setup.scaling.structure.name} that these loads can determine; "
             f"expected at least {-(-r * spec.poses // seen)} poses, or a prior for the other directions"
         )
     return CandidateSet(every, load, problem)
@@ -294,7 +295,7 @@ def make_plan(
     """
     check_criterion(name)
     examined = candidate_set(spec, q)
-    arm = spec.experiment.vjm.arm
+    arm = spec.setup.vjm.arm
     search = PoseSearch(
         partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
     )
@@ -302,8 +303,8 @@ def make_plan(
     return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
 
 
-def place_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.random.Generator) -> Plan:
-    """Choose poses together with the gauges that are read in each of them.
+def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.random.Generator) -> Plan:
+    """Plan measurements with dial gauges: poses, and the gauges that are read in each of them.
 
     A place is a pose with its gauges. Places are exchanged one by one by the plan's criterion, among the
     poses with the most information. Then the joint angles are refined, and the gauges chosen anew. The
@@ -323,7 +324,7 @@ def place_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.r
         BenchError: For more gauges than markers.
     """
     spec, examined, criterion = plan.specification, plan.examined, plan.criterion
-    problem, arm = examined.problem, spec.experiment.vjm.arm
+    problem, arm = examined.problem, spec.setup.vjm.arm
     search = PoseSearch(
         partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
     )
@@ -342,7 +343,7 @@ def place_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.r
     candidates = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], whole)
     last = np.arange(len(candidates.q) - len(q), len(candidates.q))
     made = _assemble(search, criterion, candidates, last, relaxed)
-    placed = placed_gauges(spec, q, load, gauges, chosen)
+    placed = collect_placed_gauges(spec, q, load, gauges, chosen)
     return Plan(specification=spec, gauges=placed, **vars(made))
 
 
@@ -355,8 +356,8 @@ def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePla
     problem, criterion = plan.examined.problem, plan.criterion
     start = choose_gauges(every[plan.chosen], problem, criterion, gauges)
     useful = most_informative_gauges(every, criterion.tangent(start.information).Z, gauges.count)[2]
-    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_PLACES], plan.chosen)
-    best = choose_places(every[short], problem, criterion, gauges, plan.specification.poses)
+    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_GAUGED_POSES], plan.chosen)
+    best = choose_poses_and_gauges(every[short], problem, criterion, gauges, plan.specification.poses)
     return best, short[best.pose]
 
 
@@ -388,14 +389,14 @@ def _better_gauges(
     """Choose the gauges of poses anew, unless the given markers and axes, (poses, count) each, are better."""
     marker, axis = given
     pose = np.arange(len(rows))
-    kept = sum_information(problem.prior, rows[pose[:, None], marker, axis])
+    kept = add_information(problem.prior, rows[pose[:, None], marker, axis])
     plans = GaugePlan(pose, marker, axis, kept), choose_gauges(rows, problem, criterion, gauges)
-    return max(plans, key=lambda gauge_plan: criterion.information(gauge_plan.information))
+    return max(plans, key=lambda gauge_plan: criterion.phi(gauge_plan.information))
 
 
 def _gauge_bound(
     plan: Plan, gauges: Gauges, every: Array, chosen: GaugePlan
-) -> tuple[DesignProblem, Relaxed]:
+) -> tuple[DesignProblem, RelaxedDesign]:
     """Bound all plans of gauges in the poses examined, of which those of the plan are the last.
 
     Every pose has the gauges with the most information by a tangent plane near the optimum.
@@ -439,7 +440,7 @@ def choose_poses(search: PoseSearch, criterion: Criterion, examined: CandidateSe
         examined.q[chosen],
         examined.problem.prior,
         criterion,
-        lambda trial, places: search.measured(trial, load[places], examined.problem.lift),
+        lambda trial, places: search.whitened_rows(trial, load[places], examined.problem.lift),
         search,
     )
     # the order of measuring, and the bound over all poses examined, those of the plan among them
@@ -476,11 +477,11 @@ def choose_greedily(
     M = information(problem, chosen)
     Z = criterion.tangent(M).Z
     bound = float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
-    return _assemble(search, criterion, examined, chosen, Relaxed(chosen, np.ones(poses), bound, Z))
+    return _assemble(search, criterion, examined, chosen, RelaxedDesign(chosen, np.ones(poses), bound, Z))
 
 
 def _assemble(
-    search: PoseSearch, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
+    search: PoseSearch, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: RelaxedDesign
 ) -> ChosenPoses:
     """Assemble a plan from some of the poses examined, which are in the order of measuring."""
     q = examined.q[chosen]
@@ -488,29 +489,29 @@ def _assemble(
         criterion=criterion,
         q=q,
         load=examined.load[chosen],
-        clear_paths=tuple(search.feasibility.clear(start, end) for start, end in pairwise(q)),
+        clear_paths=tuple(search.feasibility.path_is_clear(start, end) for start, end in pairwise(q)),
         examined=examined,
         chosen=chosen,
-        value=criterion.information(information(examined.problem, chosen)),
+        value=criterion.phi(information(examined.problem, chosen)),
         relaxed=relaxed,
     )
 
 
-def _improve_heaviest(search: PoseSearch, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
+def _improve_heaviest(search: PoseSearch, examined: CandidateSet, relaxed: RelaxedDesign) -> CandidateSet:
     """Improve the poses that carry most weight of the relaxed optimum, and add them as candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:POSES_PER_ASCENT]]
     load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
-        rows = search.measured(q, np.resize(load, len(q)), examined.problem.lift)
+        rows = search.whitened_rows(q, np.resize(load, len(q)), examined.problem.lift)
         return sensitivity(rows, relaxed.dual)
 
-    return _add_candidates(search, examined, ascend_poses(examined.q[top], usefulness, search), load)
+    return _add_candidates(search, examined, improve_single_poses(examined.q[top], usefulness, search), load)
 
 
 def _add_candidates(search: PoseSearch, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
     """Add candidates; directions that only they show are left out."""
-    rows = search.measured(q, load, None) @ examined.problem.lift
+    rows = search.whitened_rows(q, load, None) @ examined.problem.lift
     problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
@@ -527,7 +528,7 @@ def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
 
 def _collision_detour(feasibility: Feasibility, poses: Array, a: int, b: int) -> float:
     """Return the extra cost of the motion from pose a to pose b beyond its length: more if it collides."""
-    return 0.0 if feasibility.clear(poses[a], poses[b]) else COLLISION_DETOUR
+    return 0.0 if feasibility.path_is_clear(poses[a], poses[b]) else COLLISION_DETOUR
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
@@ -548,7 +549,7 @@ def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
 
 @dataclass(frozen=True)
 class Observability:
-    """Hold indices of the singular values s of the stacked whitened rows of a plan, without a prior.
+    """Hold observability indices O1 to O5 of a plan, from the singular values s of its whitened readings.
 
     The unknowns are in units of the prior, so that all s have one unit, 1. All indices are zero where the
     plan leaves a direction unseen that the candidates can show.
@@ -596,7 +597,7 @@ POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which error
 
 @dataclass(frozen=True)
 class Baselines:
-    """Hold errors at the tasks of other plans from the same candidates.
+    """Hold RMS errors at the tasks after greedy and random plans from the same candidates.
 
     Without a prior an error is infinite where a plan leaves a direction unseen that the candidates can show.
     """
@@ -632,7 +633,7 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     """
     problem, M = plan.examined.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
-    W, hidden = mean_square(rows @ problem.lift), hidden_mean_square(problem, rows)
+    W, hidden = mean_square(rows @ problem.lift), unobservable_mean_square(problem, rows)
     left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
     # readings over the prior, direction by direction: generalised eigenvalues above one outweigh it
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
@@ -658,7 +659,7 @@ def baselines(plan: Plan, rows: Array, *, random_candidates: int, rng: np.random
         Errors by number of poses.
     """
     spec, problem = plan.specification, plan.examined.problem
-    error = error_after(problem, rows)
+    error = error_function(problem, rows)
 
     def errors(plans: Iterable[Ids]) -> Array:
         whole = spec.uncertainty is not None
@@ -682,7 +683,7 @@ def baselines(plan: Plan, rows: Array, *, random_candidates: int, rng: np.random
     )
 
 
-def error_after(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
+def error_function(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
     """Make a function that predicts the RMS error at some predictions after some candidates were read.
 
     Args:
@@ -692,11 +693,11 @@ def error_after(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
     Returns:
         Function of a plan's indices, (poses,), to its RMS error sqrt(tr(W M^-1) + hidden) [m].
     """
-    hidden, W = hidden_mean_square(problem, rows), mean_square(rows @ problem.lift)
+    hidden, W = unobservable_mean_square(problem, rows), mean_square(rows @ problem.lift)
     return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
 
 
-def hidden_mean_square(problem: DesignProblem, rows: Array) -> float:
+def unobservable_mean_square(problem: DesignProblem, rows: Array) -> float:
     """Compute the mean square prediction error in directions that no candidate shows.
 
     Args:

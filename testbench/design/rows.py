@@ -1,7 +1,7 @@
 """Specification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
 
 Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior,
-pi = L x. `build_problem` restricts them to the directions that the candidates can show.
+pi = L x. `build_design_problem` restricts them to the directions that the candidates can show.
 """
 
 import math
@@ -20,7 +20,7 @@ from testbench.model.vjm import Vjm, rigid_motion_matrix
 
 SCALE_UNCERTAINTY = 10.0
 """Relative uncertainty of the scale common to all compliances [1]: finite, but so large that data decide."""
-RIDGE = 1e-13
+INFORMATION_RIDGE = 1e-13
 """Information in every direction without a prior, over the candidates' mean [1]: keeps M invertible.
 
 It is small enough: the weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's
@@ -42,7 +42,7 @@ class MeasurementSetup:
 
 @dataclass(frozen=True)
 class Tasks:
-    """Describe where the robot works and under which load; predictions are wanted there."""
+    """Hold the poses and loads of the robot's work, where predictions are wanted."""
 
     q: Array  #: Actuated joints, (tasks, n) [rad, m].
     load: Load  #: Load in each of them: a wrench of the process or a hung weight.
@@ -52,7 +52,7 @@ class Tasks:
 class Specification:
     """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
-    experiment: MeasurementSetup  #: Loads, readings and noise of a pose.
+    setup: MeasurementSetup  #: Loads, readings and noise of a pose.
     loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
     tasks: Tasks  #: Where predictions are wanted.
     #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
@@ -64,7 +64,7 @@ class Specification:
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """Hold candidates in the coordinates a that their loads can show.
+    """Hold the whitened readings and the prior of all candidates, in the coordinates a that they can show.
 
     The unknowns are x = expected + lift a + a part that no candidate shows. The prior's information on a is
     `prior`.
@@ -84,7 +84,7 @@ class DesignProblem:
         return int(self.prior.shape[0])
 
 
-def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, basis: Array | None = None) -> Array:
+def reading_rows(setup: MeasurementSetup, q: Array, load: Load, basis: Array | None = None) -> Array:
     """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
@@ -93,7 +93,7 @@ def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, basis: Arra
     Mathematics: `pose-1`.
 
     Args:
-        experiment: How every pose is measured.
+        setup: How every pose is measured.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
         basis: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
@@ -104,15 +104,15 @@ def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, basis: Arra
     Raises:
         BenchError: When the load has rows for another number of poses.
     """
-    G: Array = np.asarray(np.linalg.qr(rigid_motion_matrix(experiment.targets), mode="r"))
-    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma), basis)
+    G: Array = np.asarray(np.linalg.qr(rigid_motion_matrix(setup.targets), mode="r"))
+    return _rows(setup, q, load, G / (math.sqrt(2) * setup.sigma), basis)
 
 
-def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array:
+def deflection_rows(setup: MeasurementSetup, q: Array, load: Load) -> Array:
     """Compute deflections of the targets per unit of x, in the tool's axes.
 
     Args:
-        experiment: Model, prior and targets.
+        setup: Model, prior and targets.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
 
@@ -122,21 +122,21 @@ def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array
     Raises:
         BenchError: When the load has rows for another number of poses.
     """
-    return _rows(experiment, q, load, rigid_motion_matrix(experiment.targets))
+    return _rows(setup, q, load, rigid_motion_matrix(setup.targets))
 
 
 def task_rows(spec: Specification) -> Array:
     """Compute deflections at the tasks per unit of x, (tasks, 3 m, n) [m]."""
-    return deflection_rows(spec.experiment, spec.tasks.q, spec.tasks.load)
+    return deflection_rows(spec.setup, spec.tasks.q, spec.tasks.load)
 
 
 def workspace_rows(spec: Specification) -> Array:
     """Compute deflections over the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
-    return deflection_rows(spec.experiment, spec.workspace, spec.loads[0])
+    return deflection_rows(spec.setup, spec.workspace, spec.loads[0])
 
 
-def loads_of(spec: Specification, load: Ids) -> Load:
-    """Collect the load of every pose from its index.
+def select_loads(spec: Specification, load: Ids) -> Load:
+    """Select the load of every pose by its index into the specification's loads.
 
     Args:
         spec: Specification with its loads.
@@ -163,12 +163,10 @@ def measured_rows(spec: Specification, q: Array, load: Ids, basis: Array | None 
     Returns:
         Rows per unit of x or a, (poses, k, n) or (poses, k, r) [1].
     """
-    return reading_rows(spec.experiment, q, loads_of(spec, load), basis)
+    return reading_rows(spec.setup, q, select_loads(spec, load), basis)
 
 
-def _rows(
-    experiment: MeasurementSetup, q: Array, load: Load, motion: Array, basis: Array | None = None
-) -> Array:
+def _rows(setup: MeasurementSetup, q: Array, load: Load, motion: Array, basis: Array | None = None) -> Array:
     """Compute motion (k, 6) times the tool's twist per unit of x or a, in the tool's own axes, (poses, k, n).
 
     See `reading_rows`.
@@ -196,7 +194,7 @@ def row_products(rows: Array, X: Array) -> Array:
     return np.asarray((rows.reshape(-1, len(X)) @ X).reshape(*rows.shape[:2], -1))
 
 
-def in_blocks(rows: Array) -> list[Array]:
+def split_into_blocks(rows: Array) -> list[Array]:
     """Split rows of many candidates into blocks whose products stay in the processor's cache.
 
     Products of thousands of candidates at once take a third longer, and memory that is new each time.
@@ -210,13 +208,13 @@ def in_blocks(rows: Array) -> list[Array]:
     return np.split(rows, range(CANDIDATES_PER_BLOCK, len(rows), CANDIDATES_PER_BLOCK))
 
 
-def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float | None) -> DesignProblem:
+def build_design_problem(setup: MeasurementSetup, rows: Array, uncertainty: float | None) -> DesignProblem:
     """Restrict candidates to the directions that they can show, and project the prior on these.
 
     Mathematics: `pose-3`.
 
     Args:
-        experiment: Units of the prior.
+        setup: Units of the prior.
         rows: Whitened rows per unit of x, k of each candidate, (candidates, k, n) [1].
         uncertainty: Relative uncertainty of the prior [1]; None for no prior.
 
@@ -229,16 +227,16 @@ def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float 
     """
     n = rows.shape[-1]
     # directions of x that the candidates show, and the rest, by the triangular factor of the blocks' factors
-    factors = [np.linalg.qr(block.reshape(-1, n), mode="r") for block in in_blocks(rows)]
+    factors = [np.linalg.qr(block.reshape(-1, n), mode="r") for block in split_into_blocks(rows)]
     _, s, Vt = np.linalg.svd(np.linalg.qr(np.concatenate(factors), mode="r"))
     if not s[0] > 0:
         raise BenchError("candidates: expected loads that move a target; these change no reading")
     r = int((s > RANK_TOLERANCE * s[0]).sum())
     seen, rest = Vt[:r].T, Vt[r:].T
     if uncertainty is None:
-        ridge = RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
+        ridge = INFORMATION_RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
         return DesignProblem(row_products(rows, seen), ridge, seen, np.zeros((n, n)), rest)
-    B, _ = prior_rows(experiment.scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
+    B, _ = prior_rows(setup.scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
     # the rest follows the seen part in the prior's mean; its Schur complement is the prior on the seen part
     covariance = np.linalg.inv(rest.T @ M @ rest)
@@ -260,10 +258,10 @@ def information(problem: DesignProblem, chosen: Sequence[int] | Ids) -> Array:
     Returns:
         M, prior included, (r, r).
     """
-    return sum_information(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
+    return add_information(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
 
 
-def remaining_information(rows: Array) -> Array:
+def suffix_information(rows: Array) -> Array:
     """Compute the information of the poses from each one on, without the prior: suffix sums of F^T F.
 
     The information without one pose is the sum over the poses before and behind it. A difference would lose
@@ -282,7 +280,7 @@ def remaining_information(rows: Array) -> Array:
     return sums
 
 
-def sum_information(prior: Array, rows: Array) -> Array:
+def add_information(prior: Array, rows: Array) -> Array:
     """Compute the information after some rows were read, prior + sum F^T F.
 
     Args:

@@ -24,9 +24,9 @@ from testbench.workflows.error_places import (
     ErrorPlaces,
     WorkspacePoses,
     error_places,
-    kept_mm,
     places_of,
     rms,
+    rounded_mm,
 )
 from testbench.workflows.fit_numbers import (
     eigenvalues,
@@ -278,7 +278,7 @@ def campaign_rows(
             measured=data,
             true_arm=true_arm,
             places=places_of(cell, truth) if shown else None,
-            place_mm=kept_mm(rms(error)) if shown else None,
+            place_mm=rounded_mm(rms(error)) if shown else None,
         )
         if shown:
             left = campaign.measured.deflection - every

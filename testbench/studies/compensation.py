@@ -81,7 +81,7 @@ from testbench.workflows.models import (
     wrong_prior,
 )
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.plan_input import Checks, PoseConditions, build_checks, feasible, find
+from testbench.workflows.plan_input import Checks, PoseConditions, build_checks, feasible, find_feasible_poses
 from testbench.workflows.rows import FAILED, MM, UM
 
 # --- Settings of the study of corrections, and what is made once for all trials -----------------------------
@@ -194,7 +194,7 @@ AROUND = 50  #: Candidates that stand for the workspace, which no criterion here
 def _prepare(asked: CompensationSettings, everywhere: Everywhere) -> CompensationSettings:
     """Make the scene; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
-    found = find(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
+    found = find_feasible_poses(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
     q = np.concatenate([program(cell, job) for job in jobs()])
     plain = [tuple(map(tuple, own.tolist())) for own in (found, q)]
     scene = CompensationScene(candidates=plain[0], program=plain[1])
@@ -236,7 +236,7 @@ def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> 
         wrong_prior(cell, asked.seed), cell.vjm, named_models(cell, ("ALL153",))[0].structure
     )
     return Specification(
-        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, SIGMA),
+        setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, SIGMA),
         loads=loads(cell)[: 1 if name == WEIGHT else 2],
         tasks=tasks(np.array(asked.scene.program), [np.mean(FORCE_RANGE) * job.typical for job in jobs()]),
         workspace=np.array(asked.scene.candidates[:AROUND]),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.correct.compensated import joints_along
+from testbench.correct.compensated import joints_along_path
 from testbench.correct.predicted import process_wrench
 from testbench.design.rows import Tasks
 from testbench.errors import Array, BenchError
@@ -133,7 +133,7 @@ def program(cell: Cell, job: Job) -> Array:
         BenchError: When a point is out of reach.
     """
     start, tip = np.array(START), np.array(TIP)
-    reached = joints_along(cell.vjm, job.position, job.rotation, start=start, point=tip)
+    reached = joints_along_path(cell.vjm, job.position, job.rotation, start=start, point=tip)
     if not reached.converged.all():
         raise BenchError(
             f"{job.name}: {cell.arm.name} does not reach point {np.argmin(reached.converged) + 1}"

@@ -17,7 +17,7 @@ from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
 from testbench.design.exchange import Feasibility
-from testbench.design.forecast import forecast_on, inflate_intervals
+from testbench.design.forecast import forecast_fit, inflate_intervals
 from testbench.design.planning import Observability, forecast_errors, make_plan, observability
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, measured_rows, task_rows
 from testbench.errors import Array
@@ -66,7 +66,7 @@ from testbench.workflows.models import (
     wrong_prior,
 )
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.plan_input import PoseConditions, build_checks, feasible, find
+from testbench.workflows.plan_input import PoseConditions, build_checks, feasible, find_feasible_poses
 from testbench.workflows.predicted_error import (
     Expected,
     forecast_summary,
@@ -364,7 +364,7 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
     whole, models = _specify(cell, settings, prior, WHOLE), _fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
         after = linear_fit_after(spec, prior, partial(measured_rows, q=q, load=np.zeros(len(q), dtype=int)))
-        promise = forecast_on(after, whole.tasks.q, whole.tasks.load)
+        promise = forecast_fit(after, whole.tasks.q, whole.tasks.load)
         [off] = bench.off([fit_model(cell, models[fit], data)], tasks)
         along_tool = off @ evaluate_chain(cell.vjm, tasks.q).tool_rotation
         own = along_tool.reshape(len(off), -1)
@@ -433,7 +433,7 @@ def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Spe
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
     scaling = scale_by_prior(prior, cell.vjm, without_laws(_fits(cell, prior)[fit].structure))
     return Specification(
-        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),
+        setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),
         loads=(load,),
         tasks=Tasks(np.array(scene.tasks), load),
         workspace=np.array(scene.workspace),
@@ -487,7 +487,9 @@ def _scene(cell: Cell, asked: PlanningSettings, first: int) -> PlanningScene:
         (PoseConditions(area=scope.ground.area), scope.tasks, rng),
         (PoseConditions(area=ANYWHERE), scope.workspace, rng),
     )
-    found = (find(build_checks(cell, conditions), count, own).q for conditions, count, own in drawn)
+    found = (
+        find_feasible_poses(build_checks(cell, conditions), count, own).q for conditions, count, own in drawn
+    )
     candidates, tasks, workspace = (tuple(map(tuple, q.tolist())) for q in found)
     return PlanningScene(candidates, tasks, workspace)
 

@@ -195,7 +195,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     Args:
         calibrated: The calibration.
         left: What both arms leave of the readings, by `remaining_errors`.
-        more: Expected errors over the workspace now, and after further poses, by `gain_of_more` [m].
+        more: Expected errors over the workspace now, and after further poses, by `gain_of_further_poses` [m].
 
     Returns:
         Numbers by their keys in report.json, lengths in mm.

@@ -19,20 +19,20 @@ Q_DECIMALS, M_DECIMALS = 5, 4
 
 
 @dataclass(frozen=True)
-class Meaning:
-    """Say what an error of a map is."""
+class ErrorMeaning:
+    """State what the errors of a map are, and how they are averaged."""
 
     name: str  #: In a word or two.
     words: str  #: The same at length.
     typical: Literal["RMS", "median"]  #: What stands for a model's errors all over the workspace.
 
 
-TRUE = Meaning("error", "distance to the true deflection, RMS over the markers", "RMS")
+TRUE_ERROR = ErrorMeaning("error", "distance to the true deflection, RMS over the markers", "RMS")
 
 
 @dataclass(frozen=True)
 class WorkspacePoses:
-    """Hold poses of a workspace as the row of a trial holds them, one entry each."""
+    """Hold poses of a workspace, one entry per pose, as plain data of a trial's row."""
 
     run: tuple[int, ...]  #: Identifier in the campaign.
     q: tuple[float, ...]  #: Joint angles [rad, m], of all poses in turn.
@@ -45,7 +45,7 @@ class WorkspacePoses:
 
 @dataclass(frozen=True)
 class WorstPlace:
-    """Hold the place where a model errs most."""
+    """Hold the pose in which a model's error is largest."""
 
     place: int  #: Index in the columns of `ErrorPlaces`.
     position_m: tuple[float, ...]  #: x, y and z of the tool without load, world axes.
@@ -65,7 +65,7 @@ class ErrorPlaces:
     deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers; without truth the predicted.
     error_mm: Mapping[str, tuple[float | None, ...]]  #: By name of the model; None where it has no bound.
     worst: Mapping[str, WorstPlace]  #: Of those with a bound, by name of the model.
-    means: Meaning = TRUE  #: What an error is.
+    means: ErrorMeaning = TRUE_ERROR  #: What an error is.
 
     def errors(self, name: str) -> Array:
         """Return the errors of a model, (places,) [mm]; NaN where it has no bound."""
@@ -103,12 +103,12 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePos
         x_m=tuple(x),
         y_m=tuple(y),
         z_m=tuple(z),
-        deflection_mm=kept_mm(moved),
+        deflection_mm=rounded_mm(moved),
     )
 
 
 def places_of(cell: Cell, data: Dataset) -> WorkspacePoses:
-    """Describe the poses of noise-free runs, the tool where the arm's kinematics have it.
+    """Describe the poses of noise-free runs: joints, position of the unloaded tool and true deflection.
 
     Args:
         cell: The arm with its model and its truth.
@@ -128,21 +128,21 @@ def rms(moved: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.sum(vectors**2, axis=-1), axis=-1)))
 
 
-def kept_mm(metres: Array) -> tuple[float, ...]:
-    """Convert lengths (n,) [m] to millimetres, of as many digits as are kept."""
+def rounded_mm(metres: Array) -> tuple[float, ...]:
+    """Convert lengths (n,) [m] to millimetres, rounded to `DIGITS` significant digits."""
     return tuple(float(f"{x:.{DIGITS}g}") for x in (MM * metres).tolist())
 
 
 def bounded_mm(metres: Array) -> tuple[float | None, ...]:
     """Convert lengths (n,) [m] to millimetres; None where there is no bound."""
-    return tuple(x if np.isfinite(x) else None for x in kept_mm(metres))
+    return tuple(x if np.isfinite(x) else None for x in rounded_mm(metres))
 
 
 def error_places(
     workspace_poses: WorkspacePoses,
     error_mm: Mapping[str, Sequence[float | None]],
     compared: Sequence[str] = (),
-    means: Meaning = TRUE,
+    means: ErrorMeaning = TRUE_ERROR,
 ) -> ErrorPlaces:
     """Order places by how much the first and the last of the compared models differ, widest first.
 

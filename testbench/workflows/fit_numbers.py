@@ -33,7 +33,7 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, cross, evaluate_chain, generalised_load, tool_poses
 from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.cell import Cell, clear_poses
-from testbench.workflows.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
+from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at, rounded_mm
 from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.models import JOINTS_ONLY
 from testbench.workflows.rows import MM, UM
@@ -391,7 +391,7 @@ PLACES = 200  #: Poses over the workspace.
 USUAL = PriorUncertainty(0.3)  #: Of the prior that readings are compared with.
 COUNTS = "it contains noise and prior, but no model error; the interval of Joints-only is too narrow"
 """What every interval of a model is told with."""
-HALF_WIDTH = Meaning(
+HALF_WIDTH = ErrorMeaning(
     "half width",
     f"of the 95 % interval of the tool's deflection, along the axis where it is widest; {COUNTS}",
     "median",
@@ -669,7 +669,7 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
         moment_Nm=float(np.linalg.norm(load.wrench[3:])),
         places=len(q),
         errors=errors,
-        apart_mm={name: kept_mm(own[order]) for name, own in apart.items()},
+        apart_mm={name: rounded_mm(own[order]) for name, own in apart.items()},
         missing=missing,
         **_certainty(MM * half[taken]),
     )

@@ -18,7 +18,7 @@ from testbench.design.criteria import criterion_of
 from testbench.design.exchange import Feasibility, Gauges, PoseSearch, greedy
 from testbench.design.forecast import (
     Forecast,
-    forecast_on,
+    forecast_fit,
     inflate_intervals,
     unbounded_predictions,
     without_bound,
@@ -28,14 +28,21 @@ from testbench.design.planning import (
     Plan,
     candidate_set,
     choose_greedily,
-    error_after,
+    error_function,
     forecast_errors,
     make_plan,
     observability,
-    place_gauges,
+    plan_with_gauges,
 )
 from testbench.design.planning import choose_poses as search_best
-from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
+from testbench.design.rows import (
+    MeasurementSetup,
+    Specification,
+    Tasks,
+    select_loads,
+    task_rows,
+    workspace_rows,
+)
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_type
 from testbench.identify.absolute.align import stated_frame
@@ -60,8 +67,8 @@ from testbench.workflows.plan_input import (
     PoseConditions,
     build_checks,
     feasible,
-    find,
-    why_not,
+    find_feasible_poses,
+    refusal_reasons,
 )
 from testbench.workflows.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.workflows.predicted_error import linear_fit_after
@@ -157,11 +164,11 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
             f"that these "
             "loads can determine; give more poses, or plan with a prior"
         )
-    fit = linear_fit_after(spec, cad_prior(cell.arm), best.read)
+    fit = linear_fit_after(spec, cad_prior(cell.arm), best.whitened_rows)
     poses, forecast, around = (
-        inflate_intervals(forecast_on(fit, at, load))
+        inflate_intervals(forecast_fit(fit, at, load))
         for at, load in (
-            (best.q, loads_of(spec, best.load)),
+            (best.q, select_loads(spec, best.load)),
             (tasks.q, tasks.load),
             (spec.workspace, spec.loads[0]),
         )
@@ -171,7 +178,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
-    """Find feasible poses; PoseError for fewer than the plan needs says which condition refused them.
+    """Draw feasible poses from which a plan is chosen; PoseError if they are fewer than the plan needs.
 
     Args:
         cell: The arm with its model and its truth.
@@ -181,7 +188,7 @@ def search(cell: Cell, settings: PlanSettings) -> Candidates:
         The candidates.
     """
     checks, rng = build_checks(cell, settings.conditions), trial_rng(settings.seed, 0)
-    candidates = find(checks, settings.candidates_wanted, rng, least=settings.poses)
+    candidates = find_feasible_poses(checks, settings.candidates_wanted, rng, least=settings.poses)
     return replace(candidates, q=nearest_turn(candidates.q, cell.arm))
 
 
@@ -203,7 +210,7 @@ def nearest_turn(q: Array, arm: Arm) -> Array:
 
 
 def workspace_poses(cell: Cell, settings: PlanSettings) -> Array:
-    """Draw poses that stand for the workspace; PoseError where the arm can be nowhere.
+    """Draw `WORKSPACE` collision-free poses all over the workspace; PoseError if there are none.
 
     Args:
         cell: The arm with its model and its truth.
@@ -213,11 +220,11 @@ def workspace_poses(cell: Cell, settings: PlanSettings) -> Array:
         Poses, (poses, n) [rad, m].
     """
     checks = build_checks(cell, PoseConditions(settings.area))
-    return find(checks, WORKSPACE, trial_rng(settings.seed, 2), least=1).q
+    return find_feasible_poses(checks, WORKSPACE, trial_rng(settings.seed, 2), least=1).q
 
 
-def reach_of(cell: Cell, settings: PlanSettings) -> Feasibility:
-    """Say where the arm can go.
+def build_feasibility(cell: Cell, settings: PlanSettings) -> Feasibility:
+    """Build the checks of poses, and of paths between two poses, that a search for a plan asks.
 
     Args:
         cell: The arm with its model and its truth.
@@ -227,7 +234,7 @@ def reach_of(cell: Cell, settings: PlanSettings) -> Feasibility:
         The checks.
     """
     checks = build_checks(cell, settings.conditions)
-    return Feasibility(lambda q: feasible(checks, q), straight_way(cell, settings.station))
+    return Feasibility(lambda q: feasible(checks, q), build_path_check(cell, settings.station))
 
 
 def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candidates) -> Plan:
@@ -245,7 +252,7 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candida
     scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
     percent = settings.uncertainty_percent
     spec = Specification(
-        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, settings.sigma_um / UM),
+        setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, settings.sigma_um / UM),
         loads=(
             *(weight(cell.vjm, mass) for mass in settings.loads_kg),
             *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load_point) for force in settings.pulls_n),
@@ -257,16 +264,16 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candida
     )
     if spec.uncertainty is None:
         _check_without_prior(spec, candidates.q)
-    rng, reach = trial_rng(settings.seed, 1), reach_of(cell, settings)
+    rng, reach = trial_rng(settings.seed, 1), build_feasibility(cell, settings)
     best = make_plan(spec, settings.criterion, candidates.q, reach, rng)
     if not settings.gauges:
         return best
     gauges = Gauges(settings.gauges, settings.gauge_um / UM, math.radians(settings.tilt_deg))
-    return place_gauges(best, gauges, reach, rng)
+    return plan_with_gauges(best, gauges, reach, rng)
 
 
-def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
-    """Make a check of straight ways: all joints at once, nothing hung, the tracker in the way.
+def build_path_check(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
+    """Build a check of straight paths in joint space for collisions, without a hung weight.
 
     Args:
         cell: The arm with its model and its truth.
@@ -318,10 +325,10 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     known = given and given.calibration.model()
     check_markers(cell, settings.mounted)
     blocks_of(settings.mounted)
-    union = union_after(known, settings) if known else union_of(cell, settings)
+    union = absolute_setup_after_readings(known, settings) if known else absolute_setup(cell, settings)
     instruments, q = settings.mounted, workspace_poses(cell, settings)
     planes = [own for own in instruments if isinstance(own.instrument, PlaneProbe)]
-    reach = reach_of(cell, settings)
+    reach = build_feasibility(cell, settings)
     if settings.poses < MIN_POSES * len(planes):
         raise BenchError(f"--poses: expected at least {MIN_POSES * len(planes)}, {MIN_POSES} for each plane")
     if planes:
@@ -336,7 +343,7 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     wanted = absolute.position_rows(union, q)
     examined = absolute.candidate_set(union, candidates.q, settings.poses, kind)
     asked = PoseSearch(
-        measured=lambda q, kind, lift: absolute.measured_rows(union, q, lift, kind),
+        whitened_rows=lambda q, kind, lift: absolute.measured_rows(union, q, lift, kind),
         poses=settings.poses,
         limits=cell.arm.limits,
         feasibility=reach,
@@ -358,7 +365,7 @@ def _touching(cell: Cell, settings: PlanSettings, planes: Sequence[Mounted]) -> 
     rng, count = trial_rng(settings.seed, 0), -(-settings.candidates_wanted // len(planes))
     parts = [touch(cell, own, count, rng, MIN_POSES) for own in stepwise(planes, "finding touches")]
     q, kind = np.concatenate(parts), np.repeat(np.arange(len(planes)), [*map(len, parts)])
-    why, names = why_not(build_checks(cell, settings.conditions), q), names_of(settings.mounted)
+    why, names = refusal_reasons(build_checks(cell, settings.conditions), q), names_of(settings.mounted)
     names = [name for own, name in zip(settings.mounted, names, strict=True) if own.direction is not None]
     clear = np.array([reason is None for reason in why], dtype=bool)
     for k, count in enumerate(np.bincount(kind[clear], minlength=len(planes)).tolist()):
@@ -396,8 +403,8 @@ def _ranges(cell: Cell, instruments: Sequence[Mounted], q: Array) -> Callable[[A
     return lambda q: np.asarray((np.abs(lengths(q) - middle) <= travel).all(axis=1))
 
 
-def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
-    """Compute RMS errors over the workspace now and after `FURTHER` further poses.
+def gain_of_further_poses(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
+    """Compute RMS position errors over the workspace after a calibration, and after `FURTHER` more poses.
 
     Args:
         cell: The arm.
@@ -413,16 +420,15 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
     settings = PlanSettings(
         absolute=True, criterion="I", poses=FURTHER, sigma_um=UM * sigma, candidates_wanted=FURTHER_CANDIDATES
     )
-    union = union_after(given, settings)
+    union = absolute_setup_after_readings(given, settings)
     wanted = absolute.position_rows(union, workspace_poses(cell, settings)[:FURTHER_CANDIDATES])
     left = absolute.without_frame_and_mount(union, wanted)
-    return absolute.prior_error_after_alignment(union, wanted), best_of(
-        union, search(cell, settings).q, left
-    )[1]
+    _, after = choose_further_poses(union, search(cell, settings).q, left)
+    return absolute.prior_error_after_alignment(union, wanted), after
 
 
-def best_of(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple[list[int], float]:
-    """Choose `FURTHER` of some poses, each the best next one; return them and the RMS error of `wanted`.
+def choose_further_poses(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple[list[int], float]:
+    """Choose `FURTHER` of some poses greedily, and compute the RMS error of predictions after them.
 
     Args:
         union: All unknowns.
@@ -434,11 +440,11 @@ def best_of(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple[list[int], f
     """
     problem = absolute.candidate_set(union, q, FURTHER).problem
     chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, FURTHER)
-    return chosen.tolist(), error_after(problem, wanted)(chosen)
+    return chosen.tolist(), error_function(problem, wanted)(chosen)
 
 
-def union_of(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
-    """Collect what is unknown where a tracker reads an arm absolutely.
+def absolute_setup(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
+    """Build the unknowns and readings of a calibration by absolute positions, with their prior.
 
     Args:
         cell: The arm with its model and its truth.
@@ -464,7 +470,7 @@ def union_of(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
         mounts={MOUNT: Mount(marker_positions(vjm, pose.markers), np.eye(3), pose.markers)},
     )
     assert settings.uncertainty_percent is not None
-    L = absolute.expected_root(
+    L = absolute.prior_covariance_root(
         unknowns,
         scale_by_prior(prior, vjm, unknowns.structure),
         settings.uncertainty_percent / 100,
@@ -492,8 +498,10 @@ def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series,
     return tuple((plane, *points) for plane in planes) or ((points,) if points else ())
 
 
-def union_after(given: ArmModel, settings: PlanSettings) -> AbsoluteSetup:
-    """Collect what is unknown after readings were taken; further ones have their own frame and mount.
+def absolute_setup_after_readings(given: ArmModel, settings: PlanSettings) -> AbsoluteSetup:
+    """Build the unknowns and readings of further poses after a calibration, with its posterior as prior.
+
+    The tracker's frame and the targets' mount are unknown anew.
 
     Args:
         given: The calibrated arm.
@@ -548,7 +556,7 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
 
 
 def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
-    """Say what positions in some poses leave unknown.
+    """List the quantities that positions read in some poses do not determine, as sentences.
 
     Args:
         union: All unknowns.
@@ -557,11 +565,11 @@ def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
     Returns:
         Sentences.
     """
-    once = absolute.series_at(select_rows(union.pose, np.arange(1)), q)
+    once = absolute.series_in_poses(select_rows(union.pose, np.arange(1)), q)
     further = further_information(
-        union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
+        union.unknowns, union.state, (once,), lambda series: absolute.position_information(union, series.q)
     )
-    tells, prior = absolute.information_of(union, q), union.L @ union.L.T
+    tells, prior = absolute.position_information(union, q), union.L @ union.L.T
     set_up = union.unknowns.first_columns["geometry"]
     prior[:set_up, :set_up] = FREE_DEVIATION**2 * np.eye(set_up)
     return unobservable(union.unknowns, tells, prior, further)
@@ -586,7 +594,7 @@ def scale_forecast(made: AbsolutePlanned) -> ScaleForecast:
         Its standard deviations.
     """
     problem = made.plan.examined.problem
-    h, far = absolute.scale_row(made.union, made.wanted, made.q)
+    h, far = absolute.scale_sensitivity(made.union, made.wanted, made.q)
     known = h @ problem.lift @ np.linalg.solve(made.plan.information, problem.lift.T @ h)
     after = math.sqrt(known + float(h @ problem.remaining_covariance @ h))
     geometry = h[made.union.unknowns.columns("geometry")]

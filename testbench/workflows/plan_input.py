@@ -45,7 +45,7 @@ MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads time
 
 
 def read_loads(path: Path) -> tuple[Array | None, Array | None]:
-    """Read what hangs and what pulls at the load point in every run of a plan.
+    """Read the mass that hangs, and the force that pulls, at the load point in every run of a plan.
 
     Returns:
         Masses, (runs,) [kg], 0 where a force pulls; None for poses without loads. Forces, world axes,
@@ -86,8 +86,8 @@ def _column(table: TableCells, name: str) -> Array:
     return table.numbers(k, table.mark([k]))
 
 
-def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
-    """Read a place such as the tracker's, or a pull; BenchError for anything but three finite numbers.
+def parse_point(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
+    """Parse a point or a force, "x,y,z"; BenchError for anything but three finite numbers.
 
     Args:
         text: The text.
@@ -101,7 +101,7 @@ def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
 
 
 def joints_of(text: str, arm: Arm) -> Array:
-    """Read file joints as people write them, --start a,b,c [deg, mm]; BenchError for others.
+    """Parse the joint angles of a flag such as --start a,b,c [deg, mm]; BenchError for other text.
 
     Args:
         text: The text.
@@ -217,7 +217,7 @@ def given_poses(
 def hung_masses(
     arm: Arm, file: Path | None, payload_kg: float | None, loads: str | None, poses: int
 ) -> Array:
-    """Find what hangs in every pose of a simulation, one after the other.
+    """Find the masses that hang in every pose of a simulation, in the order of reading.
 
     Args:
         arm: The arm.
@@ -248,7 +248,7 @@ def hung_masses(
 def masses_in_turn(
     arm: Arm, file: Path | None, payload_kg: float | None, loads: str | None
 ) -> tuple[float, ...]:
-    """Find what hangs in every pose of absolute readings, one after the other, nothing at first [kg].
+    """Find the masses of absolute readings in one pose, in the order of reading; the first is zero [kg].
 
     Args:
         arm: The arm.
@@ -278,8 +278,8 @@ def masses_in_turn(
 
 POSES_PER_BATCH = 1024
 PATIENCE = 200_000
-"""Poses drawn before `find` gives up, and DRAWS_A_POSE more for every pose that it has found."""
-DRAWS_A_POSE = 1000
+"""Poses drawn before `find_feasible_poses` gives up."""
+DRAWS_PER_POSE = 1000  #: Poses that it draws beyond `PATIENCE` for every pose that it has found.
 
 OFF_LIMITS = "outside the joint limits"
 OFF_AREA = "tool outside the work area"
@@ -318,7 +318,7 @@ class PoseConditions:
 
 @dataclass(frozen=True)
 class Checks:
-    """Hold conditions made ready to be asked of many poses."""
+    """Hold the conditions of a pose, with the model and the collision shapes that check them."""
 
     vjm: Vjm  #: The model, for its nominal kinematics.
     site: Site  #: Arm, payload and tracker as shapes.
@@ -327,7 +327,7 @@ class Checks:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Hold feasible poses and what it took to find them; `drawn` counts them and all those rejected."""
+    """Hold feasible poses, and how many poses were drawn and rejected to find them."""
 
     q: Array  #: Actuated joints, (count, n) [rad, m].
     drawn: int  #: Poses drawn.
@@ -335,7 +335,7 @@ class Candidates:
 
 
 def build_checks(cell: Cell, conditions: PoseConditions) -> Checks:
-    """Make the checks of an arm; BenchError where the tracker is inside something that does not move.
+    """Build the checks of poses of an arm; BenchError if the tracker is inside something that does not move.
 
     Args:
         cell: The arm with its model and its truth.
@@ -350,8 +350,8 @@ def build_checks(cell: Cell, conditions: PoseConditions) -> Checks:
     return Checks(cell.vjm, site, conditions)
 
 
-def why_not(checks: Checks, q: Array) -> list[str | None]:
-    """Find the first of `REASONS` for which each pose is refused.
+def refusal_reasons(checks: Checks, q: Array) -> list[str | None]:
+    """Find the reason for which each pose is refused: the first condition, in the order of `STAGES`.
 
     Args:
         checks: The checks.
@@ -373,7 +373,7 @@ def why_not(checks: Checks, q: Array) -> list[str | None]:
 
 
 def feasible(checks: Checks, q: Array) -> Mask:
-    """Tell which poses nothing refuses.
+    """Tell which poses satisfy all conditions.
 
     Args:
         checks: The checks.
@@ -382,7 +382,7 @@ def feasible(checks: Checks, q: Array) -> Mask:
     Returns:
         True for a feasible pose, (poses,).
     """
-    return np.array([reason is None for reason in why_not(checks, q)], dtype=bool)
+    return np.array([reason is None for reason in refusal_reasons(checks, q)], dtype=bool)
 
 
 def _limits(checks: Checks, q: Array) -> dict[str, Mask]:
@@ -420,7 +420,7 @@ STAGES: tuple[Callable[[Checks, Array], dict[str, Mask]], ...] = (_limits, _area
 """Each says which poses it refuses and why; only those that all before it let pass come to it."""
 
 
-def find(
+def find_feasible_poses(
     checks: Checks,
     count: int,
     rng: np.random.Generator,
@@ -430,7 +430,7 @@ def find(
 ) -> Candidates:
     """Draw feasible poses evenly over the joint limits, as many as asked for.
 
-    It gives up after `patience` draws, and DRAWS_A_POSE more for every pose found: PoseError says what
+    It gives up after `patience` draws, and DRAWS_PER_POSE more for every pose found: PoseError says what
     refused them and what to change.
 
     Args:
@@ -450,9 +450,9 @@ def find(
         )
     rejected, drawn = dict.fromkeys(REASONS, 0), 0
     kept: list[Array] = []
-    while len(kept) < count and drawn < patience + DRAWS_A_POSE * len(kept):
+    while len(kept) < count and drawn < patience + DRAWS_PER_POSE * len(kept):
         q = checks.vjm.arm.draw_poses(rng, POSES_PER_BATCH)
-        reasons = why_not(checks, q)
+        reasons = refusal_reasons(checks, q)
         good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
         kept += list(q[good])
         asked = POSES_PER_BATCH if len(kept) < count else int(good[-1]) + 1  # the rest counts as never drawn

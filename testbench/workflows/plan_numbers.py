@@ -15,25 +15,25 @@ from testbench.data.dataset import Series
 from testbench.design import absolute
 from testbench.design.criteria import LinearCriterion, mean_square
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, error_on, forecast_on, inflate_intervals
+from testbench.design.forecast import Forecast, fit_error, forecast_fit, inflate_intervals
 from testbench.design.planning import (
     RANDOM_PLANS,
     Plan,
     PriorInfluence,
     baselines,
-    error_after,
+    error_function,
     forecast_errors,
     observability,
     prior_influence,
 )
-from testbench.design.rows import deflection_rows, loads_of, task_rows
+from testbench.design.rows import deflection_rows, select_loads, task_rows
 from testbench.errors import Array, Ids
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.site import has_surroundings
 from testbench.runs.rows import Row, finite, trial_rng
-from testbench.workflows.error_places import Meaning, bounded_mm, error_places, places_at, rms
+from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at, rms
 from testbench.workflows.plan import AbsolutePlanned, Planned, scale_forecast, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
@@ -57,7 +57,7 @@ CHANCE = 100  #: Random plans of absolute readings that a plan is compared with.
 COUNTS = (10, 20, 30, 50, 75, 100, 150, 200)  #: Numbers of poses for which their errors are told.
 CURVE = "poses greedy_mm random_median_mm random_p10_mm random_p90_mm"
 CALIBRATED = "calibrated"  #: Name of the arm after a calibration.
-POSITION = Meaning("expected error", "of the targets' positions after calibration", "RMS")
+POSITION = ErrorMeaning("expected error", "of the targets' positions after calibration", "RMS")
 
 
 def numbers(made: Planned) -> Row:
@@ -166,8 +166,8 @@ def _pairs(made: Planned) -> Row:
     cell, plan, prior = made.cell, made.plan, cad_prior(made.cell.arm)
     assert isinstance(plan, Plan)
     spec, rows = plan.specification, task_rows(plan.specification)
-    scaling, influence = spec.experiment.scaling, prior_influence(plan, rows)
-    alone = linear_fit_after(joints_alone(spec, prior), prior, plan.read)
+    scaling, influence = spec.setup.scaling, prior_influence(plan, rows)
+    alone = linear_fit_after(joints_alone(spec, prior), prior, plan.whitened_rows)
     drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
     others = baselines(plan, rows, random_candidates=drawn, rng=rng)
     around, chance = made.workspace, others.random[made.settings.poses]
@@ -178,7 +178,8 @@ def _pairs(made: Planned) -> Row:
         prior=None if spec.uncertainty is None else scaling.prior_name,
         within_percent=100 * prior_uncertainty(spec),
         half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
-        joints_alone_mm=MM * float(np.sqrt(np.square(error_on(alone, spec.tasks.q, spec.tasks.load)).mean())),
+        joints_alone_mm=MM
+        * float(np.sqrt(np.square(fit_error(alone, spec.tasks.q, spec.tasks.load)).mean())),
         workspace_error_mm=forecast_summary(around) if math.isfinite(around.overall) else None,
         error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
         random_plans=Row(
@@ -210,8 +211,8 @@ def _by_tracker(plan: Plan, prior: Prior) -> float | None:
     if plan.gauges is None:
         return None
     spec = plan.specification
-    fit = linear_fit_after(spec, prior, replace(plan, gauges=None).read)
-    return finite(MM * forecast_on(fit, spec.tasks.q, spec.tasks.load).overall)
+    fit = linear_fit_after(spec, prior, replace(plan, gauges=None).whitened_rows)
+    return finite(MM * forecast_fit(fit, spec.tasks.q, spec.tasks.load).overall)
 
 
 def _doubted(made: Planned, plan: Plan) -> Expected | None:
@@ -220,8 +221,8 @@ def _doubted(made: Planned, plan: Plan) -> Expected | None:
     if spec.uncertainty is None:
         return None
     doubted = replace(spec, uncertainty=2 * spec.uncertainty)
-    fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.read)
-    return forecast_summary(inflate_intervals(forecast_on(fit, spec.tasks.q, spec.tasks.load)))
+    fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.whitened_rows)
+    return forecast_summary(inflate_intervals(forecast_fit(fit, spec.tasks.q, spec.tasks.load)))
 
 
 def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple[str, Array]) -> list[Row]:
@@ -273,8 +274,8 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
 def _runs(made: Planned, plan: Plan) -> list[Row]:
     """The poses of a plan for tasks, and what hangs or pulls in each."""
     spec, masses = plan.specification, made.settings.loads_kg
-    load = loads_of(spec, plan.load)
-    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.scaling.expected_x)
+    load = select_loads(spec, plan.load)
+    moved = rms(deflection_rows(spec.setup, plan.q, load) @ spec.setup.scaling.expected_x)
     rows = _measured(made, ("deflection", moved))
     for row, index, wrench in zip(rows, plan.load, load.wrench, strict=True):
         pulls = index >= len(masses)  # they come behind all that hangs
@@ -305,7 +306,7 @@ def _directions(plan: Plan, influence: PriorInfluence) -> Row:
     spec, problem = plan.specification, plan.examined.problem
     believed = spec.uncertainty is not None
     return Row(
-        unknowns=spec.experiment.scaling.structure.n_parameters,
+        unknowns=spec.setup.scaling.structure.n_parameters,
         shown=problem.r,
         seen=observability(problem, plan.chosen).seen,
         outweighed=influence.directions_from_readings if believed else problem.r,
@@ -353,7 +354,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
     rng, problem = trial_rng(made.settings.seed, 3), plan.examined.problem
     criterion, error = (
         LinearCriterion(mean_square(made.wanted @ problem.lift)),
-        error_after(problem, made.wanted),
+        error_function(problem, made.wanted),
     )
     middle, low, _ = _random(made, error, asked, rng)
     scale = _scale(made) if union.kinds else None
@@ -425,7 +426,7 @@ BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
 
 
 def joint_coverage(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
-    """Count for every joint how much of its range was not read, and how many poses go there.
+    """Compute, for every joint, the part of its range without a reading, and count the poses in that part.
 
     Args:
         arm: Description of the arm.
@@ -453,7 +454,7 @@ def _bin(joint: ArmJoint, own: Array) -> Ids:
 
 
 def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
-    """Write plan.csv, rad and m in full: they are read back bit by bit.
+    """Write plan.csv, with joints in rad and m to the last digit.
 
     Args:
         f: Numbers of the plan.
@@ -480,7 +481,7 @@ def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
 
 
 def write_tasks(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
-    """Write tasks_expected.csv: of every task its pose and the error to expect.
+    """Write tasks_expected.csv: the pose and the expected error of every task.
 
     Args:
         f: Numbers of the plan.

@@ -28,8 +28,8 @@ from testbench.workflows.plan_input import (
     PULL_RANGE,
     Place,
     PoseConditions,
+    parse_point,
     parse_work_area,
-    place,
 )
 from testbench.workflows.rows import UM
 
@@ -161,7 +161,7 @@ class PlanSettings:
 
     @property
     def conditions(self) -> PoseConditions:
-        """Return the conditions of a pose, under the largest load; all others hang inside its outline."""
+        """Return the conditions of a pose under the largest load, whose weight is the largest solid."""
         payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
         return PoseConditions(self.area, self.station, payload)
 
@@ -229,7 +229,7 @@ FLAGS = {
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """Hold what an engineer asks for, in the units of a command line."""
+    """Hold the flags of `testbench plan`, in the units of the command line."""
 
     arm: ArmName
     task: Annotated[
@@ -294,7 +294,7 @@ class AbsolutePlanOptions:
 
 
 def known_before(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -> Calibrated | None:
-    """Calibrate the arm by the readings that were taken before; None without any.
+    """Calibrate the arm by the readings of `--given`; None without any.
 
     Args:
         cell: The arm with its model and its truth.
@@ -347,10 +347,10 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
             instruments=tuple(flags.instrument or ()),
             model=model,
             loads_kg=tuple(loads),
-            pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in options.pull or []),
+            pulls_n=tuple(parse_point(text, "--pull fx,fy,fz [N]") for text in options.pull or []),
             sigma_um=options.sigma_um,
             uncertainty_percent=None if options.no_prior else percent,
-            tracker_m=None if options.tracker is None else place(options.tracker),
+            tracker_m=None if options.tracker is None else parse_point(options.tracker),
             acceptance_deg=options.acceptance_deg,
             box_m=None if options.box is None else parse_work_area(options.box),
             sling_m=options.sling_m,

@@ -11,9 +11,9 @@ from statistics import NormalDist
 import numpy as np
 from scipy.linalg import block_diag
 
-from testbench.design.forecast import DEVIATION_INFLATION, Forecast, LinearFit, error_on, linear_fit
+from testbench.design.forecast import DEVIATION_INFLATION, Forecast, LinearFit, fit_error, linear_fit
 from testbench.design.planning import Plan
-from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
+from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, select_loads
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, prior_rows, scale_by_prior
@@ -22,14 +22,21 @@ from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, evaluate_chain, tool_poses
 from testbench.workflows.cell import Cell
-from testbench.workflows.error_places import ErrorPlaces, Meaning, bounded_mm, error_places, places_at, rms
+from testbench.workflows.error_places import (
+    ErrorMeaning,
+    ErrorPlaces,
+    bounded_mm,
+    error_places,
+    places_at,
+    rms,
+)
 from testbench.workflows.model_names import FILLED
 from testbench.workflows.models import JOINTS_ONLY, arm_model_name, named_models
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.rows import MM
 
-UNKNOWN = 0.3  #: How well an arm's compliances are known where no prior is given [1].
-EXPECTED = Meaning(
+DEFAULT_UNCERTAINTY = 0.3  #: How well an arm's compliances are known where no prior is given [1].
+EXPECTED = ErrorMeaning(
     "expected error",
     "of the predicted deflection, RMS over the markers and over arms of which every link and joint gives",
     "RMS",
@@ -55,24 +62,26 @@ def forecast_summary(forecast: Forecast) -> Expected:
 
 
 def prior_uncertainty(spec: Specification) -> float:
-    """Return how well the arm's compliances are known, relative [1]."""
-    return UNKNOWN if spec.uncertainty is None else spec.uncertainty
+    """Return the relative uncertainty of the arm's compliances; a default without a prior [1]."""
+    return DEFAULT_UNCERTAINTY if spec.uncertainty is None else spec.uncertainty
 
 
-def linear_fit_after(spec: Specification, prior: Prior, read: Callable[[Specification], Array]) -> LinearFit:
-    """Predict a specification's model after poses were measured, each under its load.
+def linear_fit_after(
+    spec: Specification, prior: Prior, whitened_rows: Callable[[Specification], Array]
+) -> LinearFit:
+    """Fit a plan's model, as a linear function of its readings, to an arm whose links and joints all yield.
 
     Args:
         spec: What the plan is made for.
         prior: The prior.
-        read: Function that gives whitened rows of the readings, such as `Plan.read`.
+        whitened_rows: Function that gives whitened rows of the readings, such as `Plan.whitened_rows`.
 
     Returns:
         The fit.
     """
-    every = spec.experiment
+    every = spec.setup
     whole = replace(every, scaling=scale_by_prior(prior, every.vjm, all153(every.vjm.arm)))
-    return linear_fit(whole, prior_uncertainty(spec), spec, read)
+    return linear_fit(whole, prior_uncertainty(spec), spec, whitened_rows)
 
 
 def joints_alone(spec: Specification, prior: Prior) -> Specification:
@@ -85,7 +94,7 @@ def joints_alone(spec: Specification, prior: Prior) -> Specification:
     Returns:
         The specification.
     """
-    return least_squares(spec, prior, joints_only(spec.experiment.vjm.arm))
+    return least_squares(spec, prior, joints_only(spec.setup.vjm.arm))
 
 
 def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Specification:
@@ -99,9 +108,9 @@ def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Sp
     Returns:
         The specification.
     """
-    every = spec.experiment
+    every = spec.setup
     scaling = scale_by_prior(prior, every.vjm, structure)
-    return replace(spec, experiment=replace(every, scaling=scaling), uncertainty=None)
+    return replace(spec, setup=replace(every, scaling=scaling), uncertainty=None)
 
 
 def half_widths(forecast: Forecast) -> Array:
@@ -110,7 +119,7 @@ def half_widths(forecast: Forecast) -> Array:
 
 
 def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
-    """Map errors over the workspace under the first load, by the planned model and by `OTHERS`.
+    """Forecast the error of the planned model and of `OTHER_MODELS`, pose by pose over the workspace.
 
     GCO without a prior is no linear fit: it is not foretold.
 
@@ -124,30 +133,30 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
     """
     spec, prior = plan.specification, cad_prior(cell.arm)
     q, load = spec.workspace, spec.loads[0]
-    name = spec.experiment.scaling.structure.name + (FILLED if spec.uncertainty is not None else "")
+    name = spec.setup.scaling.structure.name + (FILLED if spec.uncertainty is not None else "")
     found = {}
-    for other in (arm_model_name(cell, kind) for kind in OTHERS):
+    for other in (arm_model_name(cell, kind) for kind in OTHER_MODELS):
         if other is None or other == name:
             continue
         [model] = named_models(cell, [other])
-        fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.read)
-        found[other] = bounded_mm(error_on(fit, q, load))
+        fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.whitened_rows)
+        found[other] = bounded_mm(fit_error(fit, q, load))
     found[name] = bounded_mm(forecast.error)
-    moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.scaling.expected_x)
+    moved = rms(deflection_rows(spec.setup, q, load) @ spec.setup.scaling.expected_x)
     workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], moved)
     return error_places(workspace_poses, found, list(found), EXPECTED)
 
 
 @dataclass(frozen=True)
-class Unshown:
-    """Hold joints that the tasks turn and no load of the plan does, and a pull that turns some of them."""
+class UnshownJoints:
+    """Hold joints that only the tasks' loads turn, not the plan's, and a force that turns some of them."""
 
     joints: list[str]
     turned_by_pull: list[str]
     pull_N: list[float] | None
 
 
-def unobservable_joints(plan: Plan, share: float) -> Unshown | None:
+def unobservable_joints(plan: Plan, share: float) -> UnshownJoints | None:
     """Find joints whose compliances no load of a plan can show though the tasks need them.
 
     The pull is along the world's axis that turns them most in the plan's poses, about as strong as the first
@@ -163,15 +172,15 @@ def unobservable_joints(plan: Plan, share: float) -> Unshown | None:
     if share <= OPEN_ERROR_SHARE:
         return None
     spec, examined = plan.specification, plan.examined
-    vjm, tasks = spec.experiment.vjm, spec.tasks
+    vjm, tasks = spec.setup.vjm, spec.tasks
     needed = _turned(_torques(vjm, tasks.q, tasks.load))
-    shown = _turned(_torques(vjm, examined.q, loads_of(spec, examined.load)))
+    shown = _turned(_torques(vjm, examined.q, select_loads(spec, examined.load)))
     closed = np.flatnonzero(needed & ~shown)
     if not len(closed):
         return None
     names, (able, best) = [joint.name for joint in vjm.arm.joints], _pull(plan, closed)
     force = None if best is None else best.wrench[:3].tolist()
-    return Unshown([names[k] for k in closed], [names[k] for k in able], force)
+    return UnshownJoints([names[k] for k in closed], [names[k] for k in able], force)
 
 
 @dataclass(frozen=True)
@@ -194,14 +203,14 @@ def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
         The joints; None where all are turned.
     """
     spec = plan.specification
-    vjm, names = spec.experiment.vjm, [joint.name for joint in spec.experiment.vjm.arm.joints]
-    closed = np.flatnonzero(~_turned(_torques(vjm, plan.q, loads_of(spec, plan.load))))
+    vjm, names = spec.setup.vjm, [joint.name for joint in spec.setup.vjm.arm.joints]
+    closed = np.flatnonzero(~_turned(_torques(vjm, plan.q, select_loads(spec, plan.load))))
     if not len(closed):
         return None
     _, pull = _pull(plan, closed)
     if pull is None:
         return Unloaded([names[k] for k in closed], None, None)
-    error = error_on(linear_fit_after(spec, prior, plan.read), spec.tasks.q, pull)
+    error = fit_error(linear_fit_after(spec, prior, plan.whitened_rows), spec.tasks.q, pull)
     mm = float(MM * np.sqrt(np.square(error).mean()))
     return Unloaded([names[k] for k in closed], pull.wrench[:3].tolist(), mm if math.isfinite(mm) else None)
 
@@ -209,8 +218,8 @@ def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
 def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
     """Which of some joints forces along the world's axes turn; the one that turns them most, if any."""
     spec = plan.specification
-    vjm = spec.experiment.vjm
-    size = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3])))
+    vjm = spec.setup.vjm
+    size = round_to_first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3])))
     pulls = [Load(np.append(force, np.zeros(3)), vjm.load_point) for force in size * np.eye(3)]
     torques = np.stack([_torques(vjm, plan.q, pull) for pull in pulls])  # (3, n, poses)
     able = closed[_turned(torques.transpose(1, 0, 2).reshape(vjm.arm.n_joints, -1))[closed]]
@@ -231,20 +240,20 @@ def _turned(torques: Array) -> Mask:
     return np.asarray(most > ZERO_TORQUE * most.max())
 
 
-def first_digit(value: float) -> float:
+def round_to_first_digit(value: float) -> float:
     """Round a number above 0 down to its first digit."""
     step: float = 10.0 ** math.floor(math.log10(value))
     return step * math.floor(value / step)
 
 
 OPEN_VARIANCE_SHARE = 0.5  #: Share of the variance of a law's size beyond which readings do not tell it [1].
-LIGHTER = 0.4  #: Weight of a second load over the first [1].
+SECOND_LOAD_SHARE = 0.4  #: Weight of a second load over the first [1].
 UNLOADED_AFTER = "an unloaded reading after the load was taken off (a row with loading off)"
 
 
 @dataclass(frozen=True)
-class OpenLaw:
-    """Hold joints of which a law stays undetermined, and the further reading that tells most of them."""
+class UndeterminedLaw:
+    """Hold joints whose backlash, friction or stiffening a plan leaves undetermined, and what would help."""
 
     kind: str  #: The law.
     joints: list[str]  #: Those of which it is open.
@@ -253,8 +262,10 @@ class OpenLaw:
     never: list[str]  #: Those of which no reading that was examined does.
 
 
-def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
-    """List laws of which a plan's readings leave more than `OPEN_VARIANCE_SHARE` of their variance.
+def open_laws(plan: Plan, prior: Prior) -> list[UndeterminedLaw]:
+    """List the joint laws (backlash, friction, stiffening) that a plan's readings do not determine.
+
+    A law counts as undetermined if more than `OPEN_VARIANCE_SHARE` of its variance remains.
 
     Sizes are uncertain by one before, compliances as the plan has them. None where links are not all
     identified with a prior: then joints are linear.
@@ -266,18 +277,16 @@ def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
     Returns:
         The laws by kind.
     """
-    spec, vjm = plan.specification, plan.specification.experiment.vjm
+    spec, vjm = plan.specification, plan.specification.setup.vjm
     plain = all153(vjm.arm)
-    linear = spec.experiment.scaling.structure.n_parameters < plain.n_parameters or not vjm.arm.joints
+    linear = spec.setup.scaling.structure.n_parameters < plain.n_parameters or not vjm.arm.joints
     if spec.uncertainty is None or linear:
         return []
     whole = scale_by_prior(prior, with_joint_laws(vjm), with_laws(plain, vjm.arm))
     B, _ = prior_rows(
         scale_by_prior(prior, vjm, plain), PriorUncertainty(prior_uncertainty(spec), SCALE_UNCERTAINTY)
     )
-    specification = replace(
-        spec, experiment=replace(spec.experiment, vjm=with_joint_laws(vjm), scaling=whole)
-    )
+    specification = replace(spec, setup=replace(spec.setup, vjm=with_joint_laws(vjm), scaling=whole))
     M = block_diag(B.T @ B, np.eye(whole.structure.n_laws)) + _information(specification, plan)
     stays = _open(M, plain.n_parameters)
     tells = {
@@ -291,12 +300,12 @@ def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
     return [_open_law(kind, places, tells) for kind, places in kinds.items()]
 
 
-def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> OpenLaw:
+def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> UndeterminedLaw:
     """A law that is open of some joints, by their places among all laws, and what tells it."""
     told = {words: [joint for joint, k in places.items() if some[k]] for words, some in tells.items()}
     by = max(told, key=lambda words: len(told[words]))
     never = [joint for joint in places if not any(joint in some for some in told.values())]
-    return OpenLaw(kind, list(places), by if told[by] else None, told[by], never)
+    return UndeterminedLaw(kind, list(places), by if told[by] else None, told[by], never)
 
 
 def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification]:
@@ -309,14 +318,14 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
     Returns:
         Specifications by their words.
     """
-    vjm, at, every = spec.experiment.vjm, spec.experiment.vjm.load_point, len(spec.loads)
-    back = replace(spec.experiment, vjm=for_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
-    lighter = tuple(Load(LIGHTER * load.wrench, load.point) for load in spec.loads)
-    pulls = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)
+    vjm, at, every = spec.setup.vjm, spec.setup.vjm.load_point, len(spec.loads)
+    back = replace(spec.setup, vjm=for_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
+    lighter = tuple(Load(SECOND_LOAD_SHARE * load.wrench, load.point) for load in spec.loads)
+    pulls = round_to_first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)
     return {
         "the same readings again": spec,
-        UNLOADED_AFTER: replace(spec, experiment=back),
-        f"a second load ({LIGHTER:g} of the first)": replace(spec, loads=lighter),
+        UNLOADED_AFTER: replace(spec, setup=back),
+        f"a second load ({SECOND_LOAD_SHARE:g} of the first)": replace(spec, loads=lighter),
         **{
             f"a {pull_words(own)}": replace(spec, loads=(Load(np.append(own, np.zeros(3)), at),) * every)
             for own in pulls.tolist()
@@ -326,7 +335,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
 
 def _information(spec: Specification, plan: Plan) -> Array:
     """What the plan's poses tell of all unknowns, (n, n)."""
-    A = plan.read(spec).reshape(-1, spec.experiment.scaling.structure.n_parameters)
+    A = plan.whitened_rows(spec).reshape(-1, spec.setup.scaling.structure.n_parameters)
     return np.asarray(A.T @ A)
 
 

@@ -14,7 +14,7 @@ from testbench.correct.compensated import (
     Refusal,
     compensate,
     configurations,
-    joints_along,
+    joints_along_path,
 )
 from testbench.correct.newton import Aim, CorrectedPart
 from testbench.correct.newton import JointMeaning as Meant
@@ -54,7 +54,7 @@ from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.options import payload_of
-from testbench.workflows.plan_input import place, read_loads
+from testbench.workflows.plan_input import parse_point, read_loads
 
 T = TypeVar("T")
 NAMED = 5  #: Points that a message names; more are counted.
@@ -127,7 +127,7 @@ def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | No
     if isinstance(program.content, RobotMotions):
         return _robot_joints(model, program, program.content, start)
     near = start if program.q is None else program.q
-    reached = joints_along(
+    reached = joints_along_path(
         model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point)
     )
     _refuse_far(program, reached, np.arange(program.points))
@@ -168,7 +168,7 @@ def _robot_joints(model: ArmModel, program: Program, motions: RobotMotions, star
         if stated[run[0]]:
             near = motions.near[run[0]]
         while len(run) and motions.posed[run[0]]:
-            reached = joints_along(model.vjm, program.position[run], program.rotation[run], start=near)
+            reached = joints_along_path(model.vjm, program.position[run], program.rotation[run], start=near)
             _refuse_far(program, reached, run)
             q[run] = reached.q
             # from the first joint move that its flags put into another turn the rest is found anew
@@ -285,7 +285,7 @@ def aim_of(hold: CorrectedPart, asked: Meant | None, tip: str, spindle: str) -> 
     if spindle not in axes:
         raise InputError(Path("--spindle"), "", f"expected one of {', '.join(axes)}, got {spindle!r}")
     x, y, z = axes[spindle].tolist()
-    return Aim(hold, asked, place(tip, "--tip x,y,z [m]"), (x, y, z))
+    return Aim(hold, asked, parse_point(tip, "--tip x,y,z [m]"), (x, y, z))
 
 
 def output_files(out: Path, form: str, program: Path) -> list[Path]:

@@ -22,7 +22,7 @@ from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.model.vjm import add_law_deflections, tool_poses
 from testbench.runs.rows import Row, finite
-from testbench.workflows.error_places import Meaning, bounded_mm, error_places, places_at
+from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     CorrectedProgram,
@@ -102,7 +102,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
     unseen = sum(row.half_95_mm is None for row in points)
     force = np.linalg.norm(sum(load.wrench[:, :3] for load in corrected_program.loads), axis=1)
     absolute = model.absolute and compensated.reference == "drawn"
-    held = (compensated.stopped & compensated.corrected[:, None]).sum(axis=0)
+    held = (compensated.at_limit & compensated.corrected[:, None]).sum(axis=0)
     before_mm, half_mm = error_statistics(before), None if unseen else error_statistics(half)
     most = [[row[key] for row in loaded or points] for key in ("before_most_mm", "most_mm")]
     return Row(
@@ -239,7 +239,7 @@ def _turns(corrected_program: CorrectedProgram) -> Row:
     compensated = corrected_program.found
     turned = MRAD * np.linalg.norm(compensated.rotation_error, axis=1) * compensated.corrected
     free = turned * (corrected_program.aim.hold == "position")
-    left = (turned - free) * ~compensated.stopped.any(axis=1)
+    left = (turned - free) * ~compensated.at_limit.any(axis=1)
     return Row(
         turns_mrad=float(free.max()), turned=int((left > TURNED).sum()), turn_left_mrad=float(left.max())
     )
@@ -436,5 +436,5 @@ def _map(made: Predicted) -> Row:
         at_m=stiffness_map.position[0].tolist(),
         joints=made.model.arm.pose_text(stiffness_map.q[0]),
         softest=direction_words(stiffness_map.direction[0]),
-        errors=error_places(workspace_poses, values, [MOVED_BY], Meaning("movement", words, "median")),
+        errors=error_places(workspace_poses, values, [MOVED_BY], ErrorMeaning("movement", words, "median")),
     )

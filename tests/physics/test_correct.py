@@ -9,7 +9,7 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
-from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibrium, target_of
+from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibrium, programmed_target
 from testbench.correct.predicted import (
     LoadedPoses,
     compliance_half_widths,
@@ -17,7 +17,7 @@ from testbench.correct.predicted import (
     half_widths,
     largest_uncertainty,
     load_extent,
-    rows_between,
+    motion_rows,
     stiffness,
 )
 from testbench.errors import BenchError, NoEquilibrium
@@ -70,7 +70,7 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
     """To less than 1e-8 m, so that the loop itself is exact; away from singular poses its turn is met too."""
     q, loads = drawn(kr500, np.random.default_rng(5))
     q[0, 4] = 0.0  # a stretched wrist: joints 4 and 6 on one line
-    found = correct(state, q, loads, target_of(state, q, "unloaded", TIP), AIM)
+    found = correct(state, q, loads, programmed_target(state, q, "unloaded", TIP), AIM)
     assert found.solved.all()
     wrench, point = loads[0].wrench + loads[1].wrench, np.tile(TIP, (POSES, 1))
     true = solve_equilibrium(kr500.plant, found.q, wrench, point)
@@ -90,7 +90,7 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
 @pytest.mark.parametrize("hold", ["axis", "position"])
 def test_what_is_free_makes_the_way_shorter(kr500, state, hold):
     q, loads = drawn(kr500, np.random.default_rng(7))
-    target = target_of(state, q, "unloaded", TIP)
+    target = programmed_target(state, q, "unloaded", TIP)
     whole, freer = (correct(state, q, loads, target, aim) for aim in (AIM, replace(AIM, hold=hold)))
     assert freer.solved.all()
     away = regular(kr500, q)
@@ -104,7 +104,7 @@ def test_what_is_free_makes_the_way_shorter(kr500, state, hold):
 
 def test_out_of_reach_is_not_called_solved(kr500, state):
     q = np.tile([0.1, -1.2, 1.6, 0.2, 0.5, 0.0], (2, 1))
-    target = target_of(state, q, "unloaded", TIP)
+    target = programmed_target(state, q, "unloaded", TIP)
     far = Target(target.position + np.array([[0.0, 0, 0], [9.0, 0, 0]]), target.rotation)
     found = correct(state, q, [], far, AIM)
     assert found.solved.tolist() == [True, False]
@@ -126,7 +126,7 @@ def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, su
     q[:, 4] = lower[4] + np.array([0.0, 1e-5, 0.1])
     load = [Load(np.array([0, 0, 2e3, 0, 0, 0]), TIP)]
     found = compensate(sure, q, load, AIM)
-    assert found.stopped[:, 4].tolist() == [True, True, False]
+    assert found.at_limit[:, 4].tolist() == [True, True, False]
     assert found.corrected.all()
     assert (found.q >= lower).all()
     met = equilibrium(state, found.q, load).at(TIP) - equilibrium(state, q).at(TIP)
@@ -282,7 +282,7 @@ def absolute(kr500):
 def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = Q[None]
-    row = rows_between(absolute, LoadedPoses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    row = motion_rows(absolute, LoadedPoses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
     x, tips = absolute.unknowns.values(absolute.state), []
     step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
     for sign in (1, -1):
@@ -320,7 +320,7 @@ def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(k
     np.testing.assert_allclose(found.half_width, half, rtol=1e-9)  # of the joints that are commanded
     rests = solve_equilibrium(kr500.plant, q, wrench, np.array([TIP, TIP])), solve_equilibrium(kr500.plant, q)
     np.testing.assert_allclose(found.before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
-    again = correct(known.state, q, [], target_of(known.state, q, "drawn", TIP), AIM)
+    again = correct(known.state, q, [], programmed_target(known.state, q, "drawn", TIP), AIM)
     sagged = compensate(known, q, [], replace(AIM, reference="drawn"))
     assert sagged.before[0, 2] < -1e-3  # own weight
     assert np.array_equal(sagged.q, again.q)
@@ -409,7 +409,9 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     q = np.linspace(TORN, TO, 60)
     load = [Load(np.array([2434.54, 1322.173, 1151.032, 0, 0, 0]), np.array([0.3, 0.1, 0.1]))]
     aim = Aim(hold, point=(0.3, 0.1, 0.1))
-    found = correct(known.state, q, load, target_of(known.state, q, "unloaded", np.array(aim.point)), aim)
+    found = correct(
+        known.state, q, load, programmed_target(known.state, q, "unloaded", np.array(aim.point)), aim
+    )
     assert found.solved.all()
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
 

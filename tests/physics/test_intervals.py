@@ -14,7 +14,7 @@ from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
-from testbench.correct.newton import equilibrium, target_of
+from testbench.correct.newton import equilibrium, programmed_target
 from testbench.data.dataset import select_rows
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate, posterior_of_calibration
 from testbench.identify.posterior import Posterior, posterior_of_estimate
@@ -150,7 +150,7 @@ def test_predict_and_compensate_are_as_sure_as_arms_of_their_doubts_differ_and_m
         if model.absolute:
             off, half = [*off, bent - told.position[k, 1]], [*half, told.position_half_width[k, 1]]
         for own in put:
-            target = target_of(true, q[one], own.reference, TIP).position[0]
+            target = programmed_target(true, q[one], own.reference, TIP).position[0]
             off.append(equilibrium(true, own.q[one], [FORCE]).at(TIP)[0] - target)
             half.append(own.half_width[k])
         z.append([Z * x[axis] / h[axis] for x, h in zip(off, half, strict=True)])

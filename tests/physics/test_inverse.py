@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from serial_arms import write_arm
 
-from testbench.correct.compensated import POSE_TOLERANCE, joints_along, solve_poses
+from testbench.correct.compensated import POSE_TOLERANCE, joints_along_path, solve_poses
 from testbench.correct.newton import Target
 from testbench.model.vjm import rotation_about_axis, tool_poses
 from testbench.workflows.cell import build_cell
@@ -36,14 +36,14 @@ def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng)
     for _ in range(2):
         q = planted(vjm, rng, 500)
         position, R = tool_poses(vjm, q)
-        found = joints_along(vjm, position + R @ point, R, start=q[0], point=point)
+        found = joints_along_path(vjm, position + R @ point, R, start=q[0], point=point)
         assert found.converged.all()
         for own, wanted in zip(tool_poses(vjm, found.q), (position, R), strict=True):
             np.testing.assert_allclose(own, wanted, rtol=0, atol=1e-10)  # rounding alone is 1e-15 m
         assert ((found.q >= vjm.arm.limits[0]) & (found.q <= vjm.arm.limits[1])).all()
         assert np.abs(np.diff(found.q, axis=0)).max() < 0.3 or name == "seven"
     if name in ("kr500", "arm_6r", "ur10"):  # a configuration for the whole path is found without a start
-        assert joints_along(vjm, position[::9], R[::9]).converged.all()
+        assert joints_along_path(vjm, position[::9], R[::9]).converged.all()
 
 
 def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
@@ -53,7 +53,7 @@ def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
     (p,), (R,) = tool_poses(vjm, q0[None])
     out = np.concatenate([np.linspace(0, 3, 61), np.linspace(3, 0, 61)])
     path = p + out[:, None] * np.array([1.0, 0, 0])
-    found = joints_along(vjm, path, np.tile(R, (122, 1, 1)), start=q0)
+    found = joints_along_path(vjm, path, np.tile(R, (122, 1, 1)), start=q0)
     lost = ~found.converged
     assert not lost[[0, -1]].any()
     first, last = np.flatnonzero(lost)[[0, -1]]
@@ -76,8 +76,8 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))
     q[:, 4] = np.linspace(-0.3, 0.3, 101)
     position, R = tool_poses(vjm, q)
-    found = joints_along(vjm, position, R, start=q[0])
+    found = joints_along_path(vjm, position, R, start=q[0])
     np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-6)
     beside = rotation_about_axis(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
-    found = joints_along(vjm, position, beside, start=q[0])
+    found = joints_along_path(vjm, position, beside, start=q[0])
     assert found.converged.all()

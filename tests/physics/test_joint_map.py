@@ -13,7 +13,7 @@ from unsure import unsure
 
 import testbench as tb
 from testbench.arm.folder import ArmJoint, build_joint_map
-from testbench.correct.compensated import joints_along
+from testbench.correct.compensated import joints_along_path
 from testbench.correct.newton import Aim
 from testbench.data.dataset import series_of
 from testbench.design.exchange import Feasibility, PoseSearch
@@ -383,7 +383,7 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
         possible(arm, some)
     way = arm.to_chain_joints(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
     position, rotation = tool_poses(level.vjm, way)
-    found = joints_along(level.vjm, position, rotation)
+    found = joints_along_path(level.vjm, position, rotation)
     assert found.converged.all()
     possible(arm, found.q)
     wound = arm.to_chain_joints(np.array([[0.2, 0.3, 0.1, 0.2]]))

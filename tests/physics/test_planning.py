@@ -15,16 +15,16 @@ from testbench.design import absolute
 from testbench.design import rows as plans
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import Feasibility, Gauges, PoseSearch, exchange, gauge_rows, greedy
-from testbench.design.forecast import forecast, forecast_on, linear_fit
+from testbench.design.forecast import forecast, forecast_fit, linear_fit
 from testbench.design.planning import (
     COLLISION_DETOUR,
     _measuring_order,
     candidate_set,
     choose_greedily,
-    error_after,
+    error_function,
     forecast_errors,
     make_plan,
-    place_gauges,
+    plan_with_gauges,
 )
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
@@ -50,8 +50,13 @@ from testbench.workflows.absolute import quantities, unobservable
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, read_instruments
 from testbench.workflows.instruments import Mounted, mounted, poses_on_planes, unit_normal
-from testbench.workflows.plan import plan_absolute, undetermined_by, union_after, union_of
-from testbench.workflows.plan_input import PoseConditions, build_checks, find
+from testbench.workflows.plan import (
+    absolute_setup,
+    absolute_setup_after_readings,
+    plan_absolute,
+    undetermined_by,
+)
+from testbench.workflows.plan_input import PoseConditions, build_checks, find_feasible_poses
 from testbench.workflows.plan_numbers import joint_coverage, numbers
 from testbench.workflows.predicted_error import open_laws
 
@@ -72,7 +77,7 @@ def spec(kr500, poses):
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load_point)
     return plans.Specification(
-        experiment=plans.MeasurementSetup(kr500.vjm, own, kr500.vjm.markers, 50e-6),
+        setup=plans.MeasurementSetup(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
         tasks=plans.Tasks(poses[120:130], load),
         workspace=poses[130:],
@@ -88,7 +93,7 @@ def plan(kr500, spec, poses):
 
 def promise_of(spec, q, load):
     """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
-    problem = plans.build_problem(spec.experiment, plans.measured_rows(spec, q, load), spec.uncertainty)
+    problem = plans.build_design_problem(spec.setup, plans.measured_rows(spec, q, load), spec.uncertainty)
     return forecast(problem, plans.information(problem, np.arange(len(q))), plans.task_rows(spec))
 
 
@@ -97,12 +102,12 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     prior, heavy = cad_prior(kr500.arm), spec.loads[0]
     light = Load(heavy.wrench / 3, heavy.point)
     own = scale_by_prior(prior, kr500.vjm, all153(kr500.arm))
-    whole = replace(spec, experiment=replace(spec.experiment, scaling=own), loads=(heavy, light))
+    whole = replace(spec, setup=replace(spec.setup, scaling=own), loads=(heavy, light))
 
     def left(poses, loads, spec=whole):
         q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
         read = partial(plans.measured_rows, q=q, load=load)
-        found = open_laws(SimpleNamespace(specification=spec, q=q, load=load, read=read), prior)
+        found = open_laws(SimpleNamespace(specification=spec, q=q, load=load, whitened_rows=read), prior)
         return {law.kind: law for law in found}
 
     one, two = (left(poses[:11], loads) for loads in (1, 2))
@@ -113,7 +118,7 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     assert "joint_3" in friction.told
     assert set(friction.told) | set(friction.never) <= set(friction.joints)
     assert not set(friction.told) & set(friction.never)
-    exact = replace(whole, experiment=replace(whole.experiment, sigma=1e-9))
+    exact = replace(whole, setup=replace(whole.setup, sigma=1e-9))
     every = left(poses, 2, exact)
     assert {kind: law.joints for kind, law in every.items()} == {kind: ["joint_1"] for kind in one}
     assert all(law.by.startswith("a pull") and law.told == ["joint_1"] for law in every.values())
@@ -122,14 +127,14 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
 
 def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns(spec, poses, kr500):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
-    rows = plans.reading_rows(spec.experiment, poses, spec.loads[0])
-    problem = plans.build_problem(spec.experiment, rows, 0.3)
+    rows = plans.reading_rows(spec.setup, poses, spec.loads[0])
+    problem = plans.build_design_problem(spec.setup, rows, 0.3)
     assert problem.r == 49
-    assert plans.build_problem(spec.experiment, rows, None).unobservable.shape == (68, 19)
+    assert plans.build_design_problem(spec.setup, rows, None).unobservable.shape == (68, 19)
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
-    wanted = plans.deflection_rows(spec.experiment, poses[120:123], side)
-    B, _ = prior_rows(spec.experiment.scaling, PriorUncertainty(0.3, 10.0))
+    wanted = plans.deflection_rows(spec.setup, poses[120:123], side)
+    B, _ = prior_rows(spec.setup.scaling, PriorUncertainty(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
     seen, lift = plans.information(problem, chosen), problem.lift
@@ -138,8 +143,8 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
     data = measure_markers(kr500, setup, poses_with_weight(kr500, q, np.arange(7) + 1, 460.3), trial_rng(2))
-    rows = plans.reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
-    A, _ = rows_in_prior_units(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.scaling)
+    rows = plans.reading_rows(spec.setup, q, spec.loads[0]).reshape(-1, 68)
+    A, _ = rows_in_prior_units(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.setup.scaling)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
@@ -220,7 +225,7 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
     """Arms of 153 compliances, MuJoCo's first-order deflections: least squares, and MGCO68 with its prior."""
     prior = cad_prior(kr500.arm)
     whole, joints = (scale_by_prior(prior, kr500.vjm, s(kr500.arm)) for s in (all153, joints_only))
-    alone = replace(spec, experiment=replace(spec.experiment, scaling=joints), uncertainty=None)
+    alone = replace(spec, setup=replace(spec.setup, scaling=joints), uncertainty=None)
     q, load = poses[:9], np.zeros(9, dtype=int)
     links = template56(kr500.arm, name="MLS56")
     fits = {
@@ -239,8 +244,8 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
         read = partial(plans.measured_rows, q=q, load=load)
-        fit = linear_fit(replace(spec.experiment, scaling=whole), 0.3, model, read)
-        promised = forecast_on(fit, spec.tasks.q, spec.tasks.load)
+        fit = linear_fit(replace(spec.setup, scaling=whole), 0.3, model, read)
+        promised = forecast_fit(fit, spec.tasks.q, spec.tasks.load)
         found, errors = promised.overall**2, np.sqrt(squares[name])
         inside = np.mean((promised.overall_low < errors) & (errors < promised.overall_high))
         assert inside == pytest.approx(0.9, abs=0.08), name  # four standard errors of 200 arms
@@ -256,18 +261,18 @@ ALONE = replace(ASKED, loads_kg=())
 
 @pytest.fixture(scope="module")
 def union(kr500):
-    return union_of(kr500, ASKED)
+    return absolute_setup(kr500, ASKED)
 
 
 @pytest.fixture(scope="module")
 def places(kr500):
-    return find(build_checks(kr500, PoseConditions()), 120, trial_rng(11)).q
+    return find_feasible_poses(build_checks(kr500, PoseConditions()), 120, trial_rng(11)).q
 
 
 def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
     q, rng = places[:1], np.random.default_rng(0)
-    series, state = absolute.series_at(union.pose, q), union.state
+    series, state = absolute.series_in_poses(union.pose, q), union.state
     draws = rng.normal(0, union.unmodelled, (4000, len(union.unmodelled)))
 
     def targets(moved):
@@ -296,7 +301,7 @@ TOUCHED = replace(
 @pytest.mark.parametrize("kind", [0, 2])
 def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(kr500, rng, kind):
     """Of a rigid arm: columns of geometry leave out that a bent arm's loads move with it."""
-    union = union_of(kr500, replace(TOUCHED, instruments=WITH_BAR, gear_urad=1e-6, orders=1))
+    union = absolute_setup(kr500, replace(TOUCHED, instruments=WITH_BAR, gear_urad=1e-6, orders=1))
     union = replace(union, state=replace(union.state, C_theta=0 * union.state.C_theta))
     planes = [*map(mounted, WITH_BAR[:3])]
     q = poses_on_planes(kr500, planes, 6, rng)[kind::3]
@@ -322,7 +327,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
         state = replace(union.state, theta_0=theta_0, n=n, C_theta=C, frames=frames, mounts=mounts)
         parts = []
         for one in readers:
-            series = absolute.series_at(one, q)
+            series = absolute.series_in_poses(one, q)
             [k] = np.flatnonzero(one.seen[0])
             _, length = distance_directions(state, series, series_equilibrium(state, series))
             parts.append(length[k].reshape(2, -1) / one.sigma)
@@ -434,7 +439,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     )
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
-    series = absolute.series_at(union.pose, places[:POSES])
+    series = absolute.series_in_poses(union.pose, places[:POSES])
     pull = further_information(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))
@@ -446,7 +451,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
 @pytest.fixture(scope="module")
 def before(kr500):
     """Readings of 250 poses with joint_1 on one side, and the arm by them."""
-    q = find(build_checks(kr500, PoseConditions()), 250, trial_rng(5)).q
+    q = find_feasible_poses(build_checks(kr500, PoseConditions()), 250, trial_rng(5)).q
     q[:, 0] = np.abs(q[:, 0])
     series, _ = simulate_series(kr500, AbsoluteCampaign(poses=250), 5, q)
     on = frozenset({"joint springs", "joint errors"})
@@ -458,22 +463,22 @@ def before(kr500):
 def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     """The error by roots of covariances is that by sums of precisions in SI units."""
     model = before[1].model()
-    own, q = replace(union_after(model, ALONE), min_information=0.0), places[:6]
+    own, q = replace(absolute_setup_after_readings(model, ALONE), min_information=0.0), places[:6]
     first, across = own.unknowns.first_columns["geometry"], replace(own, L=np.eye(own.unknowns.size))
     on = np.r_[:first, first + model.columns]
     P = np.eye(len(on)) / absolute.FRAME_DEVIATION**2
     P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
-    P += absolute.information_of(own, q)[np.ix_(on, on)]
+    P += absolute.position_information(own, q)[np.ix_(on, on)]
     A = absolute.position_rows(across, places[-20:])[:, :, on].reshape(-1, len(on))
     error = np.sqrt(3 * np.einsum("ki,ik->k", A, np.linalg.solve(P, A.T)).mean())
     problem = absolute.candidate_set(own, q, len(q)).problem
-    found = error_after(problem, absolute.position_rows(own, places[-20:]))
+    found = error_function(problem, absolute.position_rows(own, places[-20:]))
     assert found(np.arange(6)) == pytest.approx(error)
 
 
 def test_further_poses_lower_the_error_that_is_left_after_realignment(before, places, rng):
     """Errors of a new frame are in neither error: with them, more poses would seem to make an arm worse."""
-    own = union_after(before[1].model(), ALONE)
+    own = absolute_setup_after_readings(before[1].model(), ALONE)
     rows = absolute.position_rows(own, places[-20:])
     left, first = absolute.without_frame_and_mount(own, rows), own.unknowns.first_columns["geometry"]
     A = rows.reshape(-1, rows.shape[2])
@@ -481,7 +486,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
     fitted = np.linalg.lstsq(A[:, :first], b, rcond=None)[0]
     x = np.r_[np.zeros(first), np.linalg.lstsq(A[:, first:], b, rcond=None)[0]]
     np.testing.assert_allclose(left.reshape(A.shape) @ x, b - A[:, :first] @ fitted, atol=1e-8 * abs(b).max())
-    error = error_after(absolute.candidate_set(own, places[:40], 40).problem, left)
+    error = error_function(absolute.candidate_set(own, places[:40], 40).problem, left)
     errors = [error(np.arange(k)) for k in (0, 5, 10, 20, 40)]
     assert errors[0] == pytest.approx(absolute.prior_error_after_alignment(own, rows), rel=1e-6)
     assert errors == sorted(errors, reverse=True)
@@ -491,7 +496,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
 def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, places):
     """Asked for the other side of joint_1, to which one in five candidates turns it."""
     series, found = before
-    own, other = union_after(found.model(), ALONE), places[:, 0] < 0
+    own, other = absolute_setup_after_readings(found.model(), ALONE), places[:, 0] < 0
     q = np.vstack([places[~other][:40], places[other][:10]])
     wanted = absolute.position_rows(own, places[other][-20:])
     examined = absolute.candidate_set(own, q, 8)
@@ -506,7 +511,7 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     assert (plan >= 40).sum() >= 4
     [row, *_] = joint_coverage(kr500.arm, series, q[plan])
     assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
-    error = error_after(problem, wanted)
+    error = error_function(problem, wanted)
     assert error(plan) < min(error(trial_rng(k).choice(50, 8, replace=False)) for k in range(10))
 
 
@@ -515,20 +520,20 @@ def test_poses_and_gauges_chosen_together_are_the_best_of_all_places(kr500, spec
     few, nowhere = replace(spec, poses=2), Feasibility(lambda q: np.zeros(len(q), dtype=bool))
     given = make_plan(few, "I", poses[:4], nowhere, trial_rng(1))
     gauges = Gauges(1, 5e-6, 0.01)
-    found = place_gauges(given, gauges, nowhere, trial_rng(1))
+    found = plan_with_gauges(given, gauges, nowhere, trial_rng(1))
     problem, criterion = given.examined.problem, found.criterion
     rows = gauge_rows(spec, poses[:4], np.zeros(4, dtype=int), gauges, problem.lift).reshape(36, 1, -1)
     every = [
-        criterion.information(plans.sum_information(problem.prior, rows[[a, b]]))
+        criterion.phi(plans.add_information(problem.prior, rows[[a, b]]))
         for a, b in combinations_with_replacement(range(36), 2)
     ]
     assert found.value == pytest.approx(max(every), rel=1e-9)
     assert max(every) <= found.relaxed.bound * (1 + 1e-9)
-    alone = place_gauges(
+    alone = plan_with_gauges(
         replace(given, q=given.q[[0, 0]], chosen=given.chosen[[0, 0]]), gauges, nowhere, trial_rng(1)
     )
     assert alone.value == pytest.approx(found.value)  # wherever the tracker would read
-    read = plans.row_products(found.read(few), problem.lift)
+    read = plans.row_products(found.whitened_rows(few), problem.lift)
     np.testing.assert_allclose(
         read, found.examined.problem.rows[found.chosen], rtol=1e-9, atol=1e-9 * abs(read).max()
     )
@@ -539,7 +544,7 @@ def test_refined_places_of_gauges_are_better_and_within_their_bound(kr500, spec,
     given = make_plan(spec, "test", poses[:40], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
     nowhere = Feasibility(lambda q: np.zeros(len(q), dtype=bool))
     refined, kept = (
-        place_gauges(given, Gauges(3, 5e-6, 0.01), reach, trial_rng(1))
+        plan_with_gauges(given, Gauges(3, 5e-6, 0.01), reach, trial_rng(1))
         for reach in (Feasibility(lambda q: clear(kr500, q)), nowhere)
     )
     assert kept.value < refined.value <= refined.relaxed.bound

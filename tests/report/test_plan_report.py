@@ -20,7 +20,7 @@ from testbench.workflows.plan import Planned, plan_for
 from testbench.workflows.plan_input import FORCE_COLUMNS, read_loads, read_tasks
 from testbench.workflows.plan_numbers import _listed, numbers, plan_columns, write_poses, write_tasks
 from testbench.workflows.plan_settings import PlanSettings
-from testbench.workflows.predicted_error import Expected, OpenLaw, Unloaded, Unshown
+from testbench.workflows.predicted_error import Expected, UndeterminedLaw, Unloaded, UnshownJoints
 
 TASKS = Path(__file__).resolve().parents[2] / "docs" / "tasks.csv"
 POSES, PULL = 5, (-500.0, 3000.0, 0.0)
@@ -145,14 +145,14 @@ SAID = [
     ({"joints_alone_mm": 0.233}, "no larger"),
     ({"directions": Row(hidden_mm=0.118)}, "0.118 mm"),
     ({"unloaded": Unloaded(["swing"], [0.0, 900.0, 0.0], 1.25)}, "1.250 mm"),
-    ({"unshown": Unshown(["swing"], ["swing"], [0, 4e3, 0])}, "--pull 0,4000,0"),
-    ({"unshown": Unshown(["bend", "turn"], [], None)}, "bend and turn"),
+    ({"unshown": UnshownJoints(["swing"], ["swing"], [0, 4e3, 0])}, "--pull 0,4000,0"),
+    ({"unshown": UnshownJoints(["bend", "turn"], [], None)}, "bend and turn"),
     ({"pulls_n": (PULL,)}, "rope"),
     (
-        {"open_laws": [OpenLaw("friction", ["a", "c"], "the same readings again", ["c"], ["a"])]},
+        {"open_laws": [UndeterminedLaw("friction", ["a", "c"], "the same readings again", ["c"], ["a"])]},
         "The same readings again in each pose would determine it for c",
     ),
-    ({"open_laws": [OpenLaw("backlash", ["b"], None, [], ["b"])]}, "Backlash"),
+    ({"open_laws": [UndeterminedLaw("backlash", ["b"], None, [], ["b"])]}, "Backlash"),
 ]
 
 

@@ -438,7 +438,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     program = read_program(bounded / "mill.csv", model.arm)
     found = correct_program(model, program, Aim())
     own = found.found
-    held, turned, q = np.zeros_like(own.stopped), np.zeros_like(own.rotation_error), own.q.copy()
+    held, turned, q = np.zeros_like(own.at_limit), np.zeros_like(own.rotation_error), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
     refused = (*own.refused[:3], Refusal("reach", size=0.02), *own.refused[4:])
     own = replace(own, stopped=held, rotation_error=turned, q=q, refused=refused)

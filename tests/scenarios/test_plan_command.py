@@ -19,7 +19,7 @@ from testbench.plant.site import collisions
 from testbench.plant.tracker import Station
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import MODELS
-from testbench.workflows.plan import straight_way
+from testbench.workflows.plan import build_path_check
 from testbench.workflows.plan_numbers import absolute_columns, plan_columns
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -205,12 +205,12 @@ def test_a_straight_way_that_meets_floor_arm_or_tracker_is_not_clear(kr500):
     )
     stretched = np.deg2rad([0, 10, -50, 0, 70, 0])
     assert collisions(kr500.room, np.array([folded, stretched])) == [None, None]
-    alone = straight_way(kr500, None)
+    alone = build_path_check(kr500, None)
     assert alone(left, right)
     assert alone(left, left)
     assert not alone(folded, stretched)
     half_way = evaluate_chain(kr500.vjm, (left + right)[None] / 2).tool_position[0]
-    assert not straight_way(kr500, Station(tuple(half_way)))(left, right)
+    assert not build_path_check(kr500, Station(tuple(half_way)))(left, right)
 
 
 def test_the_pages_show_poses_and_tasks_and_where_the_arm_will_err(

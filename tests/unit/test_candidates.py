@@ -23,8 +23,8 @@ from testbench.workflows.plan_input import (
     Checks,
     PoseConditions,
     build_checks,
-    find,
-    why_not,
+    find_feasible_poses,
+    refusal_reasons,
 )
 
 HERE = (4.5, -2.5, 1.6)
@@ -39,13 +39,13 @@ def checks(kr500) -> Checks:
 
 @pytest.fixture(scope="module")
 def found(checks) -> Candidates:
-    return find(checks, 40, np.random.default_rng(3))
+    return find_feasible_poses(checks, 40, np.random.default_rng(3))
 
 
 def test_every_pose_drawn_is_found_or_counted_once(checks, found):
     """The draws themselves, judged in other batches, up to the last one found."""
     drawn = np.random.default_rng(3).uniform(*checks.vjm.arm.limits, (found.drawn, 6))
-    reasons = [reason for q in np.array_split(drawn, 7) for reason in why_not(checks, q)]
+    reasons = [reason for q in np.array_split(drawn, 7) for reason in refusal_reasons(checks, q)]
     assert reasons[-1] is None
     np.testing.assert_array_equal(found.q, drawn[[r is None for r in reasons]])
     assert found.rejected == {reason: reasons.count(reason) for reason in REASONS}
@@ -77,7 +77,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     }
     assert tuple(single) == REASONS
     expected = [next((r for r, mask in single.items() if mask[i]), None) for i in range(len(q))]
-    assert why_not(checks, q) == expected
+    assert refusal_reasons(checks, q) == expected
     assert len(set(expected)) >= 6
 
 
@@ -85,9 +85,9 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
     """A weight on a sling of 5 m never hangs clear, wherever the tool is; most poses never come so far."""
     conditions = PoseConditions(area=FRONT, payload=Payload(460.3, sling=5.0))
     with pytest.raises(PoseError) as err:
-        find(build_checks(kr500, conditions), 5, np.random.default_rng(7), patience=1000)
+        find_feasible_poses(build_checks(kr500, conditions), 5, np.random.default_rng(7), patience=1000)
     drawn = np.random.default_rng(7).uniform(*kr500.arm.limits, (1024, 6))
-    reasons = why_not(build_checks(kr500, conditions), drawn)
+    reasons = refusal_reasons(build_checks(kr500, conditions), drawn)
     counts = {reason: reasons.count(reason) for reason in REASONS if reason in reasons}
     hangs = counts[TOUCHING["payload"]]
     assert counts[OFF_AREA] > hangs
@@ -101,12 +101,12 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
 def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500):
     """One pose in 2000 has its tool in this box; a search goes on for 1000 draws a pose, so it ends."""
     checks = build_checks(kr500, PoseConditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9))))
-    few = find(checks, 10**6, np.random.default_rng(8), least=1, patience=10_000)
+    few = find_feasible_poses(checks, 10**6, np.random.default_rng(8), least=1, patience=10_000)
     n = len(few.q)
     assert 1 <= n < 10**6
     assert 10_000 + 1000 * n <= few.drawn < 10_000 + 1000 * n + POSES_PER_BATCH
     with pytest.raises(PoseError, match=f"found {n} of {n + 9} poses in {few.drawn} draws"):
-        find(checks, n + 9, np.random.default_rng(8), least=n + 1, patience=10_000)
+        find_feasible_poses(checks, n + 9, np.random.default_rng(8), least=n + 1, patience=10_000)
 
 
 def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks):
@@ -117,10 +117,10 @@ def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks)
         {"count": 5, "patience": 0},
     ):
         with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
-            find(checks, rng=np.random.default_rng(9), **wrong)
+            find_feasible_poses(checks, rng=np.random.default_rng(9), **wrong)
     with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
-        why_not(checks, np.zeros((1, 5)))
-    assert why_not(checks, np.empty((0, 6))) == []
+        refusal_reasons(checks, np.zeros((1, 5)))
+    assert refusal_reasons(checks, np.empty((0, 6))) == []
 
 
 def at(distance: float, elevation_deg: float, azimuth_deg: float = 130.0) -> Array:

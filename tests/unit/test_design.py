@@ -9,22 +9,22 @@ import pytest
 from testbench.design.criteria import (
     DeterminantCriterion,
     LinearCriterion,
+    candidate_gains,
     criterion_e,
     criterion_g,
     criterion_of,
-    gains_of,
     mean_square,
-    update,
+    update_gains,
 )
 from testbench.design.exchange import (
     Feasibility,
     Gauges,
     PoseSearch,
-    ascend_poses,
     choose_gauges,
-    choose_places,
+    choose_poses_and_gauges,
     exchange,
     greedy,
+    improve_single_poses,
     refine_plan,
     relax,
     sensitivity,
@@ -83,7 +83,7 @@ def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
     np.testing.assert_allclose(mass, weights, atol=0.03)
     rows = problem.rows[relaxed.support]
     M = problem.prior + np.einsum("p,pkr,pks->rs", relaxed.weights, rows, rows)
-    assert relaxed.bound <= 1.002 * criterion.information(M)
+    assert relaxed.bound <= 1.002 * criterion.phi(M)
 
 
 def by_trying_everything(problem, criterion, plan, poses):
@@ -91,7 +91,7 @@ def by_trying_everything(problem, criterion, plan, poses):
     every, plan = range(len(problem.rows)), list(plan)
 
     def phi(chosen):
-        return criterion.information(information(problem, chosen))
+        return criterion.phi(information(problem, chosen))
 
     before = 0.0
     while phi(plan) > (1 + 1e-7) * before:
@@ -119,7 +119,7 @@ def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prio
 def test_greedy_takes_the_best_next_one(criterion, prior):
     problem, plan = random_problem(50, 7, prior), []
     for best in greedy(problem, criterion, problem.rows, 12):
-        phi = [criterion.information(information(problem, [*plan, j])) for j in range(50)]
+        phi = [criterion.phi(information(problem, [*plan, j])) for j in range(50)]
         assert phi[best] == pytest.approx(max(phi), rel=1e-9)
         plan.append(best)
 
@@ -132,7 +132,7 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
         criteria()[4].W,
         rng(1).integers(0, 30, (2, 8)),
     )
-    gains, plan, one = gains_of(problem.prior, problem.rows, W), [], np.ones(K)
+    gains, plan, one = candidate_gains(problem.prior, problem.rows, W), [], np.ones(K)
     steps = [*(([j], []) for j in first), *(([j], [i]) for i, j in zip(first, second, strict=True))]
     for added, removed in [*steps, *(([], [j]) for j in second[:5])]:
         plan = [*plan, *added]
@@ -140,7 +140,7 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
             plan.remove(j)
         rows = np.concatenate([np.zeros((0, R)), *problem.rows[added], *problem.rows[removed]])
         M = information(problem, plan)
-        gains = update(gains, M, rows, np.r_[np.tile(one, len(added)), np.tile(-one, len(removed))])
+        gains = update_gains(gains, M, rows, np.r_[np.tile(one, len(added)), np.tile(-one, len(removed))])
         if len(plan) >= 3:  # fewer do not show all directions: rounding of the direct sum shows
             left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
             np.testing.assert_allclose(gains.with_candidate(), 1 / np.array(left), rtol=1e-8)
@@ -152,7 +152,7 @@ def test_candidates_in_several_blocks_are_judged_as_each_alone():
     M, W = np.eye(4) + root.T @ root, np.diag([1.0, 2.0, 3.0, 4.0])
     cost = np.trace(np.linalg.solve(M, W))
     gains = [cost - np.trace(np.linalg.solve(M + F.T @ F, W)) for F in rows]
-    assert gains_of(M, rows, W).reductions() == pytest.approx(np.array(gains), rel=1e-9)  # rounding
+    assert candidate_gains(M, rows, W).reductions() == pytest.approx(np.array(gains), rel=1e-9)  # rounding
     assert sensitivity(rows, W) == pytest.approx(np.array([np.trace(W @ F.T @ F) for F in rows]), rel=1e-12)
 
 
@@ -253,7 +253,7 @@ def test_refinement_turns_a_pair_to_right_angles():
 
 def test_ascent_climbs_within_limits_and_feasible():
     start = np.array([[0.0], [2.5], [-1.0]])
-    q = ascend_poses(start, lambda q: 1 / (1 + (q[:, 0] - 1) ** 2), near(lambda q: q[:, 0] < 0.9))
+    q = improve_single_poses(start, lambda q: 1 / (1 + (q[:, 0] - 1) ** 2), near(lambda q: q[:, 0] < 0.9))
     assert 0.7 < q[0, 0] < 0.9
     assert 0.7 < q[2, 0] < 0.9
     assert (q[1, 0] == 2.5) or (q[1, 0] < 0.9)  # an infeasible start stays or comes home
@@ -268,7 +268,7 @@ def test_i_and_g_judge_the_workspace_and_the_test_criterion_the_tasks(name):
     cost = np.einsum("pkr,rs,pks->p", wanted, np.linalg.inv(M), wanted) / 2  # of two targets
     expected = cost.max() if name == "G" else cost.mean()
     for given in ((workspace, tasks), *([(workspace,)] if name != "test" else [])):
-        assert criterion_of(name, problem, *given).information(M) == pytest.approx(1 / expected)
+        assert criterion_of(name, problem, *given).phi(M) == pytest.approx(1 / expected)
 
 
 def test_what_rests_on_the_prior_is_its_share_of_the_error_and_the_directions_that_it_holds():
@@ -294,10 +294,10 @@ def test_the_bound_of_a_greedy_plan_is_that_of_its_tangent_above_every_plan(crit
     examined = CandidateSet(np.linspace(-2, 2, 8)[:, None], np.zeros(8, dtype=int), problem)
     found = choose_greedily(search, criterion, examined)
     every = [information(problem, plan) for plan in itertools.combinations_with_replacement(range(8), 3)]
-    best = max(map(criterion.information, every))
+    best = max(map(criterion.phi, every))
     assert best <= found.relaxed.bound * (1 + 1e-9)
     assert found.relaxed.bound == pytest.approx(max((found.relaxed.dual * M).sum() for M in every))
-    assert found.efficiency == pytest.approx(criterion.information(found.information) / found.relaxed.bound)
+    assert found.efficiency == pytest.approx(criterion.phi(found.information) / found.relaxed.bound)
 
 
 GAUGES = Gauges(2, 5e-6, 0.01)
@@ -315,7 +315,7 @@ def gauge_problem(seed):
 def phi_of(rows, problem, criterion, places):
     """Phi of gauges by pose, marker and axis."""
     A = np.array([rows[p, m, a] for p, m, a in places])
-    return criterion.information(problem.prior + A.T @ A)
+    return criterion.phi(problem.prior + A.T @ A)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -324,7 +324,7 @@ def test_no_other_gauges_in_one_pose_are_better_than_those_chosen(seed):
     found = choose_gauges(rows, problem, A_OPTIMAL, GAUGES)
     chosen = [[(p, *own) for own in zip(found.marker[p], found.axis[p], strict=True)] for p in range(5)]
     own = phi_of(rows, problem, A_OPTIMAL, list(itertools.chain.from_iterable(chosen)))
-    assert own == pytest.approx(A_OPTIMAL.information(found.information))
+    assert own == pytest.approx(A_OPTIMAL.phi(found.information))
     for p, (a, b) in itertools.product(range(5), itertools.combinations(range(3), 2)):
         for axes in itertools.product(range(3), repeat=2):
             others = [place for k, places in enumerate(chosen) if k != p for place in places]
@@ -334,9 +334,9 @@ def test_no_other_gauges_in_one_pose_are_better_than_those_chosen(seed):
 
 def test_places_chosen_together_with_their_gauges_beat_any_given_ones():
     rows, problem = gauge_problem(7)
-    free = choose_places(rows, problem, A_OPTIMAL, GAUGES, 3)
+    free = choose_poses_and_gauges(rows, problem, A_OPTIMAL, GAUGES, 3)
     for some in itertools.combinations(range(5), 3):
         given = choose_gauges(rows[list(some)], problem, A_OPTIMAL, GAUGES)
-        assert A_OPTIMAL.information(given.information) <= A_OPTIMAL.information(free.information) * 1.03
+        assert A_OPTIMAL.phi(given.information) <= A_OPTIMAL.phi(free.information) * 1.03
     with pytest.raises(BenchError, match="gauges: expected 1 to 3"):
         choose_gauges(rows, problem, A_OPTIMAL, Gauges(4, 5e-6, 0.0))

@@ -13,7 +13,7 @@ from testbench.files.program import read_poses
 from testbench.model.load import weight
 from testbench.workflows.options import overload_warnings
 from testbench.workflows.plan import nearest_turn
-from testbench.workflows.plan_input import parse_work_area, place, read_loads, read_tasks
+from testbench.workflows.plan_input import parse_point, parse_work_area, read_loads, read_tasks
 from testbench.workflows.plan_settings import PlanSettings
 
 NAMES = [f"joint_{k}" for k in range(1, 7)]
@@ -125,7 +125,7 @@ def test_the_nearest_turn_is_the_same_pose_within_the_limits(kr500):
 
 
 def test_places_in_flags_become_a_station_and_an_area():
-    there = {"tracker_m": place("4.5,-2.5,1.6e0"), "box_m": parse_work_area("1,2,3,4,5,6")}
+    there = {"tracker_m": parse_point("4.5,-2.5,1.6e0"), "box_m": parse_work_area("1,2,3,4,5,6")}
     asked = PlanSettings(loads_kg=(460.0,), acceptance_deg=30.0, **there)
     assert asked.station.position == (4.5, -2.5, 1.6)
     assert asked.station.acceptance == pytest.approx(np.pi / 6)

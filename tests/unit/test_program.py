@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tables import write_table
 
-from testbench.correct.compensated import joints_along
+from testbench.correct.compensated import joints_along_path
 from testbench.correct.predicted import process_wrench
 from testbench.errors import InputError
 from testbench.files.program import read_program, unread_columns
@@ -191,7 +191,7 @@ def test_a_corrected_program_is_read_back_through_the_map_that_it_was_read_with(
 def test_the_program_of_the_documentation_can_be_run(kr500):
     """In reach, clear of collisions, with a direction for every force, nearly across the spindle."""
     program = read_program(ROOT / "docs" / "program.csv", kr500.arm)
-    found = joints_along(kr500.vjm, program.position, program.rotation)
+    found = joints_along_path(kr500.vjm, program.position, program.rotation)
     assert found.converged.all()
     assert collisions(kr500.room, found.q) == [None] * program.points
     wrench = process_wrench(program.along, program.position, program.rotation[:, :, 0])

@@ -53,7 +53,7 @@ from testbench.workflows.absolute import (
 )
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.plan import best_of, union_after
+from testbench.workflows.plan import absolute_setup_after_readings, choose_further_poses
 from testbench.workflows.plan_settings import PlanSettings
 from testbench.workflows.rows import MM, UM
 
@@ -386,9 +386,9 @@ def _planned(known: ArmModel, series: Series) -> Ids:
     """Rows of a series that a plan's criterion chooses for all of its poses, by what is known of the arm."""
     sigma = UM * series.sigma
     settings = PlanSettings(absolute=True, criterion="I", poses=FURTHER, orientations=True, sigma_um=sigma)
-    union = union_after(known, settings)
+    union = absolute_setup_after_readings(known, settings)
     wanted = position_rows(union, series.q[evenly_spaced_rows(series, JUDGING)])
-    return np.sort(best_of(union, series.q, wanted)[0])
+    return np.sort(choose_further_poses(union, series.q, wanted)[0])
 
 
 def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[RealFitRow]:
