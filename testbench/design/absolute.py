@@ -139,7 +139,7 @@ def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
     frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose.frame}")][:6]
 
     def rows(batch: Array) -> Array:
-        A = series_equations(setup.unknowns, setup.state, series_at(setup.pose, batch))[:m, :, :-1]
+        A = series_equations(setup.unknowns, setup.state, series_in_poses(setup.pose, batch))[:m, :, :-1]
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]))
 
     if not setup.kinds:
@@ -316,7 +316,7 @@ def _read(setup: AbsoluteSetup, pose: Series, q: Array) -> tuple[Array, Array, A
         Readings per unit of the unknowns, (poses, k, size) [m, rad], their noise, (poses, k) [m, rad], and
         readings per unit of joint errors beyond the model, (poses, k, n) [m, rad].
     """
-    series, G = series_at(pose, q), np.repeat(_joint_rows(setup, pose, q)[:, None], pose.rows, axis=1)
+    series, G = series_in_poses(pose, q), np.repeat(_joint_rows(setup, pose, q)[:, None], pose.rows, axis=1)
     A = series_equations(setup.unknowns, setup.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
     sigma = np.full((len(q), pose.rows, A.shape[1] * A.shape[2]), pose.sigma)
     sigma[:, :, 3 * len(pose.markers) :] = pose.sigma_rotation or pose.sigma

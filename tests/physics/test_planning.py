@@ -565,6 +565,6 @@ def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
     ]
     data = read_instruments(kr500, "linear", loaded, gauges, trial_rng(1))
     A, _ = reduce(kr500.vjm, mgco68(kr500.arm), data).weighted_equations
-    A = A @ own.experiment.scaling.L
+    A = A @ own.setup.scaling.L
     told = np.array([rows[:, k, (k + 1) % 3] for k in range(3)]).reshape(9, -1)
     np.testing.assert_allclose(A.T @ A, told.T @ told, rtol=0, atol=1e-4 * np.abs(told.T @ told).max())
