@@ -41,7 +41,7 @@ EXPECTED = ErrorMeaning(
     "of the predicted deflection, RMS over the markers and over arms of which every link and joint gives",
     "RMS",
 )
-OTHERS = "MLS56", JOINTS_ONLY
+OTHER_MODELS = "MLS56", JOINTS_ONLY
 """Kinds of models that stand beside: least squares of links, and joints alone."""
 OPEN_ERROR_SHARE = 0.1  #: Share of the expected error that has to stay open for such joints to be told [1].
 ZERO_TORQUE = 1e-6  #: Share of the largest torque below which a joint is not turned [1].
