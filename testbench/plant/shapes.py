@@ -375,7 +375,7 @@ POINTS_PER_HULL = 20_000
 
 
 def hull_of(vertices: Array) -> Surface | None:
-    """Compute the convex hull of points, to within SLACK.
+    """Compute the convex hull of points, to within HULL_TOLERANCE.
 
     Args:
         vertices: The points, (v, 3) [m].
