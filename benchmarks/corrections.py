@@ -10,7 +10,7 @@ from testbench.errors import Array
 from testbench.identify.method import gco, with_prior
 from testbench.identify.posterior import elastic_state, model_of_estimate
 from testbench.identify.prior import cad_prior
-from testbench.model.load import Load, read_weights
+from testbench.model.load import Load, read_body_masses
 from testbench.model.structure import all153
 from testbench.workflows.campaign import simulate
 from testbench.workflows.cell import build_cell
@@ -23,7 +23,7 @@ DRAWN = 300  #: Feasible poses between which paths run.
 def correcting_ten_thousand_points() -> list[Row]:
     """The rows of time and accuracy; paths run between random feasible poses."""
     cell = build_cell(ARM)
-    state = elastic_state(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    state = elastic_state(cell.vjm, cell.arm.C_theta, read_body_masses(cell.arm))
     q = _paths(feasible_poses(cell, DRAWN, SEED))
     force = np.random.default_rng(SEED).standard_normal((POINTS, 3))
     force *= FORCE / np.linalg.norm(force, axis=1, keepdims=True)
@@ -54,7 +54,7 @@ def _with_intervals(q: Array, load: Load) -> Row:
     cell = build_cell(ARM)
     data = simulate(cell, seed=SEED).identification
     estimate = with_prior(gco, cad_prior(cell.arm))(cell.vjm, all153(cell.arm), data)
-    model = model_of_estimate(cell.vjm, estimate, read_weights(cell.arm))
+    model = model_of_estimate(cell.vjm, estimate, read_body_masses(cell.arm))
     [whole] = interleave(REPEATS, lambda: compensate(model, q, [load]))
     name = f"(m) {POINTS} points with limits and intervals"
     return note(name, np.median(whole), "s", spread(whole, digits=2))

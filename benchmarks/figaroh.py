@@ -24,7 +24,7 @@ from testbench.data.dataset import Series, select_rows
 from testbench.files.export import draft_new
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.posterior import elastic_state
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.vjm import Vjm
 from testbench.runs import command
 from testbench.runs import manifest as files
@@ -89,7 +89,7 @@ def _others(series: Series, rows: npt.NDArray[np.int_]) -> npt.NDArray[np.int_]:
 def _write(data: Path, vjm: Vjm, *parts: tuple[Series, npt.NDArray[np.int_]]) -> None:
     """The arm as drawn, the readings and the settings, as FIGAROH reads them."""
     arm = vjm.arm
-    rigid = elastic_state(vjm, np.zeros((vjm.n_theta, vjm.n_theta)), read_weights(arm))
+    rigid = elastic_state(vjm, np.zeros((vjm.n_theta, vjm.n_theta)), read_body_masses(arm))
     (data / "robot.urdf").write_text(draft_new(rigid).text)
     names = [joint.name for joint in arm.joints]
     for (series, rows), kinds in zip(parts, (("fit", "rest"), ("a_frame", "a_rest")), strict=True):

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from testbench.identify.regression import Regression as Regression
     from testbench.identify.regression import reduce as reduce
     from testbench.model.laws import JointLaw as JointLaw
-    from testbench.model.laws import JointTurns as JointTurns
+    from testbench.model.laws import NominalDeflections as NominalDeflections
     from testbench.model.laws import joint_laws as joint_laws
     from testbench.model.load import Load as Load
     from testbench.model.load import weight as weight
@@ -158,7 +158,7 @@ HOMES = {
     "PriorUncertainty": "identify.prior",
     "Vjm": "model.vjm",
     "JointLaw": "model.laws",
-    "JointTurns": "model.laws",
+    "NominalDeflections": "model.laws",
     "TrueArm": "plant.true_arms",
     "SpringEffects": "plant.disturbance",
 }

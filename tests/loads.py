@@ -5,7 +5,7 @@ import numpy as np
 from testbench.correct.newton import Aim, InverseStatics, equilibrium, solve_inverse_statics
 from testbench.data.dataset import Dataset
 from testbench.identify.posterior import elastic_state
-from testbench.model.load import Load, no_weights
+from testbench.model.load import Load, massless_bodies
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, generalised_load, observation_matrix, observation_rows
 
@@ -15,7 +15,9 @@ SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].
 
 def at_rest(cell, C_theta, q, wrench, point):
     """Virtual joints of the arm without weight under a load, (runs, n_theta) [m, rad]."""
-    return equilibrium(elastic_state(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
+    return equilibrium(
+        elastic_state(cell.vjm, C_theta, massless_bodies(cell.arm)), q, [Load(wrench, point)]
+    ).theta
 
 
 def random_q(cell, rng, runs):

@@ -26,7 +26,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.cli.demo import Demo
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate, deflections_of_models
-from testbench.model.laws import model_for
+from testbench.model.laws import vjm_for_structure
 from testbench.model.vjm import add_law_deflections, evaluate_chain, generalised_load
 from testbench.plant.shapes import body_origins, elastic_frames
 from testbench.report.colours import CHOICE, LEAST_SQUARES, LOAD, Colour, hexadecimal
@@ -159,7 +159,7 @@ def _rms_mm(moved: Array) -> Array:
 
 def _bent(cell: Cell, model: Estimate, q: Array, load: tuple[Array, Array]) -> Array:
     """Links and joints as a model bends them, its laws of the joints included, (loads, n_theta) [m, rad]."""
-    vjm = model_for(cell.vjm, model.structure)
+    vjm = vjm_for_structure(cell.vjm, model.structure)
     return add_law_deflections(vjm, (model.C_theta @ generalised_load(evaluate_chain(vjm, q), *load)).T)
 
 

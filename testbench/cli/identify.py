@@ -163,7 +163,7 @@ def report(f: Row) -> Report:
     half = ". The median 95 % interval of a deflection is +- {intervals.half_width_mm:.3f} mm" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:LISTED_RUNS]
     own_laws = (
-        TableColumn(name, name.replace("_", " "), law.unit_words.replace("1", ""), form=".3g")
+        TableColumn(name, name.replace("_", " "), law.unit_symbol.replace("1", ""), form=".3g")
         for name, law in joint_laws.added.items()
     )
     laws = tuple(c for c in (*LAWS, *own_laws) if any(c.value(row) is not None for row in f.laws))

@@ -34,15 +34,15 @@ from testbench.identify.posterior import (
     quantile,
 )
 from testbench.model.kinematics import joint_error_basis
-from testbench.model.laws import tangent
+from testbench.model.laws import tangent_C_theta
 from testbench.model.load import (
     Load,
-    displacement,
+    first_order_deflection,
     geometric_stiffness,
     loaded_compliance,
-    on_joints,
-    own_weight,
-    resultant,
+    own_weight_load,
+    resultant_wrench,
+    sum_generalised_loads,
 )
 from testbench.model.vjm import (
     evaluate_chain,
@@ -225,9 +225,9 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     if model.absolute:
         theta = poses.rest_poses(state).theta
         where = evaluate_chain(model.vjm, poses.q, theta)
-        at_rest = replace(at_rest, theta=theta, chain=where, u=on_joints(where, poses.loads))
+        at_rest = replace(at_rest, theta=theta, chain=where, u=sum_generalised_loads(where, poses.loads))
     if model.absolute or poses.with_own_weight:
-        at_rest = replace(at_rest, u=own_weight(at_rest.chain, state.weights) + at_rest.u)
+        at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.weights) + at_rest.u)
     phi = joint_error_basis(
         state.errors, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
     )
@@ -256,14 +256,14 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
     """
     state, loads = model.state, poses.loads
     where, after = evaluate_chain(model.vjm, poses.q), poses.rest_poses(state)
-    u = on_joints(where, loads)
+    u = sum_generalised_loads(where, loads)
     if poses.with_own_weight:
-        (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight(where, state.weights)
+        (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight_load(where, state.weights)
     else:
         before = free.rest_poses(state)
         position, rotation = before.position, before.rotation
     bent = np.einsum("rxy,py->rpx", after.rotation - rotation, points) + (after.position - position)[:, None]
-    return np.asarray(np.abs(bent - displacement(where, (state.C_theta @ u).T, points)))
+    return np.asarray(np.abs(bent - first_order_deflection(where, (state.C_theta @ u).T, points)))
 
 
 @dataclass(frozen=True)
@@ -444,8 +444,8 @@ def _linear(model: ArmModel, stand: LoadedPoses, points: Array) -> tuple[Array, 
     """Compute deflections and rotations to first order, Eq. (6), of the arm that no load has deflected."""
     state = model.state
     where = evaluate_chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))
-    theta = (state.C_theta @ on_joints(where, stand.loads)).T
-    return displacement(where, theta, points), np.einsum("xtr,rt->rx", where.J_theta[3:], theta)
+    theta = (state.C_theta @ sum_generalised_loads(where, stand.loads)).T
+    return first_order_deflection(where, theta, points), np.einsum("xtr,rt->rx", where.J_theta[3:], theta)
 
 
 @dataclass(frozen=True)
@@ -475,7 +475,7 @@ def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
     Raises:
         BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
     """
-    total = resultant(tool_poses(model.vjm, q)[1], loads)
+    total = resultant_wrench(tool_poses(model.vjm, q)[1], loads)
     largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in np.hsplit(total, 2)]
     known = (model.origin.largest_force, model.origin.largest_moment)
     ratios = [_over(value, most) for value, most in zip(largest, known, strict=True)]
@@ -652,7 +652,7 @@ def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:
     K_w = np.zeros((len(poses.q), n, n))
     for load in poses.loads:
         K_w += geometric_stiffness(where, load.wrench, load.point)
-    C = tangent(vjm, state.C_theta, lawful, on_joints(where, poses.loads))
+    C = tangent_C_theta(vjm, state.C_theta, lawful, sum_generalised_loads(where, poses.loads))
     compliance = loaded_compliance(where.J_theta.transpose(2, 0, 1), C, K_w)
     axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
     return Stiffness(compliance, give, axes)

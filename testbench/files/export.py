@@ -45,7 +45,7 @@ from testbench.files.export_own import (
 )
 from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
 from testbench.model.kinematics import body_pose, urdf_link_poses
-from testbench.model.laws import UNIT_COMPENSATOR, joint_laws, law_sizes
+from testbench.model.laws import UNIT_COMPENSATOR_STIFFNESS, joint_laws, law_sizes
 from testbench.model.load import Load, weight
 from testbench.runs import manifest as files
 from testbench.runs.rows import Row
@@ -170,7 +170,7 @@ WORDS = {
     "laws": "sizes s of a joint. Let x be the joint's torque times its compliance in elastic.toml, x_0 under "
     "own weight and compensator, x_1 under the load too. Beside its compliance the joint turns by the sum "
     "of {formulas} [rad, m]. With r the compensator's lever over its longest lever, it also turns by "
-    f"-s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + {UNIT_COMPENSATOR:g} r^2)",
+    f"-s (x_1 - x_0) {UNIT_COMPENSATOR_STIFFNESS:g} r^2 / (1 + {UNIT_COMPENSATOR_STIFFNESS:g} r^2)",
     "weights": "masses [kg] and their centres [m] in the frame of urdf_link, which bend the model",
     "joint_map": "only if files have other joints than the chain: a joint of the URDF is its row of L times "
     "file_joints, plus its number in q_0 [rad, m]",
@@ -411,7 +411,7 @@ def _joints(state: ArmState) -> list[dict[str, object]]:
 
 def _weights(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     poses = (*frames.links, frames.tip)
-    rows = zip(frames.names, state.weights.mass, state.weights.centre, poses, strict=True)
+    rows = zip(frames.names, state.weights.mass, state.weights.centre_of_mass, poses, strict=True)
     return [
         {"urdf_link": name, "mass_kg": float(m), "centre_m": (T[:3, :3].T @ (c - T[:3, 3])).tolist()}
         for name, m, c, T in rows
@@ -425,7 +425,7 @@ def _new_urdf(state: ArmState, geometry: Rigid) -> str:
     tensors = _tensors(arm)
     names = [*(link.name for link in arm.links), arm.tool]
     ET.SubElement(robot, "link", name=ROOT)
-    for name, mass, centre in zip(names, state.weights.mass, state.weights.centre, strict=True):
+    for name, mass, centre in zip(names, state.weights.mass, state.weights.centre_of_mass, strict=True):
         link = ET.SubElement(robot, "link", name=name)
         if mass > 0:
             _inertial(link, float(mass), centre, tensors[name])

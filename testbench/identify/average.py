@@ -52,8 +52,8 @@ from testbench.identify.regression import (
 )
 from testbench.identify.solve import solve
 from testbench.identify.trace import SELECTION_CONFIDENCE, mean_and_standard_error
-from testbench.model.laws import with_joint_couplings, without_joint_couplings
-from testbench.model.laws import without_laws as linear
+from testbench.model.laws import add_coupling_parameters, remove_coupling_parameters
+from testbench.model.laws import remove_law_parameters as linear
 from testbench.model.structure import Structure
 
 TRIED_POSE_VARIATIONS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
@@ -567,8 +567,8 @@ def _average_joint_couplings(
     uncoupled, coupled_scaling = (
         restrict_scaling(prior, structure)
         for structure in (
-            without_joint_couplings(prior.structure),
-            with_joint_couplings(linear(prior.structure)),
+            remove_coupling_parameters(prior.structure),
+            add_coupling_parameters(linear(prior.structure)),
         )
     )
     mean, log_evidence = _average_laws(

@@ -38,8 +38,8 @@ from testbench.identify.absolute.state import (
     compliance_unknowns,
     series_equilibrium,
 )
-from testbench.model.laws import model_for
-from testbench.model.load import Load, on_joints
+from testbench.model.laws import vjm_for_structure
+from testbench.model.load import Load, sum_generalised_loads
 from testbench.model.structure import Structure
 from testbench.model.vjm import (
     Vjm,
@@ -208,7 +208,9 @@ def undeflected_arm(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibri
     """
     where = evaluate_chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
-    return JointEquilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
+    return JointEquilibrium(
+        np.zeros((len(q), vjm.n_theta)), where, sum_generalised_loads(where, loads), nothing
+    )
 
 
 def deflection_equations(
@@ -492,7 +494,7 @@ def weighted_readings(vjm: Vjm, structure: Structure, data: Dataset) -> Weighted
             f"robust fit: expected at most {MAX_ROBUST_READINGS} readings, got {data.runs * per_run}"
         )
     data = resolve_line_readings(vjm, data)
-    vjm = model_for(vjm, structure)
+    vjm = vjm_for_structure(vjm, structure)
     # Rows of every reading, whitened, without lost ones.
     equilibrium = undeflected_arm(vjm, data.q, [Load(data.wrench, data.point)])
     rows, kinds = deflection_equations(

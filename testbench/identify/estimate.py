@@ -22,7 +22,7 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.prior import WeightedPrior
 from testbench.identify.regression import RUNS_PER_BATCH, Regression, f_m, regression_from_terms
-from testbench.model.laws import for_load_history, model_for
+from testbench.model.laws import set_load_history, vjm_for_structure
 from testbench.model.structure import Constraint as Constraint
 from testbench.model.structure import Structure
 from testbench.model.vjm import (
@@ -377,10 +377,10 @@ def deflections_of_models(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset
         J_p C_theta J_F^T w in base axes, (models, runs, m, 3) [m].
     """
     points, blocks = marker_positions(vjm, data.markers), []
-    vjm = model_for(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
+    vjm = vjm_for_structure(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
     for first in range(0, data.runs, RUNS_PER_BATCH):  # so that memory does not grow with the runs
         runs = slice(first, first + RUNS_PER_BATCH)
-        where = evaluate_chain(for_load_history(vjm, data.taken_off, runs), data.q[runs])
+        where = evaluate_chain(set_load_history(vjm, data.taken_off, runs), data.q[runs])
         load = generalised_load(where, data.wrench[runs], data.point[runs])
         rows = translational_jacobian(where, points)
         turns = [estimate.C_theta @ load[: len(estimate.C_theta)] for estimate in estimates]

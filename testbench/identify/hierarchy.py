@@ -39,7 +39,7 @@ from testbench.identify.prior import (
     rows_in_prior_units,
 )
 from testbench.identify.regression import Regression
-from testbench.model.laws import law_kinds, size_prior
+from testbench.model.laws import law_kinds, law_size_prior
 
 # --- Empirical Bayes for a linear model ---------------------------------------------------------------------
 
@@ -476,7 +476,7 @@ def _priors(kind: Ids, m: int, tied: bool, laws: LawSizePriors) -> tuple[Hyperpr
 
 def _law_sizes(scaling: PriorScaling) -> LawSizePriors:
     """Return the priors of the sizes of every kind of joint law, the kinds of `scaling.kinds` from 2 on."""
-    return tuple(size_prior(kind) for kind in law_kinds(scaling.structure))
+    return tuple(law_size_prior(kind) for kind in law_kinds(scaling.structure))
 
 
 def gram_matrix(regression: Regression, scaling: PriorScaling) -> Array:

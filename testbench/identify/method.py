@@ -32,7 +32,7 @@ from testbench.identify.regression import (
 )
 from testbench.identify.solve import solve, without_outliers
 from testbench.identify.trace import cross_validation_groups, learn_trace_penalty, trace_penalty
-from testbench.model.laws import without_laws
+from testbench.model.laws import remove_law_parameters
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -102,7 +102,7 @@ class Method:
         check_type(data, (Dataset, Regression), "data")
         if isinstance(data, Dataset):
             check_deflections(vjm, data)
-        unknowns = structure if self.learns_prior else without_laws(structure)
+        unknowns = structure if self.learns_prior else remove_law_parameters(structure)
         reduced: GroupedRegression | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.
         if self.learns_trace_weight and isinstance(data, Dataset):  # poses are held out
@@ -141,7 +141,9 @@ class Method:
             return average_two_priors(regression, self.constraint, scaling, other)
         # With a stated uncertainty, or no prior, there is no evidence for joint laws: they are left out.
         if regression.structure.n_laws:
-            equations = regression = restrict_regression(regression, without_laws(regression.structure))
+            equations = regression = restrict_regression(
+                regression, remove_law_parameters(regression.structure)
+            )
         held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, equations)
         return solve(regression, self.constraint, held)
 

@@ -23,8 +23,8 @@ from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state
 from testbench.identify.estimate import Estimate, ModelAverage, sensitivity_units
 from testbench.identify.prior import WeightedPrior, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE, embed_parameters
-from testbench.model.laws import for_load_history, model_for
-from testbench.model.load import Weights, displacement, loaded_deflection, secant
+from testbench.model.laws import set_load_history, vjm_for_structure
+from testbench.model.load import BodyMasses, first_order_deflection, nonlinear_deflection, secant_theta
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observation_matrix
 
@@ -213,12 +213,12 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     check_type(vjm, Vjm, "vjm")
     check_type(estimate, Estimate, "estimate")
     check_type(data, Dataset, "data")
-    vjm = model_for(vjm, estimate.structure)
+    vjm = vjm_for_structure(vjm, estimate.structure)
     posterior, points = posterior_of_estimate(estimate), marker_positions(vjm, data.markers)
     together, ends = max(1, INTERVAL_BATCH // len(points)), []
     for first in range(0, data.runs, together):
         block = select_rows(data, np.arange(first, min(first + together, data.runs)))
-        where = evaluate_chain(for_load_history(vjm, block.taken_off), block.q)
+        where = evaluate_chain(set_load_history(vjm, block.taken_off), block.q)
         rows = observation_matrix(where, estimate.structure, block.wrench, block.point, points)
         bounds = posterior.intervals(rows.reshape(-1, estimate.structure.n_parameters), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (bounds.centre, bounds.upper))
@@ -248,9 +248,9 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
         Deflection after the step minus linear deflection in base axes, (runs, m, 3) [m].
     """
     points, where = marker_positions(vjm, data.markers), evaluate_chain(vjm, data.q)
-    theta = secant(where, C_theta, data.wrench, data.point)
-    again = secant(evaluate_chain(vjm, data.q, theta), C_theta, data.wrench, data.point)
-    return loaded_deflection(vjm, data.q, again, points) - displacement(where, theta, points)
+    theta = secant_theta(where, C_theta, data.wrench, data.point)
+    again = secant_theta(evaluate_chain(vjm, data.q, theta), C_theta, data.wrench, data.point)
+    return nonlinear_deflection(vjm, data.q, again, points) - first_order_deflection(where, theta, points)
 
 
 def posterior_of_estimate(estimate: Estimate) -> Posterior:
@@ -507,21 +507,21 @@ class ArmModel:
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 
-def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
+def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: BodyMasses) -> ArmModel:
     """Convert an estimate of the compliances of a nominal arm to a model.
 
     Args:
         vjm: The arm.
         estimate: An estimate, from any estimator.
-        weights: Weights of the links, such as `read_weights`.
+        weights: Weights of the links, such as `read_body_masses`.
     """
-    state = elastic_state(model_for(vjm, estimate.structure), estimate.C_theta, weights)
+    state = elastic_state(vjm_for_structure(vjm, estimate.structure), estimate.C_theta, weights)
     return model_of_compliances(
         state, estimate.structure, posterior_of_estimate(estimate), ModelOrigin(estimate.method)
     )
 
 
-def elastic_state(vjm: Vjm, C_theta: Array, weights: Weights) -> ArmState:
+def elastic_state(vjm: Vjm, C_theta: Array, weights: BodyMasses) -> ArmState:
     """Make the state of a nominal arm with given compliances.
 
     Args:

@@ -40,7 +40,7 @@ from testbench.identify.equations import (
     undeflected_arm,
 )
 from testbench.identify.registration import READING_LOSS, HuberLoss
-from testbench.model.laws import for_load_history, model_for
+from testbench.model.laws import set_load_history, vjm_for_structure
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -502,7 +502,7 @@ def reduce_by_group(
     # Structures whose unknowns are some of the widest one's share its factors.
     places = [_columns(s, widest) for s in structures]
     separate = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
-    unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in separate]
+    unknowns = [compliance_unknowns(vjm_for_structure(vjm, s), s) for s in separate]
 
     factors = [TriangularFactors(s.n_parameters + 1) for s in separate]
     check_runs(vjm, data)
@@ -511,7 +511,7 @@ def reduce_by_group(
     for these in _blocks_of(group, data.pose if lines else np.arange(len(group))):
         load = Load(data.wrench[these], data.point[these])
         chains = {
-            v: undeflected_arm(for_load_history(v, data.taken_off, these), data.q[these], [load])
+            v: undeflected_arm(set_load_history(v, data.taken_off, these), data.q[these], [load])
             for v in {model.vjm for model in unknowns}
         }
         for model, folded in zip(unknowns, factors, strict=True):

@@ -1,18 +1,18 @@
-"""Joint laws: how an actuated joint turns in addition to its linear spring.
+"""Joint laws: nonlinear deflections of an actuated joint in addition to that of its linear spring.
 
-A law is one more virtual joint in series with the spring of an actuated joint. With x = c tau, c the nominal
-compliance of the joint, x_0 is its turn before the load and x_1 its turn under the load. The law turns the
-joint by a known function of x_0 and x_1, times a size that is at least zero. The size is an unknown like a
-compliance. So the model stays linear in all unknowns, and every block of C_theta stays positive
-semi-definite. `identify` learns the sizes, `correct` uses them.
+A law is one more virtual joint in series with the spring of an actuated joint. With c the nominal compliance
+of the joint and x = c tau its nominal deflection, x_0 is that before the load and x_1 that under the load.
+The law deflects the joint by a known function of x_0 and x_1, times a size that is at least zero. The size is
+an unknown like a compliance. So the model stays linear in all unknowns, and every block of C_theta stays
+positive semi-definite. `identify` learns the sizes, `correct` uses them.
 
 tau_0 is the torque of the arm's own weight, less the torque that a compensator carries; tau_1 adds the torque
 of the load.
 
 `joint_laws` holds the laws of every joint by name, a class each: stiffening, backlash, friction. Add one by
 `joint_laws["name"] = Law()`, or by an entry point of the group `testbench.joint_laws`. A compensator adds a
-law to joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that the strut prevents as the
-arm deflects. K is its stiffness over that of the joint at its longest lever, s its lever over the longest.
+law to joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the deflection that the strut prevents.
+K is its stiffness over that of the joint at its longest lever, s its lever over the longest.
 
 Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints with
 hysteresis and backlash, IEEE Trans. Ind. Electron. 56 (2009). Stiffening: catalogues of strain wave gears.
@@ -27,68 +27,69 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
-from testbench.model.load import Weights, own_weight, read_weights
+from testbench.model.load import BodyMasses, own_weight_load, read_body_masses
 from testbench.model.structure import Structure
 from testbench.model.vjm import ChainState, Vjm, cross
 from testbench.registry import Registry, check_has
 
-# --- Shapes of joints that are more than linear springs, a class each: the turn, its slope, and its size ----
+# --- Shapes of joints that are more than linear springs, a class each: deflection, its slope, its size ------
 
 UNIT_ROTATION, UNIT_STIFFENING = 1e-3, 0.1
-"""Turn phi [rad, m] and beta [1] of stiffening of size one: at phi the spring is 1 + beta times as stiff.
+"""Deflection phi [rad, m] and beta [1] of stiffening of size one: at phi it is 1 + beta times as stiff.
 
 These and the sizes below are units of the unknowns: a prior expects sizes of order one.
 """
 #: Half-widths b of backlash and h of the friction loop of size one [rad, m].
 UNIT_BACKLASH_RAD, UNIT_FRICTION_RAD = 5e-5, 3e-5
-LAW_PRIOR = 0.5, 0.8
+LAW_SIZE_PRIOR = 0.5, 0.8
 """Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
 
 
 @dataclass(frozen=True)
-class JointTurns:
-    """Hold the nominal turns x = c tau of all joints in all runs."""
+class NominalDeflections:
+    """Hold the nominal deflections x = c tau of all joints: nominal compliance c times joint torque tau."""
 
     x_0: Array  #: Before the load, (n, runs) [rad, m].
     x_1: Array  #: Under the load, (n, runs) [rad, m].
-    #: Width of friction's loop in half widths, 1 for a load put on, 2 for one taken off; one or (runs,) [1].
-    widths: Array | float = 1.0
+    #: Width of the friction loop over its half width: 1 after a load was put on, 2 after it was also taken
+    #: off; one number or (runs,) [1].
+    loop_half_widths: Array | float = 1.0
 
 
 class JointLaw(Protocol):
-    """Define a joint law: its turn per unit of size, the slope of the turn, and the meaning of a size."""
+    """Define a joint law: its deflection per unit of size, the slope of that, and the unit of the size."""
 
     @property
     def unit(self) -> float:
         """Return the value of a size of one in SI units; reports show size times unit."""
 
     @property
-    def unit_words(self) -> str:
+    def unit_symbol(self) -> str:
         """Return the name of that SI unit, such as "rad"."""
 
     @property
     def size_prior(self) -> tuple[float, float]:
-        """Return the median of the size before any reading, and the deviation of its logarithm [1]."""
+        """Return the prior of the size: its median, and the standard deviation of its logarithm [1]."""
 
     @property
     def formula(self) -> str:
-        """Return the turn as text, with s for the size, for the JSON file of an exported URDF."""
+        """Return the deflection as text, with s for the size, for the JSON file of an exported URDF."""
 
-    def turn(self, at: JointTurns) -> Array:
-        """Compute the turn in addition to the linear spring, per unit of size.
+    def deflection(self, at: NominalDeflections) -> Array:
+        """Compute the deflection of a joint in addition to its linear spring, per unit of the law's size.
 
         Args:
-            at: Nominal turns before and under the load.
+            at: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
-            Turn, (n, runs) [rad, m].
+            Deflection, (n, runs) [rad, m].
         """
 
-    def slope(self, at: JointTurns) -> Array:
-        """Compute the derivative of `turn` with respect to x_1.
+    def slope(self, at: NominalDeflections) -> Array:
+        """Compute the derivative of `deflection` with respect to x_1.
 
         Args:
-            at: Nominal turns before and under the load.
+            at: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Slope, (n, runs) [1].
@@ -99,32 +100,32 @@ class JointLaw(Protocol):
 class Stiffening:
     """Describe springs that stiffen: f(x_1) - x_1 - (f(x_0) - x_0), f + beta f^3 / phi^2 = x.
 
-    f is the turn of a spring whose stiffness at the turn phi is (1 + beta) times that at zero.
+    f is the deflection of a spring whose stiffness at the deflection phi is (1 + beta) times that at zero.
     """
 
     unit: float = UNIT_STIFFENING
-    unit_words: str = "1"
-    size_prior: tuple[float, float] = LAW_PRIOR
+    unit_symbol: str = "1"
+    size_prior: tuple[float, float] = LAW_SIZE_PRIOR
     formula: str = f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x"
 
-    def turn(self, at: JointTurns) -> Array:
-        """Compute the turn that a stiffening spring adds to the linear one.
+    def deflection(self, at: NominalDeflections) -> Array:
+        """Compute the deflection f(x_1) - x_1 - (f(x_0) - x_0) that a stiffening spring adds to a linear one.
 
         Mathematics: `law-3`.
 
         Args:
-            at: Nominal turns before and under the load.
+            at: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
-            Turn per unit of size, (n, runs) [rad, m].
+            Deflection per unit of size, (n, runs) [rad, m].
         """
         return (_spring(at.x_1) - at.x_1) - (_spring(at.x_0) - at.x_0)
 
-    def slope(self, at: JointTurns) -> Array:
-        """Compute the slope f' - 1 at x_1.
+    def slope(self, at: NominalDeflections) -> Array:
+        """Compute the derivative f'(x_1) - 1 of a stiffening spring's deflection with respect to x_1.
 
         Args:
-            at: Nominal turns before and under the load.
+            at: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Slope per unit of size, (n, runs) [1].
@@ -140,31 +141,31 @@ class Backlash:
     """
 
     unit: float = UNIT_BACKLASH_RAD
-    unit_words: str = "rad"
-    size_prior: tuple[float, float] = LAW_PRIOR
+    unit_symbol: str = "rad"
+    size_prior: tuple[float, float] = LAW_SIZE_PRIOR
     formula: str = (
         f"s {UNIT_BACKLASH_RAD:g} (tanh(x_1 / {UNIT_BACKLASH_RAD:g}) - tanh(x_0 / {UNIT_BACKLASH_RAD:g}))"
     )
 
-    def turn(self, at: JointTurns) -> Array:
-        """Compute the turn across the gap.
+    def deflection(self, at: NominalDeflections) -> Array:
+        """Compute the deflection across a gear's gap, b (tanh(x_1 / b) - tanh(x_0 / b)).
 
         Mathematics: `law-4`.
 
         Args:
-            at: Nominal turns before and under the load.
+            at: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
-            Turn per unit of size, (n, runs) [rad, m].
+            Deflection per unit of size, (n, runs) [rad, m].
         """
         b = UNIT_BACKLASH_RAD
         return np.asarray(b * (np.tanh(at.x_1 / b) - np.tanh(at.x_0 / b)))
 
-    def slope(self, at: JointTurns) -> Array:
-        """Compute the slope 1 - tanh(x_1 / b)^2.
+    def slope(self, at: NominalDeflections) -> Array:
+        """Compute the derivative of a gear's backlash with respect to x_1, 1 - tanh(x_1 / b)^2.
 
         Args:
-            at: Nominal turns before and under the load.
+            at: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Slope per unit of size, (n, runs) [1].
@@ -176,39 +177,39 @@ class Backlash:
 class Friction:
     """Describe friction that holds the joint: -h clip((x_1 - x_0) / h, -1, 1), h half the hysteresis loop.
 
-    It holds back no more than the turn itself. For a load that was put on in the pose and then taken off the
-    full width counts, because the joint was held back both times.
+    It holds back no more than the deflection itself. For a load that was put on in the pose and then taken
+    off the full width counts, because the joint was held back both times.
     """
 
     unit: float = UNIT_FRICTION_RAD
-    unit_words: str = "rad"
-    size_prior: tuple[float, float] = LAW_PRIOR
+    unit_symbol: str = "rad"
+    size_prior: tuple[float, float] = LAW_SIZE_PRIOR
     formula: str = f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1)"
 
-    def turn(self, at: JointTurns) -> Array:
-        """Compute the turn that friction holds back.
+    def deflection(self, at: NominalDeflections) -> Array:
+        """Compute the deflection that joint friction holds back, -h clip((x_1 - x_0) / h, -1, 1).
 
         Mathematics: `law-5`.
 
         Args:
-            at: Nominal turns before and under the load, and the width of the loop.
+            at: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
 
         Returns:
-            Turn per unit of size, (n, runs) [rad, m].
+            Deflection per unit of size, (n, runs) [rad, m].
         """
-        width = at.widths * UNIT_FRICTION_RAD
+        width = at.loop_half_widths * UNIT_FRICTION_RAD
         return np.asarray(-width * np.clip((at.x_1 - at.x_0) / width, -1, 1))
 
-    def slope(self, at: JointTurns) -> Array:
-        """Compute the slope: -1 where friction holds the joint, 0 where it slips.
+    def slope(self, at: NominalDeflections) -> Array:
+        """Compute the derivative of friction's deflection by x_1: -1 if the joint is held, 0 if it slips.
 
         Args:
-            at: Nominal turns before and under the load, and the width of the loop.
+            at: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
 
         Returns:
             Slope per unit of size, (n, runs) [1].
         """
-        return np.asarray(-1.0 * (np.abs(at.x_1 - at.x_0) < at.widths * UNIT_FRICTION_RAD))
+        return np.asarray(-1.0 * (np.abs(at.x_1 - at.x_0) < at.loop_half_widths * UNIT_FRICTION_RAD))
 
 
 def _spring(x: Array) -> Array:
@@ -217,22 +218,22 @@ def _spring(x: Array) -> Array:
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
-STRUT = "compensator"  #: Kind of the law of joint 2 if the arm has a compensator.
-TRIAL_TURNS = JointTurns(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
-"""Turns at which a law that is added is tried: one joint, two runs."""
+COMPENSATOR_KIND = "compensator"  #: Kind of the law that a gravity compensator adds to joint 2.
+TRIAL_DEFLECTIONS = NominalDeflections(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
+"""Nominal deflections at which a law that a user adds is tried: one joint, two runs [rad]."""
 
 
 def _check(name: str, law: JointLaw) -> None:
     """Refuse an object that is no law, before a fit fails of it."""
-    check_has("joint law", name, law, ("unit", "unit_words", "size_prior", "formula", "turn", "slope"))
-    if name == STRUT:
+    check_has("joint law", name, law, ("unit", "unit_symbol", "size_prior", "formula", "deflection", "slope"))
+    if name == COMPENSATOR_KIND:
         raise BenchError(f"joint law {name!r}: the name is taken; choose another")
     median, width = law.size_prior
     if not (law.unit > 0 and median > 0 and width > 0):
         raise BenchError(f"joint law {name!r}: expected a unit and a size_prior above 0")
-    for part in (law.turn, law.slope):
-        values = np.asarray(part(TRIAL_TURNS))
-        if values.shape != TRIAL_TURNS.x_1.shape or not np.isfinite(values).all():
+    for part in (law.deflection, law.slope):
+        values = np.asarray(part(TRIAL_DEFLECTIONS))
+        if values.shape != TRIAL_DEFLECTIONS.x_1.shape or not np.isfinite(values).all():
             raise BenchError(
                 f"joint law {name!r}: expected finite numbers (n, runs) from {part.__name__}, got {values!r}"
             )
@@ -249,10 +250,12 @@ joint_laws: Registry[JointLaw] = Registry(
 
 # --- Joint laws of an arm -----------------------------------------------------------------------------------
 
-UNIT_COMPENSATOR = 0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
-COMPENSATOR_UNIT = UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR)
-"""Largest share of a turn that a compensator of size one prevents, K / (1 + K) [1]."""
-COMPENSATOR_LAW_PRIOR = 0.05, 1.5
+UNIT_COMPENSATOR_STIFFNESS = (
+    0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
+)
+UNIT_COMPENSATOR_SHARE = UNIT_COMPENSATOR_STIFFNESS / (1 + UNIT_COMPENSATOR_STIFFNESS)
+"""Largest share of joint 2's deflection that a compensator of size one prevents, K / (1 + K) [1]."""
+COMPENSATOR_SIZE_PRIOR = 0.05, 1.5
 """Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
 deflects to half of that of joint 2."""
 COUPLED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
@@ -268,25 +271,27 @@ class JointLaws:
     """
 
     compliance: Array  #: Nominal compliance c of every joint, (n,) [rad/(N m), m/N].
-    weights: Weights | None  #: Masses of the arm; None where they are unknown.
+    body_masses: BodyMasses | None  #: Masses of the arm; None where they are unknown.
     compensator: Compensator | None  #: Spring from link 1 to link 2; None where there is none.
-    shapes: Mapping[str, JointLaw]  #: Shapes of the laws by kind.
-    widths: Array | float = 1.0  #: Width of friction's loop in half widths, one for all or (runs,) [1].
+    laws_by_kind: Mapping[str, JointLaw]  #: Laws of every joint by kind.
+    loop_half_widths: Array | float = (
+        1.0  #: Width of the friction loop over its half width, one or (runs,) [1].
+    )
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Name the kind of every law, (laws,): a name of `joint_laws`, or `STRUT`."""
-        every = tuple(np.repeat(list(self.shapes), len(self.compliance)).tolist())
-        return every if self.compensator is None else (*every, STRUT)
+        every = tuple(np.repeat(list(self.laws_by_kind), len(self.compliance)).tolist())
+        return every if self.compensator is None else (*every, COMPENSATOR_KIND)
 
     @property
     def joints(self) -> Ids:
-        """Return the index of the actuated joint that each law turns with, (laws,)."""
-        every = np.tile(np.arange(len(self.compliance)), len(self.shapes))
+        """Return the index of the actuated joint that each law deflects, (laws,)."""
+        every = np.tile(np.arange(len(self.compliance)), len(self.laws_by_kind))
         return every if self.compensator is None else np.append(every, 1)
 
     def unit_deflections(self, chain: ChainState, u: Array) -> Array:
-        """Compute by how much every law turns its joint under the load, per unit of the law's size.
+        """Compute the deflection that every law adds to its joint under a load, per unit of the law's size.
 
         Mathematics: `law-1`, `law-6`.
 
@@ -295,35 +300,35 @@ class JointLaws:
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
-            Turn per unit of size, (laws, runs) [rad, m].
+            Deflection per unit of size, (laws, runs) [rad, m].
         """
-        joint_turns, c = self._turns(chain, u), self.compliance[:, None]
-        turns = [law.turn(joint_turns) for law in self.shapes.values()]
-        return np.concatenate([*turns, self._compensator_share(chain) * (c * u)[1:2]])
+        nominal, c = self._nominal_deflections(chain, u), self.compliance[:, None]
+        deflections = [law.deflection(nominal) for law in self.laws_by_kind.values()]
+        return np.concatenate([*deflections, self._compensator_share(chain) * (c * u)[1:2]])
 
     def unit_slopes(self, chain: ChainState, u: Array) -> Array:
-        """Compute the derivative of the laws' turns with respect to the torque of their joint.
+        """Compute the derivative of the laws' unit deflections with respect to the torque of their joint.
 
         Args:
             chain: The arm in its poses.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
-            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
+            Deflection per unit of size and torque, (laws, runs) [rad/(N m), m/N].
         """
-        joint_turns, c = self._turns(chain, u), self.compliance[:, None]
-        slopes = [c * law.slope(joint_turns) for law in self.shapes.values()]
+        nominal, c = self._nominal_deflections(chain, u), self.compliance[:, None]
+        slopes = [c * law.slope(nominal) for law in self.laws_by_kind.values()]
         return np.concatenate([*slopes, c[1:2] * self._compensator_share(chain)])
 
-    def _turns(self, chain: ChainState, u: Array) -> JointTurns:
-        """Compute the nominal turns before and under the load."""
-        c, before = self.compliance[:, None], self.before(chain)
-        return JointTurns(c * before, c * (before + u), self.widths)
+    def _nominal_deflections(self, chain: ChainState, u: Array) -> NominalDeflections:
+        """Compute the nominal deflections of all joints before and under the load."""
+        c, before = self.compliance[:, None], self.torques_before_load(chain)
+        return NominalDeflections(c * before, c * (before + u), self.loop_half_widths)
 
-    def before(self, chain: ChainState) -> Array:
-        """Compute the torques tau_0 at the joints before the load.
+    def torques_before_load(self, chain: ChainState) -> Array:
+        """Compute the torques tau_0 at the actuated joints before a load is put on the arm.
 
-        They are those of own weight, if masses are known, less those that a compensator carries.
+        They are the torques of own weight, if masses are known, less those that a compensator carries.
 
         Mathematics: `law-2`.
 
@@ -334,21 +339,21 @@ class JointLaws:
             Torques tau_0, (n, runs) [N m, N].
         """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
-        if self.weights is None:
+        if self.body_masses is None:
             torque = np.zeros((n, len(chain.tool_position)))
         else:
-            torque = own_weight(chain, self.weights)[links : links + n].copy()
+            torque = own_weight_load(chain, self.body_masses)[links : links + n].copy()
         if self.compensator is not None:
             lever, _, length = _levers(self.compensator, chain)
             torque[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return torque
 
     def _compensator_share(self, chain: ChainState) -> Array:
-        """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
+        """Compute a compensator's share of joint 2's deflection, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
         if self.compensator is None:
             return np.zeros((0, len(chain.tool_position)))
         lever, longest, _ = _levers(self.compensator, chain)
-        stiffer = UNIT_COMPENSATOR * (lever / longest) ** 2
+        stiffer = UNIT_COMPENSATOR_STIFFNESS * (lever / longest) ** 2
         return -(stiffer / (1 + stiffer))[None]
 
 
@@ -362,12 +367,12 @@ def _levers(spring: Compensator, chain: ChainState) -> tuple[Array, Array, Array
     return lever, np.linalg.norm(cross(axis, arm), axis=0), length
 
 
-def with_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
-    """Add the laws of its joints to a model; their virtual joints come after all others.
+def add_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
+    """Add joint laws to the kinematics of an arm; their virtual joints come after all others.
 
     Args:
-        vjm: Kinematics, with or without laws.
-        kinds: Kinds of the laws; None for all of `joint_laws`.
+        vjm: Kinematics of the arm, with or without joint laws.
+        kinds: Kinds of the laws, names in `joint_laws`; None for all of `joint_laws`.
 
     Returns:
         The kinematics with laws, n_theta = 7 n + 6 + number of laws; remembered for the next call.
@@ -378,21 +383,21 @@ def with_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
 
 @lru_cache(maxsize=CACHED_VJMS)
 def _with_shapes(vjm: Vjm, shapes: tuple[tuple[str, JointLaw], ...]) -> Vjm:
-    return replace(vjm, joint_laws=laws_of(vjm.arm, dict(shapes)))
+    return replace(vjm, joint_laws=build_joint_laws(vjm.arm, dict(shapes)))
 
 
-def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
-    """Build the joint laws of an arm from its folder: compliances, weights and compensator.
+def build_joint_laws(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
+    """Build the joint laws of an arm from its folder: compliances, masses and compensator.
 
     Args:
         arm: Description of the arm.
         shapes: Shapes of the laws by kind.
 
     Returns:
-        The laws. Weights are None where masses cannot be read from the MJCF.
+        The laws; body_masses is None where masses cannot be read from the MJCF.
     """
     try:
-        weights = read_weights(arm)
+        weights = read_body_masses(arm)
     except InputError:  # only MuJoCo computes masses from shapes: counted as massless
         weights = None
     compliance = np.array([joint.compliance for joint in arm.joints])
@@ -400,19 +405,19 @@ def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
 
 
 def law_kinds(structure: Structure) -> tuple[str, ...]:
-    """Name the kinds of joint laws whose sizes are unknowns of a structure, in order, `STRUT` included."""
+    """List the kinds of joint laws whose sizes are unknowns of a structure, in order, `STRUT` included."""
     labels = structure.row_labels[structure.n_compliance_rows :] if structure.n_laws else ()
     return tuple(dict.fromkeys(label.rpartition(" ")[2] for label in labels))
 
 
-def size_prior(kind: str) -> tuple[float, float]:
-    """Return the median of a law's size before any reading, and the deviation of its logarithm [1]."""
-    return COMPENSATOR_LAW_PRIOR if kind == STRUT else joint_laws[kind].size_prior
+def law_size_prior(kind: str) -> tuple[float, float]:
+    """Return the prior of a joint law's size: its median, and the standard deviation of its logarithm [1]."""
+    return COMPENSATOR_SIZE_PRIOR if kind == COMPENSATOR_KIND else joint_laws[kind].size_prior
 
 
 def law_unit(kind: str) -> float:
     """Return the value of a size of one in SI units, by the kind of the law [1, rad; m for a slide]."""
-    return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
+    return UNIT_COMPENSATOR_SHARE if kind == COMPENSATOR_KIND else joint_laws[kind].unit
 
 
 def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
@@ -434,7 +439,7 @@ def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     return by_joint
 
 
-def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
+def set_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
     """Set the width of the friction loop for runs whose load was put on, or put on and taken off again.
 
     Args:
@@ -443,29 +448,31 @@ def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice
         runs: Indices of the requested runs, (runs,), or a slice; all by default.
 
     Returns:
-        The model with a loop of two half widths in those runs and of one in the others; unchanged without
-        laws.
+        The kinematics with a loop of two half widths in those runs and of one in the others; unchanged
+        without laws.
     """
     if taken_off is None or not isinstance(vjm.joint_laws, JointLaws):
         return vjm
-    return replace(vjm, joint_laws=replace(vjm.joint_laws, widths=np.where(taken_off[runs], 2.0, 1.0)))
+    return replace(
+        vjm, joint_laws=replace(vjm.joint_laws, loop_half_widths=np.where(taken_off[runs], 2.0, 1.0))
+    )
 
 
-def model_for(vjm: Vjm, structure: Structure) -> Vjm:
-    """Choose the model that fits a structure: with joint laws where the structure has sizes of them.
+def vjm_for_structure(vjm: Vjm, structure: Structure) -> Vjm:
+    """Add to the kinematics the joint laws whose sizes are unknowns of a structure.
 
     Args:
         vjm: Kinematics of the arm.
         structure: Structure of the unknowns.
 
     Returns:
-        The kinematics, with laws or as given.
+        The kinematics with these laws; as given if the structure has none.
     """
-    kinds = [kind for kind in law_kinds(structure) if kind != STRUT]
-    return with_joint_laws(vjm, kinds) if kinds else vjm
+    kinds = [kind for kind in law_kinds(structure) if kind != COMPENSATOR_KIND]
+    return add_joint_laws(vjm, kinds) if kinds else vjm
 
 
-def tangent(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Array:
+def tangent_C_theta(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Array:
     """Compute the tangent compliance of links and joints at a loaded equilibrium, joint laws included.
 
     The compliance of a joint is its own plus the sum of size times slope of its laws, and at least zero.
@@ -492,7 +499,7 @@ def tangent(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Array:
     return C
 
 
-def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None) -> Structure:
+def add_law_parameters(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None) -> Structure:
     """Add the sizes of joint laws to a structure's unknowns.
 
     Args:
@@ -506,7 +513,9 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
     """
     if structure.n_laws or not arm.joints:
         return structure
-    laws = laws_of(arm, {name: joint_laws[name] for name in (joint_laws if kinds is None else kinds)})
+    laws = build_joint_laws(
+        arm, {name: joint_laws[name] for name in (joint_laws if kinds is None else kinds)}
+    )
     more = structure.n_theta + np.arange(len(laws.joints))
     names = [arm.joints[k].name for k in laws.joints]
     return replace(
@@ -521,7 +530,7 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def with_joint_couplings(structure: Structure) -> Structure:
+def add_coupling_parameters(structure: Structure) -> Structure:
     """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
     joints = 6 * structure.n_links + np.arange(structure.n_links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
@@ -535,8 +544,8 @@ def with_joint_couplings(structure: Structure) -> Structure:
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def without_joint_couplings(structure: Structure) -> Structure:
-    """Remove the couplings between joints from a structure; cached."""
+def remove_coupling_parameters(structure: Structure) -> Structure:
+    """Remove the compliances that couple joints from the unknowns of a structure; cached."""
     keep = np.flatnonzero((structure.rows < 6 * structure.n_links) | (structure.rows == structure.columns))
     return (
         structure
@@ -546,9 +555,9 @@ def without_joint_couplings(structure: Structure) -> Structure:
 
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
-def without_laws(structure: Structure) -> Structure:
-    """Remove joint laws and couplings between joints from a structure; cached."""
-    structure = without_joint_couplings(structure)
+def remove_law_parameters(structure: Structure) -> Structure:
+    """Remove the sizes of joint laws and the joint couplings from the unknowns of a structure; cached."""
+    structure = remove_coupling_parameters(structure)
     if not structure.n_laws:
         return structure
     keep = np.flatnonzero(structure.rows < structure.n_compliance_rows)

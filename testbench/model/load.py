@@ -1,7 +1,7 @@
 """Loads on the virtual joints: hung weights, process forces, own weight; stiffness under load, Eq. (7).
 
-A `Load` is a wrench w and the point where it acts. `on_joints` converts loads to the generalised loads J^T w
-of Eq. (10), for the linear model and for the equilibrium.
+A `Load` is a wrench w and the point where it acts. `sum_generalised_loads` converts loads to the
+generalised loads J^T w of Eq. (10), for the linear model and for the equilibrium.
 
 Own weight loads every virtual joint before a body in the chain by J^T m g. Masses and centres of mass come
 from rigid.xml. J^T m g is linear in each body's mass and first moments, mass times centre, so that
@@ -27,7 +27,7 @@ from testbench.model.kinematics import body_pose
 from testbench.model.vjm import (
     ChainState,
     Vjm,
-    append_law_loads,
+    append_law_unit_deflections,
     cross,
     evaluate_chain,
     generalised_load,
@@ -105,7 +105,7 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
     return Load(wrench, np.broadcast_to(vjm.load_point, (*np.shape(mass), 3)))
 
 
-def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
+def resultant_wrench(rotation: Array, loads: Sequence[Load]) -> Array:
     """Sum all loads to one wrench, its moment about the tool's origin.
 
     Args:
@@ -127,7 +127,7 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
     return total
 
 
-def on_joints(chain: ChainState, loads: Sequence[Load]) -> Array:
+def sum_generalised_loads(chain: ChainState, loads: Sequence[Load]) -> Array:
     """Sum the generalised loads J_F^T w of all loads on every virtual joint, Eq. (10).
 
     Args:
@@ -135,8 +135,8 @@ def on_joints(chain: ChainState, loads: Sequence[Load]) -> Array:
         loads: Loads that act together, each with one row per run.
 
     Returns:
-        Load of every virtual joint, (n_theta, runs) [N, N m]; for a joint law the turn per unit of its size
-        [rad, m].
+        Load of every virtual joint, (n_theta, runs) [N, N m]; for a joint law the deflection per unit of its
+        size [rad, m].
 
     Raises:
         BenchError: When a load does not have one row per run.
@@ -144,31 +144,31 @@ def on_joints(chain: ChainState, loads: Sequence[Load]) -> Array:
     u = np.zeros((7 * len(chain.body_frames) - 8, len(chain.tool_position)))
     for load in loads:
         u += generalised_load_without_laws(chain, load.wrench, load.point)
-    return append_law_loads(chain, u)
+    return append_law_unit_deflections(chain, u)
 
 
 @dataclass(frozen=True)
-class Weights:
-    """Hold masses and centres of the n + 2 bodies: the links from the base on, and the tool.
+class BodyMasses:
+    """Hold masses and centres of mass of the arm's n + 2 bodies: links from the base on, then the tool.
 
     The mass of a body includes everything that is fixed to it.
     """
 
     mass: Array  #: Mass, (bodies,) [kg].
-    centre: Array  #: Centre of mass in the body's own axes, (bodies, 3) [m].
+    centre_of_mass: Array  #: Centre of mass in the body's own axes, (bodies, 3) [m].
 
     @property
-    def parameters(self) -> Array:
+    def inertial_parameters(self) -> Array:
         """Return mass and first moments m, m c_x, m c_y, m c_z of every body, (bodies, 4) [kg, kg m]."""
-        return np.column_stack([self.mass, self.mass[:, None] * self.centre])
+        return np.column_stack([self.mass, self.mass[:, None] * self.centre_of_mass])
 
 
-def no_weights(arm: Arm) -> Weights:
-    """Make the weights of an arm with massless links: zeros for all n + 2 bodies."""
-    return Weights(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
+def massless_bodies(arm: Arm) -> BodyMasses:
+    """Make masses and centres of mass of zero for all n + 2 bodies of an arm."""
+    return BodyMasses(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
 
 
-def read_weights(arm: Arm) -> Weights:
+def read_body_masses(arm: Arm) -> BodyMasses:
     """Read masses and centres of mass from an arm's MJCF.
 
     Args:
@@ -196,15 +196,15 @@ def read_weights(arm: Arm) -> Weights:
         for body in bodies
     ]
     mass, moment = np.split(np.array(every), [1], axis=1)
-    return Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1))
+    return BodyMasses(mass[:, 0], moment / np.where(mass > 0, mass, 1))
 
 
-def weights_with_note(arm: Arm) -> tuple[Weights, list[str]]:
-    """Read the weights of the links; if the arm's file does not state them, zeros and a note for the user."""
+def read_body_masses_with_note(arm: Arm) -> tuple[BodyMasses, list[str]]:
+    """Read masses and centres of mass of an arm; if its file has none, return zeros and a note for it."""
     try:
-        return read_weights(arm), []
+        return read_body_masses(arm), []
     except InputError as err:
-        return no_weights(arm), [f"Own weight is left out: {err}"]
+        return massless_bodies(arm), [f"Own weight is left out: {err}"]
 
 
 def _fixed_bodies(
@@ -259,15 +259,18 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
     }
 
 
-def weight_columns(chain: ChainState) -> Array:
-    """Compute the load of every virtual joint per unit of mass and of each first moment of every body.
+def own_weight_matrix(chain: ChainState) -> Array:
+    """Compute the generalised load of own weight per unit of mass and of first moment of every body.
 
     For a virtual joint t that carries body k with origin p and axes R these are J_t(p)^T g, and (omega_t x R
     e)^T g for e = x, y, z. All others are zero, also those of joint laws.
 
+    Args:
+        chain: Tool, bodies and Jacobian of every run.
+
     Returns:
         Columns, (n_theta, runs, bodies, 4) [N/kg, N m/kg; N/(kg m), N m/(kg m)]; their sum times
-        `Weights.parameters` is `own_weight`.
+        `BodyMasses.inertial_parameters` is `own_weight_load`.
     """
     _, n_theta, runs = chain.J_theta.shape
     # runs last: every product is one long loop
@@ -290,7 +293,7 @@ def _carrying_joints(body: int, chain: ChainState) -> tuple[slice, slice]:
     return slice(0, 6 * body), slice(links, links + min(body, joints))
 
 
-def own_weight(chain: ChainState, weights: Weights) -> Array:
+def own_weight_load(chain: ChainState, weights: BodyMasses) -> Array:
     """Compute the load of every virtual joint under the arm's own weight, sum_k J_k^T m_k g.
 
     Everything behind a virtual joint pulls as one body: masses and moments are summed from the tool on. The
@@ -310,7 +313,7 @@ def own_weight(chain: ChainState, weights: Weights) -> Array:
     for k in range(len(chain.body_frames) - 1, 0, -1):
         p, R = chain.body_frames[k]
         mass += weights.mass[k]
-        moment += weights.mass[k] * (p - chain.tool_position.T + weights.centre[k] @ R)
+        moment += weights.mass[k] * (p - chain.tool_position.T + weights.centre_of_mass[k] @ R)
         links, joints = _carrying_joints(k, chain)
         for rows in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
             v_z, (x, y) = chain.J_theta[2, rows], chain.J_theta[3:5, rows]
@@ -423,8 +426,10 @@ def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
         raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
 
 
-def secant(chain: ChainState, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
-    """Compute virtual joints as if the stiffness of theta = 0 held for the whole load, Eq. (5) to (7).
+def secant_theta(
+    chain: ChainState, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None
+) -> Array:
+    """Compute virtual joint coordinates from the stiffness at theta = 0 for the whole load, Eq. (5) to (7).
 
     Without K_w, theta = C_theta J^T w, Eq. (6). With it, theta = (I - C_theta K_w)^-1 C_theta J^T w, Eq. (7).
 
@@ -438,7 +443,7 @@ def secant(chain: ChainState, C_theta: Array, wrench: Array, point: Array, K_w: 
         K_w: Force term of Eq. (7), (runs, n_theta, n_theta) [N/m, N, N m]; None for Eq. (6).
 
     Returns:
-        Virtual joint coordinates, (runs, n_theta) [m, rad]; `displacement` makes deflections of them.
+        Virtual joint coordinates, (runs, n_theta) [m, rad]; `first_order_deflection` uses them.
 
     Raises:
         NoEquilibrium: When K_theta - K_w is exactly singular: the load is a buckling load.
@@ -453,7 +458,7 @@ def secant(chain: ChainState, C_theta: Array, wrench: Array, point: Array, K_w: 
     return np.asarray(theta)
 
 
-def displacement(chain: ChainState, theta: Array, targets: Array) -> Array:
+def first_order_deflection(chain: ChainState, theta: Array, targets: Array) -> Array:
     """Compute deflections of points of the tool to first order, dp = J_p theta.
 
     Mathematics: `vjm-8`.
@@ -474,7 +479,7 @@ def displacement(chain: ChainState, theta: Array, targets: Array) -> Array:
     return np.asarray(moved.reshape(len(theta), len(targets), 3))
 
 
-def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array:
+def nonlinear_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array:
     """Compute deflections of points of the tool from theta = 0 to theta by Eq. (2), without linearisation.
 
     Mathematics: `loaded-2`.

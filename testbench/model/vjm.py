@@ -466,7 +466,7 @@ def generalised_load(chain: ChainState, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    return append_law_loads(chain, generalised_load_without_laws(chain, wrench, point))
+    return append_law_unit_deflections(chain, generalised_load_without_laws(chain, wrench, point))
 
 
 def generalised_load_without_laws(chain: ChainState, wrench: Array, point: Array) -> Array:
@@ -494,7 +494,7 @@ def generalised_load_without_laws(chain: ChainState, wrench: Array, point: Array
     return np.asarray(np.einsum("xtr,xr->tr", chain.J_theta[:, :plain], at_tool))
 
 
-def append_law_loads(chain: ChainState, load: Array) -> Array:
+def append_law_unit_deflections(chain: ChainState, load: Array) -> Array:
     """Append the turns of joint laws per unit of size to the loads of links and joints.
 
     Args:

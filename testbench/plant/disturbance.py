@@ -220,21 +220,21 @@ STIFFENING_REFERENCE = 1e-3
 class TrueLaw(Protocol):
     """Define an elastic effect that a user adds to the linear springs of the joints of a true arm."""
 
-    def turn(self, x: Array) -> Array:
-        """Compute the turn in addition to that of the linear spring.
+    def deflection(self, x: Array) -> Array:
+        """Compute the deflection of the joints in addition to that of their linear springs.
 
         Args:
-            x: Turn of the linear springs under the whole torque, own weight included, (..., n) [rad, m].
+            x: Deflection of the linear springs by the whole torque, own weight too, (..., n) [rad, m].
 
         Returns:
-            Turn, (..., n) [rad, m].
+            Deflection, (..., n) [rad, m].
         """
 
     def slope(self, x: Array) -> Array:
-        """Compute the derivative of `turn` with respect to x.
+        """Compute the derivative of `deflection` with respect to x.
 
         Args:
-            x: Turn of the linear springs, (..., n) [rad, m].
+            x: Deflection of the linear springs, (..., n) [rad, m].
 
         Returns:
             Slope, (..., n) [1].
@@ -315,7 +315,7 @@ def _frictionless_turn(law: TrueJointLaws, torque: Array) -> Array:
     """Compute the turn without friction, (..., n) [rad]."""
     x = law.compliance * torque
     target = _spring_turn(law, x) + _backlash_turn(law, x)
-    return target if law.user_law is None else target + law.user_law.turn(x)
+    return target if law.user_law is None else target + law.user_law.deflection(x)
 
 
 def _spring_turn(law: TrueJointLaws, x: Array) -> Array:

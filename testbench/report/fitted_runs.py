@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.data.dataset import select_rows
 from testbench.errors import Array, Ids
-from testbench.model.laws import for_load_history, model_for
+from testbench.model.laws import set_load_history, vjm_for_structure
 from testbench.model.vjm import add_law_deflections, evaluate_chain, generalised_load
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents, ratios
@@ -95,8 +95,8 @@ def _runs(
     before = data.before[some] + hidden
     at = before + M * moved
     start, one = at_one_target(at, off, taken)
-    vjm = model_for(cell.vjm, identified.taken.structure)
-    where = evaluate_chain(for_load_history(vjm, data.taken_off, some), data.q[some])
+    vjm = vjm_for_structure(cell.vjm, identified.taken.structure)
+    where = evaluate_chain(set_load_history(vjm, data.taken_off, some), data.q[some])
     load = generalised_load(where, data.wrench[some], data.point[some])
     theta = add_law_deflections(vjm, (identified.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]

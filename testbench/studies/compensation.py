@@ -34,7 +34,7 @@ from testbench.identify.posterior import (
     model_of_estimate,
 )
 from testbench.identify.prior import Prior, scale_by_prior
-from testbench.model.load import Load, read_weights, weight
+from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.structure import all153
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL
@@ -414,7 +414,7 @@ def measure(
 
 def _known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
     """Make models that nobody identified: the folder's, the prior, and the true one."""
-    weights = read_weights(cell.arm)
+    weights = read_body_masses(cell.arm)
     every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
     return [
         CorrectionModel(NOWHERE, name, _certain_model(elastic_state(cell.vjm, C, weights), name))
@@ -435,7 +435,7 @@ def _identified(
     cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model]
 ) -> list[CorrectionModel]:
     """Identify all models, and more, from all campaigns."""
-    weights, correction_models = read_weights(cell.arm), []
+    weights, correction_models = read_body_masses(cell.arm), []
     plain, filled = (
         named_models(cell, MODELS_WITHOUT_PRIOR),
         with_priors(cell.arm, [without_cone(cell)], prior),

@@ -24,7 +24,7 @@ from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
-from testbench.model.laws import without_laws
+from testbench.model.laws import remove_law_parameters
 from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, evaluate_chain
 from testbench.plant.site import Payload
@@ -431,7 +431,7 @@ def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Spe
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
-    scaling = scale_by_prior(prior, cell.vjm, without_laws(_fits(cell, prior)[fit].structure))
+    scaling = scale_by_prior(prior, cell.vjm, remove_law_parameters(_fits(cell, prior)[fit].structure))
     return Specification(
         setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),
         loads=(load,),

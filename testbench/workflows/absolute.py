@@ -57,7 +57,7 @@ from testbench.identify.observability import (
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_TARGET_DEVIATION, READING_LOSS
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.structure import BEAM_ENTRIES
 from testbench.model.vjm import Vjm
 from testbench.runs.manifest import digest
@@ -207,7 +207,7 @@ def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
     Returns:
         Distance [m]; BenchError if no frame fits.
     """
-    weights = read_weights(vjm.arm)
+    weights = read_body_masses(vjm.arm)
     with raise_explanation(vjm):
         check_row_order(vjm, series)
         state = align_all(
@@ -231,7 +231,7 @@ def calibrate_with_masses(
     Returns:
         The calibration.
     """
-    weights, said = read_weights(vjm.arm), list(notes)
+    weights, said = read_body_masses(vjm.arm), list(notes)
     if masses := fit_link_masses(vjm, weights, tuple(series)):
         weights = masses.weights
         said.append(of_masses(masses))

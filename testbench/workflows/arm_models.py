@@ -34,8 +34,8 @@ from testbench.identify.absolute.state import ArmState, Mount, Unknowns
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.registration import Frame
 from testbench.model.kinematics import JointErrorTerms, build_vjm
-from testbench.model.laws import STRUT, joint_laws, model_for, with_laws
-from testbench.model.load import Load, Weights, resultant
+from testbench.model.laws import COMPENSATOR_KIND, add_law_parameters, joint_laws, vjm_for_structure
+from testbench.model.load import BodyMasses, Load, resultant_wrench
 from testbench.model.structure import Structure, all153, theta_row_labels
 from testbench.model.vjm import Vjm, tool_poses
 from testbench.runs import manifest as files
@@ -259,7 +259,7 @@ def _read_arrays(path: Path) -> dict[str, Array]:
 def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmModel:
     """The model; BenchError, ValueError or IndexError where numbers do not belong together."""
     structure, spread = _structure(document.structure, arm), document.spread
-    state = _state(document, model_for(build_vjm(arm), structure), structure)
+    state = _state(document, vjm_for_structure(build_vjm(arm), structure), structure)
     said, noise, scatter = document.about, document.noise, None
     origin = ModelOrigin(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
     if noise is not None:
@@ -283,10 +283,10 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
 def _structure(said: StructurePart, arm: Arm) -> Structure:
     plain, joints = theta_row_labels(arm), [joint.name for joint in arm.joints]
     rows = [entry.row.rpartition(" ") for entry in said.entries if entry.row not in plain]
-    kinds = [*dict.fromkeys(kind for joint, _, kind in rows if joint in joints and kind != STRUT)]
+    kinds = [*dict.fromkeys(kind for joint, _, kind in rows if joint in joints and kind != COMPENSATOR_KIND)]
     if unlike := [kind for kind in kinds if kind not in joint_laws]:
         raise ValueError(f"structure.entries: no joint law {unlike[0]!r}; install the package that has it")
-    lawful = with_laws(all153(arm), arm, kinds)
+    lawful = add_law_parameters(all153(arm), arm, kinds)
     place = {label: k for k, label in enumerate(lawful.row_labels)}
     names = {name for entry in said.entries for name in (entry.row, entry.column)}
     if unknown := sorted(names - set(place)):
@@ -304,7 +304,7 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
     coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.n_coefficients)
     return ArmState(
         vjm=vjm,
-        weights=Weights(
+        weights=BodyMasses(
             check_array(document.weights.mass_kg, (bodies,), "mass [kg]"),
             check_array(document.weights.centre_m, (bodies, 3), "centre [m]"),
         ),
@@ -372,7 +372,10 @@ def _document(model: ArmModel) -> dict[str, object]:
         "arm": model.arm.name,
         "about": _origin_document(model.origin),
         "structure": _structure_document(model.structure, state.C_theta),
-        "weights": {"mass_kg": state.weights.mass.tolist(), "centre_m": state.weights.centre.tolist()},
+        "weights": {
+            "mass_kg": state.weights.mass.tolist(),
+            "centre_m": state.weights.centre_of_mass.tolist(),
+        },
         "theta_0": state.theta_0.tolist(),
         "errors": {
             **vars(state.errors),
@@ -473,4 +476,4 @@ def loads_about_tool(vjm: Vjm, data: Dataset | Series) -> Array:
     Returns:
         Force and moment, world axes, (rows, 6) [N, N m].
     """
-    return resultant(tool_poses(vjm, data.q)[1], [Load(data.wrench, data.point)])
+    return resultant_wrench(tool_poses(vjm, data.q)[1], [Load(data.wrench, data.point)])

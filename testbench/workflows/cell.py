@@ -69,7 +69,7 @@ class Cell(Displayed):
         """
         from testbench.identify.estimate import Estimate  # here: simulating needs no fits
         from testbench.identify.posterior import ModelSource, model_of_estimate
-        from testbench.model.load import weights_with_note
+        from testbench.model.load import read_body_masses_with_note
 
         if isinstance(found, ModelSource):
             return found.model()
@@ -78,7 +78,7 @@ class Cell(Displayed):
         names, own = found.structure.row_labels, theta_row_labels(self.arm)
         if names[: len(own)] != own:
             raise BenchError(f"model: expected an estimate of {self.arm.name}, got one of {names[0]} ...")
-        return model_of_estimate(self.vjm, found, weights_with_note(self.arm)[0])
+        return model_of_estimate(self.vjm, found, read_body_masses_with_note(self.arm)[0])
 
 
 def build_cell(folder: str | Path) -> Cell:

@@ -27,7 +27,7 @@ from testbench.identify.prior import (
     rows_in_prior_units,
 )
 from testbench.identify.regression import Regression
-from testbench.model.laws import STRUT, for_load_history, joint_laws, model_for
+from testbench.model.laws import COMPENSATOR_KIND, joint_laws, set_load_history, vjm_for_structure
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, cross, evaluate_chain, generalised_load, tool_poses
@@ -169,8 +169,8 @@ def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
         A row for each part, the largest first: `share_percent` of the deflection, the median of the runs,
         with its `least_percent` and `most_percent`.
     """
-    vjm, arm = model_for(vjm, estimate.structure), vjm.arm
-    where = evaluate_chain(for_load_history(vjm, data.taken_off), data.q)
+    vjm, arm = vjm_for_structure(vjm, estimate.structure), vjm.arm
+    where = evaluate_chain(set_load_history(vjm, data.taken_off), data.q)
     theta = estimate.C_theta @ generalised_load(where, data.wrench, data.point)
     arm_of_load = np.einsum("rxy,ry->xr", where.tool_rotation, data.point)[:, None]
     moved = (where.J_theta[:3] + cross(where.J_theta[3:], arm_of_load)) * theta  # (3, n_theta, runs)
@@ -489,7 +489,7 @@ def _laws(identified: IdentifyResult) -> list[Row]:
             stiffer_percent=100 * own["stiffening"],
             backlash_urad=UM * own["backlash"],
             friction_urad=UM * own["friction"],
-            strut_percent=100 * own[STRUT] if STRUT in own else None,
+            strut_percent=100 * own[COMPENSATOR_KIND] if COMPENSATOR_KIND in own else None,
             **{kind: own.get(kind) for kind in joint_laws.added},
         )
         for name, own in taken.laws.items()

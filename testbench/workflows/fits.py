@@ -32,8 +32,8 @@ from testbench.identify.regression import (
     Regression,
     with_rows_by_pose,
 )
-from testbench.model.laws import law_sizes, law_unit, model_for
-from testbench.model.load import weights_with_note
+from testbench.model.laws import law_sizes, law_unit, vjm_for_structure
+from testbench.model.load import read_body_masses_with_note
 from testbench.model.vjm import evaluate_chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
@@ -337,7 +337,7 @@ def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
     if estimate.average is None or not estimate.average.joint_laws_weight:
         return {}
-    found = law_sizes(model_for(cell.vjm, estimate.structure), estimate.C_theta)
+    found = law_sizes(vjm_for_structure(cell.vjm, estimate.structure), estimate.C_theta)
     return {joint: {kind: law_unit(kind) * own[kind] for kind in own} for joint, own in found.items()}
 
 
@@ -379,7 +379,7 @@ def write_stiffness(
         folder: The folder.
     """
     fits, estimate, used = identified.fits, identified.taken, runs.used
-    model, notes = cell.model(estimate), weights_with_note(cell.arm)[1]
+    model, notes = cell.model(estimate), read_body_masses_with_note(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
     origin = origin_of(
         f"{fits.recommended}: {estimate.method}", data, doubts, loads_about_tool(cell.vjm, used)

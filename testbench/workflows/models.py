@@ -41,7 +41,7 @@ from testbench.identify.trace import (
     folds,
     keep_first_unless_beaten,
 )
-from testbench.model.laws import with_joint_couplings, with_laws
+from testbench.model.laws import add_coupling_parameters, add_law_parameters
 from testbench.model.structure import (
     BEAM_ENTRIES,
     FULL_ENTRIES,
@@ -415,7 +415,7 @@ def _with_prior(arm: Arm, model: Model, prior: Prior, uncertainty: PriorUncertai
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, uncertainty), model.structure
     whole = s.has_full_blocks and len(s.blocks) == 2 * s.n_links - 1
-    structure = with_joint_couplings(with_laws(s, arm)) if method.learns_prior and whole else s
+    structure = add_coupling_parameters(add_law_parameters(s, arm)) if method.learns_prior and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 

@@ -52,7 +52,7 @@ from testbench.identify.posterior import ArmModel
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import MIN_POSES, Frame
 from testbench.model.kinematics import JointErrorTerms
-from testbench.model.load import Load, read_weights, weight
+from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.vjm import Vjm, marker_positions, tool_points
 from testbench.plant.site import build_site, contacts
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
@@ -462,7 +462,7 @@ def absolute_setup(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
     )
     prior, n = cad_prior(cell.arm), cell.arm.n_joints
     state = replace(
-        nominal_state(vjm, read_weights(cell.arm), np.ones(n)),
+        nominal_state(vjm, read_body_masses(cell.arm), np.ones(n)),
         C_theta=prior.C_theta,
         errors=unknowns.errors,
         n=np.zeros((n, unknowns.errors.n_coefficients)),

@@ -17,8 +17,8 @@ from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_r
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, prior_rows, scale_by_prior
-from testbench.model.laws import for_load_history, with_joint_laws, with_laws
-from testbench.model.load import Load, on_joints
+from testbench.model.laws import add_joint_laws, add_law_parameters, set_load_history
+from testbench.model.load import Load, sum_generalised_loads
 from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, evaluate_chain, tool_poses
 from testbench.workflows.cell import Cell
@@ -230,7 +230,7 @@ def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
 
 def _torques(vjm: Vjm, q: Array, load: Load) -> Array:
     """Torques of the joints, forces of slides, under a load, (n, poses) [N m, N]."""
-    u = on_joints(evaluate_chain(vjm, q), [load.for_poses(len(q))])
+    u = sum_generalised_loads(evaluate_chain(vjm, q), [load.for_poses(len(q))])
     return np.asarray(u[-vjm.arm.n_joints :])
 
 
@@ -282,11 +282,11 @@ def open_laws(plan: Plan, prior: Prior) -> list[UndeterminedLaw]:
     linear = spec.setup.scaling.structure.n_parameters < plain.n_parameters or not vjm.arm.joints
     if spec.uncertainty is None or linear:
         return []
-    whole = scale_by_prior(prior, with_joint_laws(vjm), with_laws(plain, vjm.arm))
+    whole = scale_by_prior(prior, add_joint_laws(vjm), add_law_parameters(plain, vjm.arm))
     B, _ = prior_rows(
         scale_by_prior(prior, vjm, plain), PriorUncertainty(prior_uncertainty(spec), SCALE_UNCERTAINTY)
     )
-    specification = replace(spec, setup=replace(spec.setup, vjm=with_joint_laws(vjm), scaling=whole))
+    specification = replace(spec, setup=replace(spec.setup, vjm=add_joint_laws(vjm), scaling=whole))
     M = block_diag(B.T @ B, np.eye(whole.structure.n_laws)) + _information(specification, plan)
     stays = _open(M, plain.n_parameters)
     tells = {
@@ -319,7 +319,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
         Specifications by their words.
     """
     vjm, at, every = spec.setup.vjm, spec.setup.vjm.load_point, len(spec.loads)
-    back = replace(spec.setup, vjm=for_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
+    back = replace(spec.setup, vjm=set_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
     lighter = tuple(Load(SECOND_LOAD_SHARE * load.wrench, load.point) for load in spec.loads)
     pulls = round_to_first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)
     return {

@@ -35,7 +35,7 @@ from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame, Registration, largest_deviation
 from testbench.identify.regression import RUNS_PER_BATCH
-from testbench.model.load import own_weight, read_weights
+from testbench.model.load import own_weight_load, read_body_masses
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, tool_points, tool_poses
 from testbench.runs.interrupt import SESSION
@@ -135,13 +135,13 @@ def _target_notes(registered: RegisteredDataset, registration: Registration) -> 
 def _sag(vjm: Vjm, data: Dataset) -> float | None:
     """How far own weight bends the folder's arm at its tool, linear, RMS [m]; None where nobody knows it."""
     try:
-        weights = read_weights(vjm.arm)
+        weights = read_body_masses(vjm.arm)
     except InputError:
         return None
     total = 0.0
     for first in range(0, data.runs, RUNS_PER_BATCH):
         where = evaluate_chain(vjm, data.q[first : first + RUNS_PER_BATCH])
-        moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight(where, weights))
+        moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight_load(where, weights))
         total += float((moved**2).sum())
     return math.sqrt(total / data.runs)
 

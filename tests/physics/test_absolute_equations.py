@@ -59,7 +59,7 @@ from testbench.identify.registration import READING_LOSS, SQUARED_LOSS, Frame
 from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
 from testbench.model.kinematics import BACKLASH_SMOOTHING, ORDER_BANDS, JointErrorTerms
 from testbench.model.kinematics import joint_error_basis as errors_of
-from testbench.model.load import Load, read_weights
+from testbench.model.load import Load, read_body_masses
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_poses
 from testbench.workflows.absolute import DRIFT, with_drift
@@ -84,7 +84,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     """Of a target that is turned on the tool by any angle."""
     W = Rotation.from_rotvec((0.4, -1.2, 0.7)).as_matrix()
     one = replace(series[0], rotation=series[0].rotation @ W)
-    state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
+    state = align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     step = 1e-5 * rng.standard_normal(unknowns.first_columns["geometry"])
     frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
@@ -117,7 +117,7 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     """Torques from the joints' axes and a force at the tool, of an arm without weight that does not bend."""
     vjm = kr500.vjm
     n = 1e-3 * (1 + np.arange(6.0))
-    bare = nominal_state(vjm, read_weights(kr500.arm), np.full(6, 1000.0))
+    bare = nominal_state(vjm, read_body_masses(kr500.arm), np.full(6, 1000.0))
     light = replace(bare.weights, mass=np.zeros_like(bare.weights.mass))
     state = replace(bare, weights=light, errors=JointErrorTerms(**{kind: True}), n=n[:, None])
     q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
@@ -267,7 +267,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
 @pytest.fixture(scope="module")
 def state(kr500):
     """The arm as drawn, which a tracker sees turned and far away."""
-    found = nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6))
+    found = nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6))
     mount = Mount(np.array([[0.2, -0.1, 0.3]]), np.eye(3), ("P1",))
     return replace(found, frames={"f": Frame(R, np.array([3.0, -2, 1]))}, mounts={"t": mount})
 

@@ -14,7 +14,7 @@ from testbench.identify.absolute.evidence import WIDE_PRIOR, ErrorScales, solve_
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.state import nominal_state, series_equilibrium
 from testbench.model.kinematics import JointErrorTerms
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.vjm import evaluate_chain
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
@@ -126,7 +126,7 @@ def off(cell, disturbances, mass):
     (series,), truth = simulate_series(cell, asked, 3)
     mount, station = truth.mounts[0], truth.stations[0]
     state = replace(
-        nominal_state(cell.vjm, read_weights(cell.arm), np.ones(cell.arm.n_joints)),
+        nominal_state(cell.vjm, read_body_masses(cell.arm), np.ones(cell.arm.n_joints)),
         theta_0=truth.theta_0,
         C_theta=truth.C_theta,
     )

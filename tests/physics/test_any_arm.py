@@ -14,7 +14,7 @@ from testbench import cad_prior, least_squares, read_series
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.state import nominal_state
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.structure import mgco147
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
@@ -166,7 +166,7 @@ def readings(request, ur10):
 
 def test_frame_and_mount_alone_explain_what_a_tracker_read_to_a_millimetre(ur10, readings):
     """A joint's sign, zero or place in the order, or a length, would leave centimetres and degrees."""
-    state = align_all(nominal_state(ur10.vjm, read_weights(ur10.arm), np.ones(6)), (readings,))
+    state = align_all(nominal_state(ur10.vjm, read_body_masses(ur10.arm), np.ones(6)), (readings,))
     position, rotation = np.linalg.norm(residuals(state, readings), axis=1)
     assert position.mean() < 1e-3  # 0.8 and 0.9 mm; the geometry of the arm is nominal
     assert np.rad2deg(np.sqrt(np.mean(rotation**2))) < 0.15

@@ -29,7 +29,7 @@ from testbench.identify.posterior import (
     elastic_state,
     model_of_compliances,
 )
-from testbench.model.load import no_weights, read_weights, resultant
+from testbench.model.load import massless_bodies, read_body_masses, resultant_wrench
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.equilibrium import solve_equilibrium
@@ -42,7 +42,7 @@ HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)
 
 @pytest.fixture(scope="module")
 def state(kr500):
-    return elastic_state(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm))
+    return elastic_state(kr500.vjm, kr500.arm.C_theta, read_body_masses(kr500.arm))
 
 
 def drawn(kr500, rng):
@@ -184,7 +184,7 @@ def load():
 
 
 def weightless(model):
-    return replace(model, state=replace(model.state, weights=no_weights(model.arm)))
+    return replace(model, state=replace(model.state, weights=massless_bodies(model.arm)))
 
 
 def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
@@ -374,7 +374,7 @@ def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr
         )
         for k in range(2)
     ]
-    np.testing.assert_allclose(resultant(R, [each, same]), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(resultant_wrench(R, [each, same]), expected, rtol=0, atol=1e-12)
 
 
 def test_forces_and_moments_are_each_compared_with_their_own_largest(known):

@@ -25,7 +25,7 @@ from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Linearisation, reduce_series
 from testbench.model.kinematics import JointErrorTerms
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
@@ -91,7 +91,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
     one = touched[1] if kind == "plane" else read[0]
     if kind == "point and constant":
         one = replace(one, zero_sigma=1.0, distance=one.distance - 0.7)
-    state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
+    state = align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     rows, (u, _) = (
         series_equations(unknowns, state, one),
@@ -141,7 +141,7 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
         fixed=POINTS[0],
         **still,
     )
-    weightless = read_weights(kr500.arm)
+    weightless = read_body_masses(kr500.arm)
     state = nominal_state(kr500.vjm, replace(weightless, mass=0 * weightless.mass), np.ones(6))
     frame, mount = Frame(np.eye(3), -np.array(POINTS[0])), Mount(kr500.vjm.markers[:1], np.eye(3), ("P1",))
     state = replace(state, frames={"f": frame}, mounts={"t": mount})
@@ -159,7 +159,7 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
     stiff, touched, rng, frames, directions
 ):
     """Three planes, and three faces of one block: six unknowns of frame, 21 of arm and target, less one."""
-    weightless = read_weights(stiff.arm)
+    weightless = read_body_masses(stiff.arm)
     state = nominal_state(stiff.vjm, replace(weightless, mass=0 * weightless.mass), np.ones(6))
     mount = Mount(stiff.vjm.markers[:1], np.eye(3), ("P1",))
     placed = {name: Frame(np.eye(3), np.zeros(3)) for name in frames}
@@ -240,7 +240,7 @@ def test_a_block_is_placed_as_one_rigid_body_off_its_stated_place(rng):
 def test_a_block_is_aligned_by_all_of_its_faces(stiff):
     """By its first face alone the others would be off by its turn about that normal, here 10 mm and more."""
     faces, _ = heights(stiff, CAMPAIGN, 5, 1e-5, (*PLANES, ("y", (1.5, -1.2, 1.4))), block="block")
-    state = align_all(nominal_state(stiff.vjm, read_weights(stiff.arm), np.ones(6)), faces)
+    state = align_all(nominal_state(stiff.vjm, read_body_masses(stiff.arm), np.ones(6)), faces)
     off = [float(np.sqrt((residuals(state, one) ** 2).sum(axis=1).mean())) for one in faces]
     assert max(off) < 3e-3  # geometry is off by a millimetre
     first = align_all(replace(state, frames={}, mounts={}), faces[:1])

@@ -39,7 +39,7 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.diagnosis.moves import p_value
 from testbench.identify.prior import cad_prior, scale_by_prior
-from testbench.model.load import displacement
+from testbench.model.load import first_order_deflection
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, generalised_load, tool_points, tool_poses
 from testbench.runs.rows import trial_rng
@@ -360,7 +360,7 @@ def plate(cell, runs, targets):
     where = evaluate_chain(vjm, q)
     theta = (arm.C_theta @ generalised_load(where, wrench, point)).T
     before, sigma = tool_points(vjm, q, vjm.markers), 3e-5
-    after = before + displacement(where, theta, vjm.markers)
+    after = before + first_order_deflection(where, theta, vjm.markers)
     before, after = (x + sigma * rng.standard_normal(x.shape) for x in (before, after))
     return vjm, Dataset(arm.markers, ids, ids, q, wrench, point, before, after, sigma)
 

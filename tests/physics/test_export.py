@@ -20,8 +20,8 @@ from testbench.files.export_own import STAMP, frame_distance, nominal_rigid, ran
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.posterior import elastic_state
 from testbench.model.kinematics import JointErrorTerms, build_vjm
-from testbench.model.laws import with_joint_laws
-from testbench.model.load import read_weights
+from testbench.model.laws import add_joint_laws
+from testbench.model.load import read_body_masses
 from testbench.model.vjm import evaluate_chain, generalised_load, generalised_load_without_laws
 from testbench.workflows.cell import build_cell
 
@@ -38,7 +38,7 @@ def planted(arm, rng, *, ends=False):
     theta[6 * n + 6 :] = [rng.uniform(-1, 1) * (SLIDE if j.prismatic else TURN) for j in arm.joints]
     errors, state = (
         JointErrorTerms(orders=(1, 2), ratio=True),
-        nominal_state(vjm, read_weights(arm), np.full(n, 50.0)),
+        nominal_state(vjm, read_body_masses(arm), np.full(n, 50.0)),
     )
     gears = rng.uniform(-1e-4, 1e-4, (n, errors.n_coefficients))
     return replace(state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=gears)
@@ -81,7 +81,7 @@ def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     found, model = poses_by_mujoco(out.read_text(), "tool", names, q)
     np.testing.assert_allclose(found, tool_poses(state.vjm, q, state.theta_0), rtol=0, atol=1e-10)
     np.testing.assert_allclose(model.body_mass[1:], state.weights.mass)
-    np.testing.assert_allclose(model.body_ipos[1:], state.weights.centre, atol=1e-12)
+    np.testing.assert_allclose(model.body_ipos[1:], state.weights.centre_of_mass, atol=1e-12)
     np.testing.assert_allclose(model.jnt_range, ur10.limits.T, atol=1e-10)
 
 
@@ -155,7 +155,7 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
         moved += J @ turn * joint["compliance"] * (turn @ u)
     np.testing.assert_allclose(moved, where.J_theta[:3, :, 0] @ state.C_theta @ load, rtol=1e-8)
     np.testing.assert_allclose([j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.n)
-    bodies = zip(links, said["weights"], where.body_frames, state.weights.centre, strict=False)
+    bodies = zip(links, said["weights"], where.body_frames, state.weights.centre_of_mass, strict=False)
     for link, weight, (p, R), centre in bodies:
         found = at[link] @ [*weight["centre_m"], 1]
         np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)
@@ -209,8 +209,8 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
 
 def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tmp_path):
     arm, q = kr500.arm, random_joints(kr500.vjm)[:12]
-    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.9, 19)]), with_joint_laws(kr500.vjm)
-    state = elastic_state(vjm, C, read_weights(kr500.arm))
+    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.9, 19)]), add_joint_laws(kr500.vjm)
+    state = elastic_state(vjm, C, read_body_masses(kr500.arm))
     export(state, draft_new(state), tmp_path / "arm.urdf")
     said = json.loads((tmp_path / "arm.json").read_text())
     where = evaluate_chain(vjm, q)
@@ -222,7 +222,7 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
     step = 1e-6 * np.eye(6)[1]
     lever = (strut_length(vjm, q + step) - strut_length(vjm, q - step)) / 2e-6
     r = lever / np.linalg.norm(np.cross(vjm.joint_axes[1], arm.compensator.head))
-    before = vjm.joint_laws.before(where)
+    before = vjm.joint_laws.torques_before_load(where)
     for row, joint, tau_0, tau, own in zip(said["joints"], arm.joints, before, u, turned, strict=True):
         x_0, x_1, s = joint.compliance * tau_0, joint.compliance * (tau_0 + tau), row["laws"]
         f_0, f_1 = (

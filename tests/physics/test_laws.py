@@ -20,8 +20,8 @@ from testbench.identify.prior import Prior, cad_prior, scale_by_prior
 from testbench.identify.regression import reduce
 from testbench.model import laws
 from testbench.model import laws as shapes
-from testbench.model.laws import LAW_PRIOR, joint_laws
-from testbench.model.load import read_weights
+from testbench.model.laws import LAW_SIZE_PRIOR, joint_laws
+from testbench.model.load import read_body_masses
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import evaluate_chain, generalised_load_without_laws
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
@@ -63,7 +63,7 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     q, wrench, point = loaded(kr500, 3)
     vjm, own_weight = kr500.vjm, Disturbances(own_weight=True)
     longest = np.linalg.norm(np.cross(vjm.joint_axes[1], kr500.arm.compensator.head))
-    stiffness = laws.UNIT_COMPENSATOR / kr500.arm.joints[1].compliance / longest**2
+    stiffness = laws.UNIT_COMPENSATOR_STIFFNESS / kr500.arm.joints[1].compliance / longest**2
     ends = {end: tuple(getattr(kr500.arm.compensator, end)) for end in ("foot", "head")}
     strut = replace(KR500_COMPENSATOR, **ends, stiffness=stiffness)
     without, what = {
@@ -74,7 +74,7 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
     if kind != "compensator":
         vjm = replace(vjm, arm=replace(kr500.arm, compensator=None))
-    where = evaluate_chain(laws.with_joint_laws(vjm), q)
+    where = evaluate_chain(laws.add_joint_laws(vjm), q)
     own = where.joint_laws.unit_deflections(
         where, generalised_load_without_laws(where, wrench, point)[LINKS:]
     )
@@ -93,7 +93,7 @@ def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     what, off = Disturbances(own_weight=True, hysteresis=shapes.UNIT_FRICTION_RAD), np.arange(len(q)) % 2 == 0
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
     on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
-    where = evaluate_chain(laws.for_load_history(laws.with_joint_laws(kr500.vjm), off), q)
+    where = evaluate_chain(laws.set_load_history(laws.add_joint_laws(kr500.vjm), off), q)
     expected = where.joint_laws.unit_deflections(
         where, generalised_load_without_laws(where, wrench, point)[LINKS:]
     )[12:18].T
@@ -127,8 +127,8 @@ def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_s
     q, wrench, point = loaded(kr500, 5)
     off = np.arange(len(q)) % 2 == 1  # loads that were taken off: friction's whole width
     for lawful in (
-        laws.with_joint_laws(kr500.vjm),
-        laws.for_load_history(laws.with_joint_laws(kr500.vjm), off),
+        laws.add_joint_laws(kr500.vjm),
+        laws.set_load_history(laws.add_joint_laws(kr500.vjm), off),
     ):
         where = evaluate_chain(lawful, q)
         u = (
@@ -141,12 +141,12 @@ def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_s
             - where.joint_laws.unit_deflections(where, u - step)
         ) / (2 * step)
         np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
-    vjm, joints = laws.with_joint_laws(kr500.vjm), slice(LINKS, 48)
+    vjm, joints = laws.add_joint_laws(kr500.vjm), slice(LINKS, 48)
     C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
     where = evaluate_chain(vjm, loaded(kr500, 8, runs=2)[0])
-    found = laws.tangent(vjm, C, where, np.zeros((48, 2)))
+    found = laws.tangent_C_theta(vjm, C, where, np.zeros((48, 2)))
     np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
-    pushed = laws.tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
+    pushed = laws.tangent_C_theta(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
     np.testing.assert_array_equal(pushed[0, joints, joints], C[joints, joints])
 
 
@@ -194,12 +194,14 @@ def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500,
 
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
-    s = laws.with_laws(all153(kr500.arm), kr500.arm)
+    s = laws.add_law_parameters(all153(kr500.arm), kr500.arm)
     assert s.row_labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
     assert s.row_labels[-1] == "joint_2 compensator"
-    assert laws.with_laws(s, kr500.arm) is s
-    assert laws.without_laws(s) is laws.without_laws(s)  # what is remembered of a structure is of use
-    assert laws.without_laws(laws.without_laws(s)) is laws.without_laws(s)
+    assert laws.add_law_parameters(s, kr500.arm) is s
+    assert laws.remove_law_parameters(s) is laws.remove_law_parameters(
+        s
+    )  # what is remembered of a structure is of use
+    assert laws.remove_law_parameters(laws.remove_law_parameters(s)) is laws.remove_law_parameters(s)
     for estimator in (least_squares, gco):
         assert estimator(kr500.vjm, s, data).structure.n_laws == 0
     [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
@@ -215,7 +217,7 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
 def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns, estimates):
     """The equilibrium is the linear prediction but for the bent arm, the tangent its change with the load."""
     data, found = campaigns["all"][0], estimates["all"][0]
-    own = model_of_estimate(kr500.vjm, found, read_weights(kr500.arm))
+    own = model_of_estimate(kr500.vjm, found, read_body_masses(kr500.arm))
     some = slice(0, 4)
     load = Load(data.wrench[some], data.point[some])
     by_rest, straight = (predict(own, data.q[some], [load], linear=linear) for linear in (False, True))
@@ -245,23 +247,25 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     assert said["laws"][0]["strut_percent"] is None
     own = load_model(out)
     assert own.vjm.joint_laws is not None
-    fresh = model_of_estimate(kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_weights(kr500.arm))
+    fresh = model_of_estimate(
+        kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_body_masses(kr500.arm)
+    )
     some = campaigns["all"][0]
     ours, again = (predict(m, some.q, [Load(some.wrench, some.point)]).deflection for m in (fresh, own))
     np.testing.assert_allclose(again, ours, rtol=0, atol=2e-5)
 
 
 def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(kr500, campaigns):
-    data, s = campaigns["all"][0], laws.with_laws(all153(kr500.arm), kr500.arm)
+    data, s = campaigns["all"][0], laws.add_law_parameters(all153(kr500.arm), kr500.arm)
     priors = [Prior("scaled", scale * kr500.arm.C_theta) for scale in (1, 3)]
     found = [with_prior(gco, own)(kr500.vjm, s, data) for own in priors]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
-    vjm = laws.model_for(kr500.vjm, s)
+    vjm = laws.vjm_for_structure(kr500.vjm, s)
     own = prior_evidence(reduce(vjm, s, data), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s))
-    normal, size = own.evidence.hyperpriors[0], math.log(LAW_PRIOR[0])
+    normal, size = own.evidence.hyperpriors[0], math.log(LAW_SIZE_PRIOR[0])
     losses = []
     for steps in (0, 1, 2):
         h = np.zeros(len(own.medians))
-        h[own.n_scales + 2 : own.n_scales + 5] = size + steps * LAW_PRIOR[1] * np.array([1, 0, 0])
+        h[own.n_scales + 2 : own.n_scales + 5] = size + steps * LAW_SIZE_PRIOR[1] * np.array([1, 0, 0])
         losses.append(normal.neg_log_density(normal.rows @ h - normal.offset)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])

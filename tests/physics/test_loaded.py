@@ -19,7 +19,7 @@ from testbench.identify.absolute.choose import (
 )
 from testbench.identify.regression import non_redundant_structure, rank
 from testbench.model import load as loaded
-from testbench.model.load import own_weight, read_weights
+from testbench.model.load import own_weight_load, read_body_masses
 from testbench.model.structure import template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.plant.build import weightless
@@ -62,7 +62,7 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     theta = at_rest(cell, cell.arm.C_theta, q, wrench, point)
     # the plant stops at a step of 1e-9, which gains a factor of four or more
     np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
-    moved = loaded.loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
+    moved = loaded.nonlinear_deflection(cell.vjm, q, theta, cell.vjm.markers)
     np.testing.assert_allclose(moved, rest.markers - solve_equilibrium(plant, q).markers, rtol=0, atol=1e-8)
 
 
@@ -118,9 +118,9 @@ def test_wrong_shapes_say_what_was_expected(kr500):
         r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded.loaded_compliance(J[0], arm.C_theta, K_w),
         r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded.loaded_compliance(J, np.eye(42), K_w),
         r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded.loaded_compliance(J, arm.C_theta, K_w[0]),
-        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded.loaded_deflection(vjm, q, theta, np.zeros(3)),
-        r"targets .*got \(1, 2\)": lambda: loaded.displacement(where, theta, np.zeros((1, 2))),
-        r"K_w .*got \(1, 48, 48\)": lambda: loaded.secant(where, arm.C_theta, wrench, point, K_w[:1]),
+        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded.nonlinear_deflection(vjm, q, theta, np.zeros(3)),
+        r"targets .*got \(1, 2\)": lambda: loaded.first_order_deflection(where, theta, np.zeros((1, 2))),
+        r"K_w .*got \(1, 48, 48\)": lambda: loaded.secant_theta(where, arm.C_theta, wrench, point, K_w[:1]),
     }.items():
         with pytest.raises(BenchError, match=text):
             call()
@@ -160,12 +160,12 @@ def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(arm.mjcf_path))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    weights, link = read_weights(arm), data.body("link_2")
+    weights, link = read_body_masses(arm), data.body("link_2")
     parts = [data.body(name).id for name in ("link_2", "motor", "cover")]
     mass = model.body_mass[parts]
     centre = mass @ (data.xipos[parts] - link.xpos) @ link.xmat.reshape(3, 3) / mass.sum()
     np.testing.assert_allclose(weights.mass[2], mass.sum(), rtol=1e-14)
-    np.testing.assert_allclose(weights.centre[2], centre, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(weights.centre_of_mass[2], centre, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
 def test_masses_that_only_mujoco_could_weigh_are_refused(tmp_path, old, new, expected):
     arm = rewritten(write_arm(tmp_path / "arm", "zyx"), (old, new))
     with pytest.raises(InputError, match=expected):
-        read_weights(arm)
+        read_body_masses(arm)
 
 
 def other_arm(cell, rng):
@@ -218,7 +218,7 @@ def rms(x):
 def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request, rng):
     """300 poses, half with a payload, of either sign, with offsets and every twentieth torque wild."""
     cell = request.getfixturevalue(name)
-    model, weights = other_arm(cell, rng), read_weights(cell.arm)
+    model, weights = other_arm(cell, rng), read_body_masses(cell.arm)
     q, (wrench, point) = random_q(cell, rng, 600), hung(cell, 600, 20.0)
     wrench[::2] = 0
     exact = true_torques(cell, model, q, wrench, point)
@@ -233,7 +233,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
         straight = evaluate_chain(cell.vjm, q[301::2])
         n = cell.arm.n_joints
         new = true_torques(cell, model, q[301::2], 0 * wrench[301::2], point[301::2])
-        return rms(own_weight(straight, found)[-n:].T - new)
+        return rms(own_weight_load(straight, found)[-n:].T - new)
 
     assert error(found.weights) < 0.3 * sigma < 3 * sigma < error(weights)
     assert found.motor_torques == (sign == -1)
@@ -242,7 +242,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
 
 def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_bounds(kr500, rng):
     """In another order; none; an unstated load, of 250 kg like heavy links, of a tonne like nothing."""
-    weights = read_weights(kr500.arm)
+    weights = read_body_masses(kr500.arm)
     q, (wrench, point) = random_q(kr500, rng, 200), hung(kr500, 200, 0.0)
     exact = true_torques(kr500, kr500.room.model, q, wrench, point)
     found = fit_link_masses(kr500.vjm, weights, (with_torques(q, wrench, point, exact[:, ::-1]),))

@@ -11,8 +11,24 @@ import pytest
 from loads import GRAVITY, hung
 from run_here import do
 
-from testbench import BenchError, JointTurns, TrueArm, cad_prior, deflections, load_model, save_model, score
-from testbench.model.laws import joint_laws, law_kinds, law_sizes, model_for, with_joint_laws, with_laws
+from testbench import (
+    BenchError,
+    NominalDeflections,
+    TrueArm,
+    cad_prior,
+    deflections,
+    load_model,
+    save_model,
+    score,
+)
+from testbench.model.laws import (
+    add_joint_laws,
+    add_law_parameters,
+    joint_laws,
+    law_kinds,
+    law_sizes,
+    vjm_for_structure,
+)
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, generalised_load_without_laws
 from testbench.plant.disturbance import Disturbances
@@ -78,8 +94,8 @@ def test_a_worn_joint_is_one_and_the_same_for_a_seed(installed, kr500):
 
 def test_the_slope_of_the_law_is_the_derivative_of_its_turn(installed, rng):
     law, x = joint_laws["wind_up"], 1e-3 * rng.standard_normal((2, 6, 9))
-    ahead, behind = (law.turn(JointTurns(x[0], x[1] + step)) for step in (1e-9, -1e-9))
-    np.testing.assert_allclose(law.slope(JointTurns(*x)), (ahead - behind) / 2e-9, rtol=0, atol=1e-5)
+    ahead, behind = (law.deflection(NominalDeflections(x[0], x[1] + step)) for step in (1e-9, -1e-9))
+    np.testing.assert_allclose(law.slope(NominalDeflections(*x)), (ahead - behind) / 2e-9, rtol=0, atol=1e-5)
 
 
 def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
@@ -96,7 +112,7 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
         before, after = solve_unloaded_and_loaded(own, q, wrench, point)
         turns.append((after.theta - before.theta)[:, LINKS:48])
     vjm = replace(kr500.vjm, arm=replace(kr500.arm, compensator=None))
-    where = evaluate_chain(with_joint_laws(vjm, ["wind_up"]), q)
+    where = evaluate_chain(add_joint_laws(vjm, ["wind_up"]), q)
     expected = (
         plant.spring_effects.law.share
         * where.joint_laws.unit_deflections(
@@ -113,11 +129,11 @@ def default(cell, structure, data):
 
 
 def test_unknowns_have_the_law_for_every_joint_beside_ours(installed, kr500):
-    every = with_laws(all153(kr500.arm), kr500.arm)
+    every = add_law_parameters(all153(kr500.arm), kr500.arm)
     assert law_kinds(every) == ("stiffening", "backlash", "friction", "wind_up", "compensator")
     assert every.row_labels[-7:-1] == tuple(f"joint_{k} wind_up" for k in range(1, 7))
-    some = with_laws(all153(kr500.arm), kr500.arm, ["friction"])
-    assert model_for(kr500.vjm, some).n_theta == some.n_theta == every.n_theta - 18
+    some = add_law_parameters(all153(kr500.arm), kr500.arm, ["friction"])
+    assert vjm_for_structure(kr500.vjm, some).n_theta == some.n_theta == every.n_theta - 18
 
 
 @pytest.mark.study
@@ -127,16 +143,18 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
     scenario = Scenario(arm=arm.name, noise=False, identification_poses=8, identification_runs=16)
     true = true_cell(cell, "wound", 1)
     campaign = simulate(true, scenario, 5)
-    with_it, ours = (with_laws(all153(arm), arm, kinds) for kinds in (None, list(joint_laws.built_in)))
+    with_it, ours = (
+        add_law_parameters(all153(arm), arm, kinds) for kinds in (None, list(joint_laws.built_in))
+    )
     found, without = (default(cell, s, campaign.identification) for s in (with_it, ours))
     truth = campaign.truth
     error, other = (score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in (found, without))
     assert error < 0.3 * other
-    sizes = law_sizes(model_for(cell.vjm, found.structure), found.C_theta)
+    sizes = law_sizes(vjm_for_structure(cell.vjm, found.structure), found.C_theta)
     share = true.plant.spring_effects.law.share
     for k in (1, 2):  # the joints that bear the load
         assert abs(sizes[f"joint_{k + 1}"]["wind_up"] - share[k]) < 0.35 * share[k]
-    whole = default(kr500, with_laws(all153(kr500.arm), kr500.arm), campaign.identification)
+    whole = default(kr500, add_law_parameters(all153(kr500.arm), kr500.arm), campaign.identification)
     save_model(kr500.model(whole), tmp_path / "model")
     again = load_model(tmp_path / "model")
     np.testing.assert_allclose(again.state.C_theta, whole.C_theta, rtol=1e-12, atol=0)
@@ -147,9 +165,9 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
 
 
 class NoSlope:
-    unit, unit_words, size_prior, formula = 1.0, "1", (0.5, 0.8), "s x_1"
+    unit, unit_symbol, size_prior, formula = 1.0, "1", (0.5, 0.8), "s x_1"
 
-    def turn(self, at):
+    def deflection(self, at):
         return at.x_1
 
 

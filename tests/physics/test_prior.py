@@ -58,8 +58,8 @@ from testbench.identify.trace import (
     cross_validation_groups,
     keep_first_unless_beaten,
 )
-from testbench.model.laws import with_joint_couplings, with_laws, without_joint_couplings
-from testbench.model.load import displacement, loaded_deflection, secant
+from testbench.model.laws import add_coupling_parameters, add_law_parameters, remove_coupling_parameters
+from testbench.model.load import first_order_deflection, nonlinear_deflection, secant_theta
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.studies import intervals as shrinkage
@@ -205,7 +205,7 @@ def seen_by(cell, campaign, structure, prior=None):
 
 
 def tied(arm):
-    return with_joint_couplings(all153(arm))
+    return add_coupling_parameters(all153(arm))
 
 
 @pytest.mark.parametrize("make", [tied, mgco68])
@@ -362,9 +362,9 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     data, C = campaign.truth, kr500.arm.C_theta
     whole = second_order_deflection(kr500.vjm, C, data)
     theta = at_rest(kr500, C, data.q, data.wrench, data.point)
-    exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
+    exact = nonlinear_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
     where = evaluate_chain(kr500.vjm, data.q)
-    linear = displacement(where, secant(where, C, data.wrench, data.point), kr500.vjm.markers)
+    linear = first_order_deflection(where, secant_theta(where, C, data.wrench, data.point), kr500.vjm.markers)
     np.testing.assert_allclose(whole, exact - linear, rtol=0, atol=0.1 * np.abs(whole).max())
     method = with_prior(gco, cad_prior(kr500.arm))
     estimate = method(kr500.vjm, template56(kr500.arm), campaign.identification)
@@ -484,7 +484,7 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     regression = reduce(kr500.vjm, s, campaign.identification)
     links, laws, ties, joints = (
         make_estimate(restrict_regression(regression, own), rng.normal(size=own.n_parameters), method="known")
-        for own in (all153(kr500.arm), without_joint_couplings(s), tied(kr500.arm), joints_only(kr500.arm))
+        for own in (all153(kr500.arm), remove_coupling_parameters(s), tied(kr500.arm), joints_only(kr500.arm))
     )
     roots = {id(own): rng.normal(size=(3, own.structure.n_parameters)) for own in (links, laws, ties, joints)}
     monkeypatch.setattr(
@@ -559,7 +559,7 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     kr500, campaign, log_evidence, monkeypatch
 ):
     """Joints, links and joints, and these with laws: known estimates and evidences, weights by Bayes."""
-    s, (e_joints, e_links, e_laws) = with_laws(all153(kr500.arm), kr500.arm), log_evidence
+    s, (e_joints, e_links, e_laws) = add_law_parameters(all153(kr500.arm), kr500.arm), log_evidence
     r, own = seen_by(kr500, campaign, s)
     worth = {"Joints": 3.0, "ALL153": 1.0, s.name: 2.0}
 
@@ -618,7 +618,7 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
 @pytest.mark.parametrize("make", [all153, mgco68, mgco47])
 def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(kr500, campaign, make, laws):
     """Of links and joints: the evidence by the prior alone is log 1, the factor of all blocks held."""
-    s = with_laws(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
+    s = add_law_parameters(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
     seen = hierarchy.prior_evidence(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
     mute = replace(
         seen.evidence, gram=0 * seen.evidence.gram, equation_counts=0 * seen.evidence.equation_counts
@@ -647,7 +647,7 @@ def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
         cell = true_cell(kr500, kind, seed)
         campaign, (method, s) = simulate(cell, SCENARIO, seed), default(kr500, seed)
         found = method(kr500.vjm, s, campaign.identification)
-        alone = method(kr500.vjm, with_laws(all153(kr500.arm), kr500.arm), campaign.identification)
+        alone = method(kr500.vjm, add_law_parameters(all153(kr500.arm), kr500.arm), campaign.identification)
         ours, theirs = errors(kr500, campaign, found, alone)
         assert found.conservative
         if kind == "tubes":

@@ -8,7 +8,7 @@ from testbench import Aim, Load
 from testbench.identify.absolute.align import Noise
 from testbench.identify.posterior import ModelOrigin, Posterior, elastic_state, model_of_compliances
 from testbench.model.kinematics import JointErrorTerms
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.structure import all153
 
 TIP = np.array([0.2, 0.0, 0.1])
@@ -27,7 +27,7 @@ def normal(x, root, unseen=None):
 def unsure(cell):
     """Compliances that are unsure by a tenth, no two of one link alike."""
     structure = all153(cell.arm)
-    state = elastic_state(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    state = elastic_state(cell.vjm, cell.arm.C_theta, read_body_masses(cell.arm))
     pi = structure.entries(state.C_theta)
     d = np.sqrt(np.diag(state.C_theta))
     root = np.diag(0.1 * d[structure.rows] * d[structure.columns])

@@ -11,7 +11,7 @@ from reports import check, check_forest, place_of, read_back, table_of
 from testbench.data.dataset import Series
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.registration import Frame
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.vjm import tool_poses
 from testbench.report import colours
 from testbench.report.markdown import as_markdown, grid
@@ -133,7 +133,7 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
 def test_direction_of_approach_and_drift_are_measured_where_they_are(rng):
     """Of 1200 poses read within 30 um: 60 urad of one joint, and a slow wave of z whose RMS is 28 um."""
     cell, rows, point = build_cell("ur10"), 1200, np.array([0.1, 0.0, 0.2])
-    state = nominal_state(cell.vjm, read_weights(cell.arm), np.ones(6))
+    state = nominal_state(cell.vjm, read_body_masses(cell.arm), np.ones(6))
     mount = Mount(point[None], np.eye(3), ("P",))
     state = replace(state, frames={"f": Frame(np.eye(3), np.zeros(3))}, mounts={"t": mount})
     q, every, none = rng.uniform(-2, 2, (rows, 6)), np.arange(rows), np.zeros((rows, 6))

@@ -12,7 +12,7 @@ from run_here import app_of_study, check_files, quick_study
 from testbench.correct.predicted import tangents
 from testbench.files.read_pairs import read_csv
 from testbench.identify.posterior import model_of_estimate
-from testbench.model.load import on_joints, read_weights
+from testbench.model.load import read_body_masses, sum_generalised_loads
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.true_arms import disturb
@@ -105,7 +105,7 @@ def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
     q = trial_rng(3).uniform(*cell.arm.limits, (20, 6))
     first = cell.arm.n_theta - 6
     for load, loaded in zip(compensation.loads(cell), (False, True), strict=True):
-        torque = on_joints(evaluate_chain(cell.vjm, q), [load.for_poses(20)])[first]
+        torque = sum_generalised_loads(evaluate_chain(cell.vjm, q), [load.for_poses(20)])[first]
         assert (np.abs(torque) > 1e-6 * np.abs(load.wrench).max()).any() == loaded
 
 
@@ -129,7 +129,7 @@ def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cel
     work, (settle, _) = compensation.tasks_of(asked, 4), compensation.true_arm(cell, 4, IDEAL)
     [data] = compensation.measure(cell, settle, asked, [ADVISED], 4)
     estimate = undisputed(cell, data, compensation.prior_in_turn(cell, 4)).estimate
-    weights = read_weights(cell.arm)
+    weights = read_body_masses(cell.arm)
     sound = model_of_estimate(cell.vjm, estimate, weights)
     soft = model_of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)
     moved, still = (

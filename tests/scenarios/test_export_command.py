@@ -17,7 +17,7 @@ from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.model.kinematics import build_vjm
-from testbench.model.load import Weights
+from testbench.model.load import BodyMasses
 from testbench.model.structure import joints_only
 from testbench.runs import manifest as files
 from testbench.workflows.arm_models import read_model, write_files
@@ -33,7 +33,7 @@ def made(tmp_path_factory):
     rng, vjm = np.random.default_rng(4), build_vjm(load_arm(ROOT / "models" / "ur10"))
     theta = np.zeros(48)
     theta[6:36] = rng.uniform(-5e-4, 5e-4, 30)
-    state = replace(nominal_state(vjm, Weights(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
+    state = replace(nominal_state(vjm, BodyMasses(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
     none = Posterior.normal(np.zeros(0), np.zeros((0, 0)))
     known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, ModelOrigin("geometry"), Noise())
     write_files(known, model, name="geometry", fit={})

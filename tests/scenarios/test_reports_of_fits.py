@@ -9,7 +9,7 @@ import testbench as tb
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.prior import PriorUncertainty, cad_prior
-from testbench.model.laws import STRUT
+from testbench.model.laws import COMPENSATOR_KIND
 from testbench.model.load import Load
 from testbench.report.fitted_runs import seen
 from testbench.report.table import find
@@ -40,7 +40,7 @@ def test_beside_a_prior_only_models_with_one_have_intervals_and_name_what_no_rea
 
 def test_every_law_of_a_joint_stands_in_its_own_column(identified):
     found, *_ = identified
-    sizes = {"stiffening": 0.11, "backlash": 2.2e-5, "friction": 3.3e-5, STRUT: 0.044}
+    sizes = {"stiffening": 0.11, "backlash": 2.2e-5, "friction": 3.3e-5, COMPENSATOR_KIND: 0.044}
     taken = find(found.fits.models, name=found.fits.recommended)
     taken.laws = {"joint_2": sizes}
     [row] = fit_numbers._laws(found)

@@ -22,7 +22,7 @@ from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.prior import cad_prior
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import numbers, remaining_errors
@@ -238,7 +238,7 @@ def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):
 def test_a_mount_may_be_turned_by_any_angle(ur10):
     """It starts from where the same series without the turn would, turned; also one that another shares."""
     one, two = read(ur10, series=2, share_target=True)
-    bare = nominal_state(ur10.vjm, read_weights(ur10.arm), np.ones(6))
+    bare = nominal_state(ur10.vjm, read_body_masses(ur10.arm), np.ones(6))
     sound = align(bare, two)[1].rotation
     for turn in ((90, 0, 0), (0, 90, 0), (0, 0, 172), (0, 180, 0)):
         W = Rotation.from_rotvec(turn, degrees=True).as_matrix()
@@ -330,11 +330,11 @@ def test_two_joints_that_turn_are_enough_beside_a_series_of_the_same_frame(seven
     with pytest.raises(
         BenchError, match=r"^turned: only joint_1 and joint_2 turn; the 9 numbers .* need 3 joints .* another"
     ):
-        align_all(nominal_state(seven.vjm, read_weights(seven.arm), np.ones(7)), (few,))
+        align_all(nominal_state(seven.vjm, read_body_masses(seven.arm), np.ones(7)), (few,))
 
 
 def test_with_orientations_two_axes_that_are_not_parallel_are_enough(seven):
-    bare = nominal_state(seven.vjm, read_weights(seven.arm), np.ones(7))
+    bare = nominal_state(seven.vjm, read_body_masses(seven.arm), np.ones(7))
     one, parallel = (turning_alone(seven, joints, orientations=True) for joints in ([0, 1], [1, 3]))
     assert np.median(np.linalg.norm(residuals(align_all(bare, (one,)), one)[:1], axis=1)) < 3e-3
     with pytest.raises(BenchError, match=r"^turned: its poses do not determine .* axes are not parallel"):

@@ -22,7 +22,7 @@ from testbench.identify.absolute.fit import CalibrationOptions, linearise_readin
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.structure import all153
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers
@@ -74,7 +74,7 @@ def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
 def hung(ur10):
     """Fitted and fresh readings of an arm whose weight pulls the other way, perfect but for its sag."""
     (one,), _ = simulate_series(ur10, AbsoluteCampaign(poses=70, masses=(8.0,)), 3)
-    weights = read_weights(ur10.arm)
+    weights = read_body_masses(ur10.arm)
     sag = replace(nominal_state(ur10.vjm, weights, np.ones(6)), C_theta=-4 * ur10.plant.arm.C_theta)
     at = Frame(np.eye(3), np.zeros(3)), Mount(np.zeros((1, 3)), np.eye(3), one.markers)
     state = replace(sag, frames={one.frame: at[0]}, mounts={one.target: at[1]})

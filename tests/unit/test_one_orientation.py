@@ -12,7 +12,7 @@ from testbench.errors import BenchError
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.fit import CalibrationOptions
 from testbench.identify.absolute.state import fit_upright_frame, nominal_state, undetermined_frames
-from testbench.model.load import read_weights
+from testbench.model.load import read_body_masses
 from testbench.model.vjm import tool_poses
 from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
@@ -61,7 +61,7 @@ def test_a_series_of_one_orientation_foretells_others_of_it(kr500, kind, targets
         for note in found.notes
     )
     assert any("a turn of its frame" in note for note in found.notes) == (len(open_) == 2)
-    drawn = rms(align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (fit,)), fresh)
+    drawn = rms(align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (fit,)), fresh)
     model = found.calibration.model()
     again, new = (
         position_errors(model, [one], poses)
@@ -91,7 +91,7 @@ def test_a_wrong_joint_in_a_series_of_one_orientation_gets_no_target_metres_away
     (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=POSES), 4, constant(kr500, "surface", 1))
     flipped = replace(one, q=one.q * np.where(np.arange(6) == 4, -1, 1))
     try:
-        state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (flipped,))
+        state = align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (flipped,))
     except BenchError:
         return
     assert np.abs(state.mounts[one.target].points).max() < kr500.vjm.reach

@@ -18,8 +18,8 @@ from stamps import Stamp, digest, read_stamp, stamp
 from testbench import Scenario, deflections, reduce, simulate
 from testbench.errors import InputError
 from testbench.identify.estimate import make_estimate
-from testbench.model.laws import with_laws
-from testbench.model.load import displacement
+from testbench.model.laws import add_law_parameters
+from testbench.model.load import first_order_deflection
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain
 from testbench.report import report as reports
@@ -99,12 +99,12 @@ def test_commands_say_today_what_their_pictures_say(tmp_path, monkeypatch):
 def test_the_film_bends_the_arm_as_a_model_predicts_its_laws_of_the_joints_included(kr500):
     """To first order, at the markers."""
     data = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1), 3).identification
-    structure = with_laws(all153(kr500.arm), kr500.arm)
+    structure = add_law_parameters(all153(kr500.arm), kr500.arm)
     C = block_diag(kr500.arm.C_theta, 0.5 * np.eye(structure.n_laws))
     regression = reduce(kr500.vjm, structure, data)
     found = make_estimate(regression, structure.entries(C), method="known", constraint="psd")
     theta = opener._bent(kr500, found, data.q, (data.wrench, data.point))
-    moved = displacement(evaluate_chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
+    moved = first_order_deflection(evaluate_chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
     np.testing.assert_allclose(moved, deflections(kr500.vjm, found, data), rtol=0, atol=1e-12)
 
 

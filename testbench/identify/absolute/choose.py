@@ -38,7 +38,7 @@ from testbench.identify.hierarchy import NormalEquationsSolution
 from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import mean_and_standard_error
-from testbench.model.load import Weights, weight_columns
+from testbench.model.load import BodyMasses, own_weight_matrix
 from testbench.model.vjm import Vjm, evaluate_chain, generalised_load
 from testbench.progress import stepwise
 
@@ -467,7 +467,7 @@ POSES_AT_ONCE = 1000  #: Most poses whose columns of all virtual joints are in m
 class MassFit:
     """Hold link masses fitted to measured joint torques, and how well they explain the torques."""
 
-    weights: Weights  #: Fitted masses; the nominal ones if gravity does not explain the torques.
+    weights: BodyMasses  #: Fitted masses; the nominal ones if gravity does not explain the torques.
     poses: int  #: Number of poses with measured torques.
     nominal_residual: float  #: RMS residual of the torques with the nominal masses [N m, N].
     residual: float  #: RMS residual of the torques with the fitted masses [N m, N].
@@ -484,7 +484,7 @@ class MassFit:
         return self.residual <= MAX_UNEXPLAINED_TORQUE * self.torque_deviation
 
 
-def fit_link_masses(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
+def fit_link_masses(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -> MassFit | None:
     """Fit the masses of the links to the measured joint torques of absolute readings.
 
     Torques may have either sign, and each joint a constant offset.
@@ -516,18 +516,18 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
         for start in range(0, readings.rows, POSES_AT_ONCE):
             rows = slice(start, start + POSES_AT_ONCE)
             where = evaluate_chain(vjm, readings.q[rows])
-            columns = weight_columns(where)[-n:, :, 1:]
+            columns = own_weight_matrix(where)[-n:, :, 1:]
             known = generalised_load(where, readings.wrench[rows], readings.point[rows])[-n:]
             yield columns.reshape(*columns.shape[:2], -1), known, torque[rows].T
 
 
-def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
+def _fit(weights: BodyMasses, names: Sequence[str], A: Array, y: Array) -> MassFit:
     """Fit masses by least squares with a prior, reweighted; offsets are removed as weighted means.
 
     y are loads of the joints by gravity, (n, runs) [N m, N], with an offset. A is y per unit of each of the
     four parameters of every body but the base, (n, runs, 4 (bodies - 1)).
     """
-    prior = weights.parameters[1:].ravel()
+    prior = weights.inertial_parameters[1:].ravel()
     sd = (
         weights.mass[1:, None]
         * np.array([MASS_DEVIATION, CENTRE_DEVIATION, CENTRE_DEVIATION, CENTRE_DEVIATION])
@@ -543,9 +543,9 @@ def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
         left = _off_mean(y_0 - A @ x, w)
     at_bound = (np.abs(x) > MAX_MASS_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
-    p = np.vstack([weights.parameters[:1], (prior + sd * x).reshape(-1, 4)])
+    p = np.vstack([weights.inertial_parameters[:1], (prior + sd * x).reshape(-1, 4)])
     return MassFit(
-        weights=Weights(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
+        weights=BodyMasses(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
         poses=y.shape[1],
         nominal_residual=_rms(before),
         residual=_rms(_scatter(left)),

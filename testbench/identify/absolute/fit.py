@@ -62,7 +62,7 @@ from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
 from testbench.model.kinematics import JOINT_ERROR_KINDS, JointErrorTerms
-from testbench.model.load import Weights, read_weights
+from testbench.model.load import BodyMasses, read_body_masses
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 
@@ -183,7 +183,7 @@ def calibrate(
     series: Sequence[Series],
     prior: Prior,
     options: CalibrationOptions | None = None,
-    weights: Weights | None = None,
+    weights: BodyMasses | None = None,
 ) -> Calibration:
     """Calibrate an arm from absolute readings: geometry, joint errors and compliances.
 
@@ -243,7 +243,7 @@ def linearise_readings(
     series: Sequence[Series],
     prior: Prior,
     options: CalibrationOptions,
-    weights: Weights | None = None,
+    weights: BodyMasses | None = None,
 ) -> LinearisedReadings:
     """Fit geometry and springs to absolute readings, and reduce their equations for any selection of errors.
 
@@ -262,7 +262,7 @@ def linearise_readings(
     # Check the readings, and start from the rigid nominal arm.
     series, lost = with_common_targets(series)
     check_row_order(vjm, series)
-    weights = weights or read_weights(vjm.arm)
+    weights = weights or read_body_masses(vjm.arm)
     bare = nominal_state(vjm, weights, torque_scale(vjm, weights, series))
     joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
 

@@ -45,7 +45,7 @@ from testbench.identify.registration import (
     largest_deviation,
 )
 from testbench.model.kinematics import ORDER_BANDS, JointErrorTerms, joint_error_basis
-from testbench.model.load import Load, Weights, on_joints, own_weight
+from testbench.model.load import BodyMasses, Load, own_weight_load, sum_generalised_loads
 from testbench.model.structure import Structure
 from testbench.model.vjm import ChainState, Vjm, evaluate_chain, rotation_matrices, tool_poses
 
@@ -81,7 +81,7 @@ class ArmState(Displayed):
     """
 
     vjm: Vjm  #: Nominal virtual joint model.
-    weights: Weights  #: Masses of the links.
+    weights: BodyMasses  #: Masses of the links.
     theta_0: Array  #: Constants of the virtual joints, the errors of geometry, (n_theta,) [m, rad].
     C_theta: Array  #: Compliances of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m)].
     errors: JointErrorTerms  #: Kinds of joint errors: the functions Phi(q).
@@ -123,7 +123,7 @@ class ArmState(Displayed):
         return replace(mount, points=mount.points[at], markers=series.markers)
 
 
-def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
+def nominal_state(vjm: Vjm, weights: BodyMasses, torque_scale: Array) -> ArmState:
     """Make the model of the nominal arm: rigid, without errors, frames and mounts.
 
     Args:
@@ -221,7 +221,7 @@ def generalised_loads_at(state: ArmState, chain: ChainState, loads: Sequence[Loa
     Returns:
         u, (n_theta, runs) [N, N m].
     """
-    return own_weight(chain, state.weights) + on_joints(chain, loads)
+    return own_weight_load(chain, state.weights) + sum_generalised_loads(chain, loads)
 
 
 def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
@@ -256,7 +256,7 @@ def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
     return joint_equilibrium(state, series.q, loads, LOAD_STEPS)
 
 
-def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
+def torque_scale(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -> Array:
     """Compute the RMS torque of every joint by own weight and loads, over all rows of some series.
 
     Args:
@@ -272,7 +272,7 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
         for first in range(0, readings.rows, ROWS_IN_MEMORY):
             part = slice(first, first + ROWS_IN_MEMORY)
             where = evaluate_chain(vjm, readings.q[part])
-            u = own_weight(where, weights) + on_joints(
+            u = own_weight_load(where, weights) + sum_generalised_loads(
                 where, [Load(readings.wrench[part], readings.point[part])]
             )
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)

@@ -49,7 +49,7 @@ from testbench.identify.diagnosis.moves import (
 )
 from testbench.identify.equations import MAX_ROBUST_READINGS, check_runs
 from testbench.identify.prior import Prior, scale_by_prior
-from testbench.model.load import weights_with_note
+from testbench.model.load import read_body_masses_with_note
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_positions
 from testbench.progress import stepwise
@@ -329,7 +329,7 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
 
 def _nominal_base_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     """Build the nominal arm with trackers in the base's frame and nominal targets."""
-    weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
+    weights, markers = read_body_masses_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
         frames={readings.frame: IDENTITY_FRAME for readings in series},

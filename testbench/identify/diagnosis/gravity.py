@@ -34,7 +34,7 @@ from testbench.identify.equations import weighted_readings
 from testbench.identify.prior import Prior, PriorScaling, scale_by_prior
 from testbench.identify.registration import Frame
 from testbench.model.kinematics import body_pose
-from testbench.model.load import displacement, own_weight, read_weights
+from testbench.model.load import first_order_deflection, own_weight_load, read_body_masses
 from testbench.model.structure import joints_only
 from testbench.model.vjm import Vjm, evaluate_chain, rotation_about_axis
 
@@ -368,15 +368,15 @@ def bends_like_hanging_arm(unloaded: Observations, loaded: Observations, C_theta
     """
     vjm = unloaded.vjm
     try:
-        weights = read_weights(vjm.arm)
+        weights = read_body_masses(vjm.arm)
     except InputError:  # its weight is unknown
         return False
     left = []
     for observations, g in ((unloaded, -DOWN), (loaded, DOWN), (unloaded, DOWN)):
         turned = with_base_rotated(vjm, g)
         where = evaluate_chain(turned, observations.q)
-        theta = (C_theta @ own_weight(where, weights)).T
-        sag = displacement(where, theta, observations.markers) @ rotation_from_down(g).T
+        theta = (C_theta @ own_weight_load(where, weights)).T
+        sag = first_order_deflection(where, theta, observations.markers) @ rotation_from_down(g).T
         bare = replace(
             observations,
             position=observations.position - sag,

@@ -15,11 +15,11 @@ from testbench.errors import Array
 from testbench.identify.posterior import elastic_state
 from testbench.model.load import (
     Load,
-    displacement,
+    first_order_deflection,
     geometric_stiffness,
-    loaded_deflection,
-    no_weights,
-    secant,
+    massless_bodies,
+    nonlinear_deflection,
+    secant_theta,
 )
 from testbench.model.structure import joints_only
 from testbench.model.vjm import WorkArea, evaluate_chain, observation_matrix
@@ -165,13 +165,17 @@ def _predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, 
     """
     unloaded, C_theta = evaluate_chain(cell.vjm, q), cell.arm.C_theta
     theta = equilibrium(
-        elastic_state(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]
+        elastic_state(cell.vjm, C_theta, massless_bodies(cell.arm)), q, [Load(wrench, point)]
     ).theta
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
-        "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],
-        "secant": displacement(unloaded, secant(unloaded, C_theta, wrench, point, K_w), AT_TOOL)[:, 0],
-        "integrated": loaded_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
+        "linear": first_order_deflection(unloaded, secant_theta(unloaded, C_theta, wrench, point), AT_TOOL)[
+            :, 0
+        ],
+        "secant": first_order_deflection(
+            unloaded, secant_theta(unloaded, C_theta, wrench, point, K_w), AT_TOOL
+        )[:, 0],
+        "integrated": nonlinear_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
     }
 
 
