@@ -29,9 +29,12 @@ MAX_EXACT_CANDIDATES = 32  #: Candidates for which G and E are computed exactly;
 
 @dataclass(frozen=True)
 class Tangent:
-    """Hold a supporting plane of Phi, taken at some M: Phi(M') <= <Z, M'> for every M'."""
+    """Hold an upper bound of a concave criterion Phi that is linear in the information matrix M.
 
-    Z: Array  #: Matrix of the plane, symmetric, (r, r).
+    It is taken at some M, and holds everywhere: Phi(M') <= <Z, M'> = tr(Z M') for every M'.
+    """
+
+    Z: Array  #: Matrix of the bound, symmetric, (r, r).
     #: Value that the relaxation increases: Phi(M), or a stand-in with a gradient everywhere.
     height: float
     #: Curvature along S over <Z, S M^-1 S> / height: 1 of log Phi for D, 2 of tr(W M^-1) over its value for a
@@ -285,9 +288,17 @@ def criterion_g(rows: Array) -> LargestCriterion:
 
 
 def mean_square(rows: Array) -> Array:
-    """Compute W, (r, r), of predictions, (poses, 3 m, r) [m]: tr(W M^-1) is a target's mean square error.
+    """Compute the weight W of the I-criterion: tr(W M^-1) is a target's mean square error [m^2].
+
+    M is the information matrix of the poses, (r, r).
 
     Mathematics: `pose-5`.
+
+    Args:
+        rows: Predicted deflections of the m targets per unit of the unknowns, (poses, 3 m, r) [m].
+
+    Returns:
+        W, (r, r) [m^2].
     """
     A = rows.reshape(-1, rows.shape[-1])
     return np.asarray(A.T @ A / (len(rows) * _targets_per_pose(rows)))
@@ -314,8 +325,8 @@ class Gains:
     rows: Array  #: Whitened rows F, (candidates, k, r).
     W: Array  #: Weight of the linear criterion, (r, r).
     I: Array  # noqa: E741 - as in the books; the inverse of M, (r, r)
-    K: Array  #: (k, k, candidates).
-    N: Array  #: (k, k, candidates).
+    K: Array  #: 1 + F I F^T of every candidate, (k, k, candidates).
+    N: Array  #: F I W I F^T of every candidate, (k, k, candidates).
     #: Share of the digits of K that updates left [1]; 1 where K and N were computed from M itself.
     accuracy: float = 1.0
 

@@ -239,10 +239,11 @@ MIN_MODEL_PROBABILITY = 0.05
 def average_two_priors(
     regression: Regression, constraint: Constraint, prior: PriorScaling, softened_prior: PriorScaling
 ) -> Estimate:
-    """Average estimates under a prior, and under one with less coupled links, by their evidence.
+    """Average the estimates under a prior, and under one with less coupled links, weighted by their evidence.
 
-    If the readings show links whose compliance varies from pose to pose, rows are weighted accordingly
-    (`pose_variation`), and joints only have at least the weight `MIN_JOINTS_ONLY_WEIGHT`.
+    If the readings show that compliances of links vary from pose to pose, their equations are weighted
+    accordingly (`weight_for_pose_variation`), and the model of joint stiffness only has at least the weight
+    `MIN_JOINTS_ONLY_WEIGHT`.
 
     Mathematics: `prior-12`.
 
@@ -251,6 +252,9 @@ def average_two_priors(
         constraint: Least squares or GCO.
         prior: Units of the prior.
         softened_prior: Units of the prior with less coupled links, see `with_weaker_coupling`.
+
+    Returns:
+        The average; its `average` holds the weights.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.

@@ -117,13 +117,13 @@ class BlockProgram:
         return cost
 
     def norms_and_gradients(self, x: Array) -> tuple[Array, Array]:
-        """Compute the norms of the residuals at a point, and the gradients of their parts of the cost.
+        """Compute the norm of every residual r_k at a point, and the gradient of its part of the cost.
 
         Args:
-            x: The point, (n,).
+            x: svec of all blocks, (n,).
 
         Returns:
-            Norms, (K,), and gradients, (K, n).
+            Norms of the K residuals, (K,), and gradients with respect to x, (K, n).
         """
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.unexplained**2)
@@ -326,14 +326,19 @@ class NesterovToddScaling:
 
     @classmethod
     def of_pairs(cls, indices: Ids, x: Array, multipliers: Array) -> "NesterovToddScaling":
-        """Compute the scaling of pairs: G^-1 X G^-T = G^T S G = diag d (Nesterov and Todd).
+        """Compute the scaling of matrices X and their multipliers S: G^-1 X G^-T = G^T S G = diag d.
+
+        G is the scaling of Nesterov and Todd, which makes both the same diagonal matrix.
 
         Mathematics: `est-10`.
 
         Args:
             indices: Places of the blocks among the coordinates, (blocks, entries).
-            x: svec of all blocks, (..., n).
-            multipliers: svec of their multipliers, (..., n).
+            x: svec of the matrices X of all blocks, (..., n).
+            multipliers: svec of their multipliers S, (..., n).
+
+        Returns:
+            The scaling of the blocks at `indices`.
 
         Raises:
             LinAlgError: If a block is not positive definite.

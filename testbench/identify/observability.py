@@ -403,7 +403,7 @@ def of_regression(
         BenchError: When the prior has another size or is not positive definite, or the structure leaves the
             symmetry open.
     """
-    structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
+    structure, scaled = regression.structure, scale_any_structure(prior, vjm, regression.structure)
     everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))
     own = _rows(regression)
     loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
@@ -454,7 +454,7 @@ def explained_variance(
     Returns:
         Link or joint of every parameter, and the share of its variance, (n,) [1].
     """
-    scaled = any_metric(prior, vjm, regression.structure)
+    scaled = scale_any_structure(prior, vjm, regression.structure)
     return _places(vjm, regression.structure)[0], _share(
         _known(scaled, uncertainty, regression), scaled, uncertainty
     )
@@ -525,10 +525,10 @@ def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
     return tuple(names[k] for k in where), entry
 
 
-def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
-    """Compute the metric of the prior; for blocks that lack entries that of its entries one by one.
+def scale_any_structure(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
+    """Compute the units of a prior as `scale_by_prior` does, also for a structure whose blocks lack entries.
 
-    It refuses what `scale_by_prior` refuses, but for the entries that are lacking.
+    If blocks lack entries, every parameter has a unit of its own: its expected size under the prior.
 
     Args:
         prior: The prior.
@@ -536,7 +536,10 @@ def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
         structure: The unknowns.
 
     Returns:
-        The metric.
+        The units of the prior.
+
+    Raises:
+        BenchError: When the prior cannot be used for the arm, or the structure is not symmetric.
     """
     check_symmetric(structure)
     if structure.has_full_blocks:

@@ -503,7 +503,7 @@ class ArmModel:
 
     @property
     def unknowns(self) -> Unknowns:
-        """Return all unknowns of an arm model, in the order geometry, joint errors, compliances."""
+        """Return which column each unknown of an arm model has: geometry, joint errors, then compliances."""
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 

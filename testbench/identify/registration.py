@@ -406,7 +406,7 @@ class Registration:
 
     @property
     def target_deviations(self) -> Array:
-        """Return the standard deviation of every target along the tool's axes, (m, 3) [m]."""
+        """Return the standard deviations of the fitted target positions along the tool's axes, (m, 3) [m]."""
         variances = np.diag(self.covariance)[len(self.covariance) - self.targets.size :]
         return np.asarray(np.sqrt(variances).reshape(-1, 3))
 

@@ -274,9 +274,8 @@ class JointLaws:
     body_masses: BodyMasses | None  #: Masses of the arm; None where they are unknown.
     compensator: Compensator | None  #: Spring from link 1 to link 2; None where there is none.
     laws_by_kind: Mapping[str, JointLaw]  #: Laws of every joint by kind.
-    loop_half_widths: Array | float = (
-        1.0  #: Width of the friction loop over its half width, one or (runs,) [1].
-    )
+    #: Width of the friction loop over its half width, one or (runs,) [1].
+    loop_half_widths: Array | float = 1.0
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -378,20 +377,20 @@ def add_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
         The kinematics with laws, n_theta = 7 n + 6 + number of laws; remembered for the next call.
     """
     names = joint_laws if kinds is None else kinds
-    return _with_shapes(vjm, tuple((name, joint_laws[name]) for name in names))
+    return _with_laws_of_kinds(vjm, tuple((name, joint_laws[name]) for name in names))
 
 
 @lru_cache(maxsize=CACHED_VJMS)
-def _with_shapes(vjm: Vjm, shapes: tuple[tuple[str, JointLaw], ...]) -> Vjm:
-    return replace(vjm, joint_laws=build_joint_laws(vjm.arm, dict(shapes)))
+def _with_laws_of_kinds(vjm: Vjm, named_laws: tuple[tuple[str, JointLaw], ...]) -> Vjm:
+    return replace(vjm, joint_laws=build_joint_laws(vjm.arm, dict(named_laws)))
 
 
-def build_joint_laws(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
+def build_joint_laws(arm: Arm, laws_by_kind: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
     """Build the joint laws of an arm from its folder: compliances, masses and compensator.
 
     Args:
         arm: Description of the arm.
-        shapes: Shapes of the laws by kind.
+        laws_by_kind: The laws by kind.
 
     Returns:
         The laws; body_masses is None where masses cannot be read from the MJCF.
@@ -401,7 +400,7 @@ def build_joint_laws(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> J
     except InputError:  # only MuJoCo computes masses from shapes: counted as massless
         weights = None
     compliance = np.array([joint.compliance for joint in arm.joints])
-    return JointLaws(compliance, weights, arm.compensator, dict(shapes))
+    return JointLaws(compliance, weights, arm.compensator, dict(laws_by_kind))
 
 
 def law_kinds(structure: Structure) -> tuple[str, ...]:

@@ -332,10 +332,13 @@ def _backlash_turn(law: TrueJointLaws, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class PoseDependence:
-    """Describe how compliances of links depend on the pose: s = sin(turns q + phase), one per link."""
+    """Describe how the compliances of links vary with the pose, by a factor exp(log_change s) per axis.
+
+    Every link has one s between -1 and 1: s = sin(phase_rates q + phase).
+    """
 
     log_change: Array  #: Logarithm of the compliance along every axis of a link at s = 1, (links, 6) [1].
-    phase_rates: Array  #: Change of the argument of s with every joint, (links, n) [1, rad/m].
+    phase_rates: Array  #: Change of the phase of the sine per unit of every joint, (links, n) [1, rad/m].
     phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:

@@ -14,9 +14,9 @@ from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_
 from testbench.identify.observability import (
     DECIDED,
     Identifiability,
-    any_metric,
     explained_variance,
     of_regression,
+    scale_any_structure,
 )
 from testbench.identify.posterior import CONFIDENCE, posterior_of_estimate
 from testbench.identify.prior import (
@@ -211,7 +211,7 @@ def singular_values(vjm: Vjm, regression: Regression, prior: Prior, uncertainty:
     Returns:
         The singular values [1].
     """
-    rows = rows_in_prior_units(regression, any_metric(prior, vjm, regression.structure))[0]
+    rows = rows_in_prior_units(regression, scale_any_structure(prior, vjm, regression.structure))[0]
     return rounded(np.asarray(uncertainty * np.linalg.svd(rows, compute_uv=False), dtype=np.float64))
 
 
@@ -235,7 +235,7 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
         NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
     )
     assumed = plain.entries(aggregate_left_out_joints(prior.C_theta, vjm, plain))
-    L, known, rows = any_metric(prior, vjm, plain).L, posterior_of_estimate(estimate), []
+    L, known, rows = scale_any_structure(prior, vjm, plain).L, posterior_of_estimate(estimate), []
     for k, joint in enumerate(vjm.arm.joints):
         before, after = (joint_functional(vjm, structure, k) for structure in (plain, estimate.structure))
         compliances = float(before @ assumed), float(after @ estimate.pi)
