@@ -15,8 +15,8 @@ from testbench.plant.build import SPRING_DAMPING_TIME
 from testbench.plant.equilibrium import (
     STEP_TOLERANCE,
     ArmEquilibrium,
+    create_arm_copies,
     evaluate,
-    open_copies,
     solve_equilibrium,
     undeflected_configurations,
 )
@@ -91,7 +91,7 @@ def two_threads(arm: Cell, q: Array) -> list[Row]:
         solve_equilibrium(arm.plant, q[some])
         solve_equilibrium(arm.plant, q[some], wrench[some], point[some])
 
-    batch, row = Batch(arm.plant.model, len(q), nthread=2), open_copies(arm.plant)
+    batch, row = Batch(arm.plant.model, len(q), nthread=2), create_arm_copies(arm.plant)
     batch.bind("qfrc_bias")
     batch.bind("qpos")[:] = held = undeflected_configurations(arm.plant, q)
     with ThreadPoolExecutor(2) as pool:

@@ -2,9 +2,9 @@
 
     python tools/build_dataset.py DIR [--campaigns 3600] [--seed 100000] [--workers N] [--force]
 
-In a round there is one campaign for each kind of true arm in TRUTHS and error of a prior in PRIORS. An arm
-is measured once with each prior, in other poses and with other noise. The campaign with number k has seed
-root + k, and the true arm has that of its first campaign.
+In a round there is one campaign for each kind of true arm in FAMILY_TRUE_ARMS and error of a prior in PRIORS.
+An arm is measured once with each prior, in other poses and with other noise. The campaign with number k has
+seed root + k, and the true arm has that of its first campaign.
 
 The same seed gives the same bytes, whatever the number of workers. All files or none are written. The texts
 of card and metadata are in `tools/public_dataset`.
@@ -27,7 +27,7 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.files.write import columns
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS
 from testbench.report.schema import KNOWN, TRUE_ARM_LABELS
 from testbench.runs import manifest as files
 from testbench.runs.engine import Chunks, on_cores
@@ -51,7 +51,7 @@ from testbench.workflows.models import PRIORS, prior_of
 
 COMMAND = "tools/build_dataset.py"
 FOLDER = "tubes"  #: The kind that is the folder's own arm, the same for every seed: one arm, in one split.
-GRID = len(TRUTHS) * len(PRIORS)  #: Campaigns of a round.
+GRID = len(FAMILY_TRUE_ARMS) * len(PRIORS)  #: Campaigns of a round.
 ROUNDS = 100
 TURNS = ("train", "dev", "test", *["train"] * 2, "test", *["train"] * 4)
 """The splits that arms of a kind are in, in turn."""
@@ -106,7 +106,7 @@ def _counted(chunks: Chunks) -> Iterator[int]:
 
 def kind_of(first: int) -> str:
     """Return the true arm whose campaigns begin with this one, a multiple of the number of priors."""
-    return list(TRUTHS)[first % GRID // len(PRIORS)]
+    return list(FAMILY_TRUE_ARMS)[first % GRID // len(PRIORS)]
 
 
 def split_of(first: int) -> str:
@@ -244,7 +244,7 @@ def _card(words: Mapping[str, str], kinds: Kinds, seeds: range) -> str:
         seed=seeds[0],
         commit=files.git_commit(files.ROOT),
         rounds=len(seeds) // GRID,
-        kinds=", ".join(f"`{name}` ({TRUE_ARM_LABELS[name]})" for name in TRUTHS),
+        kinds=", ".join(f"`{name}` ({TRUE_ARM_LABELS[name]})" for name in FAMILY_TRUE_ARMS),
         errors=", ".join(f"`{name}` ({called})" for name, called in KNOWN["prior_error"].called.items()),
         columns=_columns(words, kinds),
     )

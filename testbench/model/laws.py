@@ -279,7 +279,7 @@ class JointLaws:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,): a name of `joint_laws`, or `STRUT`."""
+        """Name the kind of every law, (laws,): a name of `joint_laws`, or `COMPENSATOR_KIND`."""
         every = tuple(np.repeat(list(self.laws_by_kind), len(self.compliance)).tolist())
         return every if self.compensator is None else (*every, COMPENSATOR_KIND)
 
@@ -404,7 +404,7 @@ def build_joint_laws(arm: Arm, laws_by_kind: Mapping[str, JointLaw] = joint_laws
 
 
 def law_kinds(structure: Structure) -> tuple[str, ...]:
-    """List the kinds of joint laws whose sizes are unknowns of a structure, in order, `STRUT` included."""
+    """List the kinds of joint laws whose sizes are unknowns of a structure, in order."""
     labels = structure.row_labels[structure.n_compliance_rows :] if structure.n_laws else ()
     return tuple(dict.fromkeys(label.rpartition(" ")[2] for label in labels))
 

@@ -126,7 +126,7 @@ class Structure(Displayed):
 
     @property
     def n_parameters(self) -> int:
-        """Return the number of parameters."""
+        """Return the number of unknown entries of C_theta, the length of pi in Eq. (11)."""
         return len(self.rows)
 
     @property
@@ -141,7 +141,7 @@ class Structure(Displayed):
 
     @cached_property
     def fills_two_entries(self) -> Mask:
-        """Tell which parameters fill two places of C_theta, C[a, b] and C[b, a], (n,)."""
+        """Tell which parameters fill two entries of C_theta, C[a, b] and C[b, a], (n_parameters,)."""
         return np.asarray(self.symmetric & (self.rows != self.columns))
 
     @cached_property
@@ -168,7 +168,7 @@ class Structure(Displayed):
 
     @cached_property
     def block_groups(self) -> tuple[BlockGroup, ...]:
-        """Collect the blocks by size, smallest first."""
+        """Collect the blocks of C_theta by their size, one group per size, smallest first."""
         sizes = np.array([len(block) for block in self.blocks])
         entries = sizes * (sizes + 1) // 2
         first = np.cumsum(entries) - entries
@@ -181,7 +181,10 @@ class Structure(Displayed):
 
     @cached_property
     def upper_triangles(self) -> tuple[Ids, Ids]:
-        """Return rows and columns in C_theta of the upper triangles, column by column, block after block."""
+        """Return rows and columns in C_theta of the entries of all blocks' upper triangles, (entries,) each.
+
+        They are ordered block after block, and column by column within a block.
+        """
         block = self.block_of_row
         column, row = np.nonzero(np.tril((block[:, None] == block) & (block >= 0)))
         order = np.argsort(block[column], kind="stable")

@@ -32,28 +32,28 @@ class JointLawSet(Protocol):
 
     @property
     def joints(self) -> Ids:
-        """Return the index of the actuated joint that each law turns with, (laws,)."""
+        """Return the index of the actuated joint that each law deflects, (laws,)."""
 
     def unit_deflections(self, chain: "ChainState", u: Array) -> Array:
-        """Compute the turn of every law per unit of its size.
+        """Compute the deflection that every joint law adds to its joint, per unit of the law's size.
 
         Args:
             chain: The arm in its poses.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
-            Turn per unit of size, (laws, runs) [rad, m].
+            Deflection per unit of size, (laws, runs) [rad, m].
         """
 
     def unit_slopes(self, chain: "ChainState", u: Array) -> Array:
-        """Compute the derivative of the laws' turns with respect to the torque of their joint.
+        """Compute the derivative of the laws' deflections with respect to the torque of their joint.
 
         Args:
             chain: The arm in its poses.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
-            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
+            Deflection per unit of size and torque, (laws, runs) [rad/(N m), m/N].
         """
 
 
@@ -236,7 +236,7 @@ def _add_lever_arms(J: Array, from_links: Array, from_joints: Array) -> None:
 
 
 def add_law_deflections(vjm: Vjm, theta: Array) -> Array:
-    """Add the turns of joint laws to those of their joints.
+    """Add the deflections of joint laws to the virtual joint coordinates of their joints.
 
     Args:
         vjm: Kinematics, with or without laws.
@@ -410,7 +410,13 @@ def skew(vectors: Array) -> Array:
 
 
 def rigid_motion_matrix(points: Array) -> Array:
-    """Compute G of points of a rigid tool, (m, 3) [m]: motion = G @ twist in its frame, (3 m, 6) [1, m].
+    """Compute the matrix G with motion of points of a rigid tool = G @ twist of the tool, all in its frame.
+
+    Args:
+        points: Points in the tool's frame, (m, 3) [m].
+
+    Returns:
+        G, three rows per point; a twist is translation, then rotation, (3 m, 6) [1, m].
 
     Mathematics: `vjm-4`.
     """
@@ -460,8 +466,8 @@ def generalised_load(chain: ChainState, wrench: Array, point: Array) -> Array:
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
-        Load of links and joints [N, N m], then the turn per unit of size of joint laws [rad, m], (n_theta,
-        runs).
+        Load of links and joints [N, N m], then the deflection per unit of size of joint laws [rad, m],
+        (n_theta, runs).
 
     Raises:
         BenchError: When an array has another shape or is not finite.
@@ -495,7 +501,7 @@ def generalised_load_without_laws(chain: ChainState, wrench: Array, point: Array
 
 
 def append_law_unit_deflections(chain: ChainState, load: Array) -> Array:
-    """Append the turns of joint laws per unit of size to the loads of links and joints.
+    """Append the deflections of joint laws, per unit of size, to the generalised loads of links and joints.
 
     Args:
         chain: Tool and Jacobian of every run, with the laws if there are some.
@@ -672,7 +678,7 @@ def in_work_area(vjm: Vjm, work_area: WorkArea, q: Array) -> Mask:
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        True where position and direction both fit, (poses,).
+        True where the tool is inside the box and its x axis inside the cone, (poses,).
 
     Raises:
         BenchError: When q has another shape or is not finite.

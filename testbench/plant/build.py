@@ -192,20 +192,20 @@ MAX_COLLIDING_PAIRS = 50_000
 """Most geoms that may collide: 316 on ten links."""
 MAX_HULL_CORNERS = 1000
 """Most corners of the convex hull by which a mesh collides."""
-COPIES = 8
+ARMS_PER_MODEL = 8
 """Number of copies. MuJoCo compiles them in 15 ms; the time grows with the square of their number."""
 
 
 @dataclass(frozen=True)
-class Copies:
-    """Hold several copies of a model's bodies and joints, compiled when they are first needed."""
+class ModelCopies:
+    """Hold several copies of an arm's bodies and joints in one MuJoCo model, compiled when first needed."""
 
     model: mujoco.MjModel  #: The model that is copied.
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
         """Compile the copies: that takes a third of the time in which a command loads its arm."""
-        return _copies_in_one_model(self.model, COPIES)
+        return _copies_in_one_model(self.model, ARMS_PER_MODEL)
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class Plant:
 
     arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
-    copies: Copies  #: Copies of the model, or of the model that it is an altered copy of.
+    copies: ModelCopies  #: ModelCopies of the model, or of the model that it is an altered copy of.
     theta: Ids  #: Address of each virtual joint, (n_theta,).
     joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.
@@ -352,7 +352,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
     return Plant(
         arm=arm,
         model=model,
-        copies=Copies(model),
+        copies=ModelCopies(model),
         theta=theta,
         joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
         tool=model.body(arm.tool).id,
@@ -368,7 +368,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
 
 
 def weightless(plant: Plant) -> Plant:
-    """Copy a plant without gravity."""
+    """Copy a plant with the gravity of its MuJoCo model set to zero."""
     model = copy.copy(plant.model)
     model.opt.gravity[:] = 0
     return replace(plant, model=model)

@@ -71,7 +71,7 @@ class Gears:
 
 
 def draw_gears(errors: GearErrors, joints: int, rng: np.random.Generator) -> Gears:
-    """Draw gear errors of joints; the errors of an order do not depend on how many orders there are.
+    """Draw the gear errors of all joints; those of one order do not depend on the number of orders.
 
     Args:
         errors: Sizes of the errors.
@@ -141,7 +141,7 @@ class Disturbances:
     backlash: float = 0.0
     #: Half-width of the hysteresis loop of every joint [rad], by friction in its gear.
     hysteresis: float = 0.0
-    foundation: float = 0.0  #: Compliance of the foundation over `FOUNDATION` [1].
+    foundation: float = 0.0  #: Compliance of the foundation over `FOUNDATION_COMPLIANCE` [1].
 
     def __post_init__(self) -> None:
         for name in ("sensor_offset", "centre_error", "stiffening", "backlash", "hysteresis", "foundation"):
@@ -177,7 +177,7 @@ of that stiffness is impossible: turning joint 2 by a radian would take 400 time
 weight.
 """
 
-FOUNDATION = (1e-9, 1e-9, 0.5e-9, 2.5e-9, 2.5e-9, 1.5e-9)
+FOUNDATION_COMPLIANCE = (1e-9, 1e-9, 0.5e-9, 2.5e-9, 2.5e-9, 1.5e-9)
 """Diagonal of the compliance below the base, at its origin, world axes [m/N, rad/(N m)]. All assumed:
 anchored in a concrete floor, 4e8 N m/rad against rocking. The base casting of models/kr500_l480 itself has
 6e-9 rad/(N m)."""
@@ -243,13 +243,13 @@ class TrueLaw(Protocol):
 
 @dataclass(frozen=True)
 class TrueJointLaws:
-    """Define the turn of every joint's spring as a function of its torque."""
+    """Define the deflection of every joint of a true arm as a nonlinear function of its torque."""
 
     compliance: Array  #: Compliance of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
     stiffening: float  #: beta [1].
     backlash: float  #: Half-width b of the backlash [rad].
     hysteresis: float  #: Half-width h of the hysteresis loop [rad].
-    #: Turns from which the joints come, (..., n) [rad]; None for joints without friction history.
+    #: Deflections from which the joints come, (..., n) [rad]; None for joints without friction history.
     start: Array | None = None
     #: Largest half-width H of friction that slips gradually, (n,) [rad]; None for none.
     slip: Array | None = None
@@ -267,8 +267,8 @@ class TrueJointLaws:
         return self if self.start is None else replace(self, start=self.start[runs])
 
 
-def joint_rotation(law: TrueJointLaws, torque: Array) -> Array:
-    """Compute the turn theta of joints under a torque.
+def joint_deflection(law: TrueJointLaws, torque: Array) -> Array:
+    """Compute the deflection theta of nonlinear joints under a torque: stiffening, backlash and friction.
 
     Mathematics: `law-3`, `law-9`.
 
@@ -283,10 +283,10 @@ def joint_rotation(law: TrueJointLaws, torque: Array) -> Array:
     if law.start is None:
         return target
     held = np.clip(law.start, target - law.hysteresis, target + law.hysteresis)
-    return held if law.slip is None else law.start + friction_motion(held - law.start, law.slip)
+    return held if law.slip is None else law.start + gradual_slip_motion(held - law.start, law.slip)
 
 
-def tangent_compliance(law: TrueJointLaws, torque: Array) -> Array:
+def joint_tangent_compliance(law: TrueJointLaws, torque: Array) -> Array:
     """Compute the tangent compliance d theta / d torque of joints; zero where friction holds.
 
     Args:
@@ -367,7 +367,7 @@ class SpringEffects:
     law: TrueLaw | None = None  #: Turn of the joints in addition to their linear springs.
 
 
-def friction_motion(d: Array, slip: Array) -> Array:
+def gradual_slip_motion(d: Array, slip: Array) -> Array:
     """Compute how far friction elements of half widths from 0 to `slip` follow a target that moved.
 
     Args:
@@ -382,7 +382,7 @@ def friction_motion(d: Array, slip: Array) -> Array:
 
 
 def slipping_share(d: Array, slip: Array) -> Array:
-    """Compute the share of these elements that move on with the target.
+    """Compute the share of friction elements that slip when their target has moved, min(|d| / slip, 1).
 
     Args:
         d: Motion of the target, (..., n) [rad].

@@ -35,8 +35,8 @@ from testbench.plant.disturbance import (
     SpringEffects,
     TrueJointLaws,
     gear_error,
-    joint_rotation,
-    tangent_compliance,
+    joint_deflection,
+    joint_tangent_compliance,
 )
 from testbench.progress import stepwise
 
@@ -68,8 +68,8 @@ class ArmCopies:
     rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
 
 
-def open_copies(plant: Plant) -> ArmCopies:
-    """Make the MuJoCo model with copies of the plant's arm in a row, and views of its arrays by copy."""
+def create_arm_copies(plant: Plant) -> ArmCopies:
+    """Create the state of a MuJoCo model with several copies of the plant's arm, and views of it per copy."""
     model = plant.model_of_copies
     data = mujoco.MjData(model)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
@@ -85,17 +85,17 @@ def open_copies(plant: Plant) -> ArmCopies:
 
 
 def evaluate(row: ArmCopies, qpos: Array, bodies: Collection[int] = ()) -> BodyState:
-    """Evaluate configurations in MuJoCo, as many at a time as there are arms in the row.
+    """Compute gravity force, Jacobian and body poses of configurations in MuJoCo, several at a time.
 
     Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
 
     Args:
-        row: The arms.
+        row: Copies of the arm in one MuJoCo model.
         qpos: Configurations, (poses, nv) [m, rad].
         bodies: Ids of the requested bodies; without any, `motion` and `centre` are left out.
 
     Returns:
-        Places of the bodies, and the generalised force of the arm's own weight.
+        Poses of the bodies, and the generalised force of the arm's own weight.
     """
     model, data, (arms, nv) = row.model, row.data, row.qpos.shape
     poses, room = len(qpos), -(-len(qpos) // arms) * arms
@@ -183,15 +183,15 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Strut:
-    """Hold the compensator in some poses; arguments `poses` are indices of them."""
+class CompensatorState:
+    """Hold the constants of a gravity compensator in some held poses, theta = 0."""
 
     spring: Compensator
     stiffness: float  #: Change of force over change of length as the arm deflects [N/m].
     bodies: tuple[int, int]  #: Ids of the bodies on which it is hinged.
     length_fixed: Array  #: Length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
-    share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
+    share: Array  #: k g / (1 + k g . C g) with k the stiffness, for Sherman and Morrison, (poses, nv).
 
 
 def compensator_bodies(plant: Plant) -> tuple[int, int]:
@@ -212,7 +212,7 @@ def compensator_bodies(plant: Plant) -> tuple[int, int]:
     return plant.model.body(links[1].name).id, plant.model.body(links[2].name).id
 
 
-def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
+def strut(compensator: Compensator, plant: Plant, state: BodyState) -> CompensatorState:
     """Compute the gravity compensator in held poses, theta = 0.
 
     Args:
@@ -230,10 +230,10 @@ def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
     C_g = np.matvec(plant.C, g)
     k = compensator.rate if compensator.stiffness is None else compensator.stiffness
     share = (k / (1 + k * np.vecdot(g, C_g)))[:, None] * g
-    return Strut(compensator, k, ends, held, C_g, share)
+    return CompensatorState(compensator, k, ends, held, C_g, share)
 
 
-def strut_force(strut: Strut, plant: Plant, state: BodyState, poses: Ids) -> Array:
+def compensator_force(strut: CompensatorState, plant: Plant, state: BodyState, poses: Ids) -> Array:
     """Compute the generalised force of the compensator in the present poses.
 
     Mathematics: `law-10`.
@@ -253,7 +253,7 @@ def strut_force(strut: Strut, plant: Plant, state: BodyState, poses: Ids) -> Arr
     return _strut_load(plant, strut.bodies, state, hinges, force)
 
 
-def correct_for_strut(strut: Strut, step: Array, poses: Ids) -> Array:
+def correct_steps_for_compensator(strut: CompensatorState, step: Array, poses: Ids) -> Array:
     """Correct steps of the arm's own springs for the stiffness of the compensator.
 
     It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.
@@ -314,8 +314,8 @@ class ArmEquilibrium:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Hold poses of one batch; arguments `poses` are indices of poses, repeated where a pose is varied."""
+class PoseBatch:
+    """Hold the poses of one batch with their loads and elasticity; methods take indices of poses."""
 
     plant: Plant
     q_fixed: Array  #: Configuration with the actuated joints at their angles and theta = 0, (poses, nv).
@@ -323,7 +323,7 @@ class Batch:
     point: Array  #: Point where the force acts, in the tool's frame, (poses, 3) [m].
     C: Array  #: Compliance, one per pose or the same in all, (poses, nv, nv) or (nv, nv).
     law: TrueJointLaws | None = None  #: Nonlinear joint laws; None for MuJoCo's linear springs.
-    strut: Strut | None = None  #: A gravity compensator.
+    strut: CompensatorState | None = None  #: A gravity compensator.
 
     @property
     def bodies(self) -> tuple[int, ...]:
@@ -392,7 +392,7 @@ def solve_equilibrium(
             row: Copies of the arm, one per run.
         """
         held, C = undeflected_configurations(plant, true_q[part]), plant.compliance(q[part])
-        poses = Batch(plant, held, wrench[part], point[part], C, law and law.select(part))
+        poses = PoseBatch(plant, held, wrench[part], point[part], C, law and law.select(part))
         if changes.compensator is not None:
             state = evaluate(row, poses.q_fixed, compensator_bodies(plant))
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
@@ -423,13 +423,16 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaw
 def solve_unloaded_and_loaded(
     plant: Plant, q: Array, wrench: Array, point: Array
 ) -> tuple[ArmEquilibrium, ArmEquilibrium]:
-    """Find the equilibria of the arm unloaded, then loaded from there.
+    """Find the equilibria of the arm without a load, then with the load put on in the same pose.
 
     Args:
-        plant: The plant.
-        q: Joint angles, (runs, n) [rad, m].
+        plant: The true arm.
+        q: Commanded joint angles, (runs, n) [rad, m].
         wrench: Force and moment in world axes, (runs, 6) [N, N m].
         point: Point where the force acts in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        The unloaded and the loaded equilibria.
     """
     rest = solve_equilibrium(plant, q)
     return rest, solve_equilibrium(plant, q, wrench, point, before=rest)
@@ -438,14 +441,17 @@ def solve_unloaded_and_loaded(
 def solve_in_batches(
     plant: Plant, runs: int, solve: Callable[[slice, ArmCopies], ArmEquilibrium]
 ) -> ArmEquilibrium:
-    """Find the equilibria of all runs part by part.
+    """Find the equilibria of all runs in batches of POSES_AT_ONCE, which limits the memory.
 
     Args:
-        plant: The plant.
+        plant: The true arm.
         runs: Number of runs.
-        solve: Finds the equilibria of one part.
+        solve: Function that finds the equilibria of the runs of a slice with the given copies of the arm.
+
+    Returns:
+        Equilibria of all runs, in their order.
     """
-    row = open_copies(plant)
+    row = create_arm_copies(plant)
     starts = stepwise(range(0, max(runs, 1), POSES_AT_ONCE), "settling the arm")
     equilibria = [solve(slice(start, start + POSES_AT_ONCE), row) for start in starts]
     return ArmEquilibrium(
@@ -468,7 +474,7 @@ def undeflected_configurations(plant: Plant, q: Array) -> Array:
     return held
 
 
-def _solve_batch(poses: Batch, row: ArmCopies) -> ArmEquilibrium:
+def _solve_batch(poses: PoseBatch, row: ArmCopies) -> ArmEquilibrium:
     """Solve for the equilibrium of one batch of poses."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
     qpos = _newton(poses, row)
@@ -481,25 +487,25 @@ def _solve_batch(poses: Batch, row: ArmCopies) -> ArmEquilibrium:
     )
 
 
-def _force(poses: Batch, state: BodyState, places: Ids) -> Array:
+def _force(poses: PoseBatch, state: BodyState, places: Ids) -> Array:
     """Compute the generalised force Q without springs, (some, nv) [N, N m]."""
     plant, Q = poses.plant, state.weight
     if poses.wrench.any():
         at = point_position(state, plant.tool, poses.point[places])
         Q = Q + generalised_force(plant, state, plant.tool, poses.wrench[places], at)
-    return Q if poses.strut is None else Q + strut_force(poses.strut, plant, state, places)
+    return Q if poses.strut is None else Q + compensator_force(poses.strut, plant, state, places)
 
 
-def _deflect(poses: Batch, Q: Array, places: Ids) -> Array:
+def _deflect(poses: PoseBatch, Q: Array, places: Ids) -> Array:
     """Compute the deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
     deflection, hinges = np.matvec(poses.compliance_in(places), Q), poses.plant.hinges
     if poses.law:
         law = poses.law.select(places)
-        deflection[:, hinges] = joint_rotation(law, _torques(poses, law, Q[:, hinges]))
+        deflection[:, hinges] = joint_deflection(law, _torques(poses, law, Q[:, hinges]))
     return np.asarray(deflection)
 
 
-def _torques(poses: Batch, law: TrueJointLaws, torque: Array) -> Array:
+def _torques(poses: PoseBatch, law: TrueJointLaws, torque: Array) -> Array:
     """Compute torques by which uncoupled joints would turn as these coupled joints do, (..., n) [N m]."""
     effects = poses.plant.spring_effects
     if effects is None or effects.joint_coupling is None:
@@ -507,7 +513,7 @@ def _torques(poses: Batch, law: TrueJointLaws, torque: Array) -> Array:
     return np.asarray(torque + np.matvec(effects.joint_coupling, torque) / law.compliance)
 
 
-def _newton(poses: Batch, row: ArmCopies) -> Array:
+def _newton(poses: PoseBatch, row: ArmCopies) -> Array:
     """Iterate the virtual joints from `held` to equilibrium; return the configurations, (poses, nv) [m, rad].
 
     A pose in equilibrium, or without one, takes no further steps.
@@ -549,16 +555,16 @@ def _newton(poses: Batch, row: ArmCopies) -> Array:
     return qpos
 
 
-def _newton_steps(poses: Batch, inverses: dict[int, Array], step: Array, places: Ids) -> Array:
+def _newton_steps(poses: PoseBatch, inverses: dict[int, Array], step: Array, places: Ids) -> Array:
     """Convert steps of the constant springs to Newton steps: by a pose's own tangent, or by the strut."""
-    corrected = step if poses.strut is None else correct_for_strut(poses.strut, step, places)
+    corrected = step if poses.strut is None else correct_steps_for_compensator(poses.strut, step, places)
     for i in inverses.keys() & set(places.tolist()):
         (j,) = np.flatnonzero(places == i)
         corrected[j] = inverses[i] @ step[j]
     return corrected
 
 
-def tangent(poses: Batch, row: ArmCopies, qpos: Array, pose: int) -> Array:
+def tangent(poses: PoseBatch, row: ArmCopies, qpos: Array, pose: int) -> Array:
     """Compute I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) in one pose, by central differences.
 
     Args:
@@ -579,7 +585,7 @@ def tangent(poses: Batch, row: ArmCopies, qpos: Array, pose: int) -> Array:
     if poses.law:
         # With joint laws the slope of each joint replaces its compliance.
         law = poses.law.select(slice(pose, pose + 1))
-        steep = tangent_compliance(law, _torques(poses, law, Q[:1, hinges]))[0]
+        steep = joint_tangent_compliance(law, _torques(poses, law, Q[:1, hinges]))[0]
         C[np.ix_(hinges, hinges)] *= (steep / law.compliance)[:, None]
         C[hinges, hinges] = steep
     return np.asarray(unit - C @ (ahead - behind).T / (2 * h))

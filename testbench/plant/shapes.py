@@ -32,7 +32,9 @@ GEOM_KINDS: dict[int, GeomKind] = {
 Faces = Ids
 Surface = tuple[Array, Faces]
 """Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
-FLAT = 1e-9  #: Area of a triangle over the largest one of its surface below which it has none [1].
+FLAT_TRIANGLE_AREA = (
+    1e-9  #: Area of a triangle over the largest one of its surface below which it has none [1].
+)
 STICK_RADIUS = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 
 
@@ -321,7 +323,7 @@ def _capped_ends(size: Array, lower: Array, upper: Array) -> Array:
     return np.concatenate([size[0] * lower - [0, 0, size[2]], size[0] * upper + [0, 0, size[2]]])
 
 
-RINGS: dict[GeomKind, Callable[[Array], Array]] = {
+PRIMITIVE_RINGS: dict[GeomKind, Callable[[Array], Array]] = {
     "box": lambda size: CUBE * size,
     "cylinder": lambda size: _capped_ends(size, CIRCLE[None], CIRCLE[None]),
     "capsule": lambda size: _capped_ends(size, SPHERE[:7], SPHERE[6:]),
@@ -341,7 +343,7 @@ def primitive_surface(kind: GeomKind, size: Array) -> Surface:
     Returns:
         Corners and triangles, counterclockwise as seen from outside.
     """
-    rings = RINGS[kind](size)
+    rings = PRIMITIVE_RINGS[kind](size)
     count, around, _ = rings.shape
     low = np.arange((count - 1) * around).reshape(count - 1, around)
     beside, high = np.roll(low, -1, axis=1), low + around
@@ -353,12 +355,14 @@ def primitive_surface(kind: GeomKind, size: Array) -> Surface:
     corners, faces = rings.reshape(-1, 3), np.concatenate([bottom, sides, top])
     a, b, c = corners[faces].transpose(1, 0, 2)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return corners, faces[area > FLAT * area.max()]  # at a pole all corners of a ring are one
+    return corners, faces[area > FLAT_TRIANGLE_AREA * area.max()]  # at a pole all corners of a ring are one
 
 
 def corners(shape: Shape) -> Array:
     """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
-    points = RINGS[shape.kind](shape.size).reshape(-1, 3) if shape.mesh is None else shape.mesh.vertices
+    points = (
+        PRIMITIVE_RINGS[shape.kind](shape.size).reshape(-1, 3) if shape.mesh is None else shape.mesh.vertices
+    )
     return np.asarray(shape.position + points @ shape.rotation.T)
 
 
@@ -388,7 +392,7 @@ def hull_of(vertices: Array) -> Surface | None:
         return None
     used, faces = np.unique(hull.simplices, return_inverse=True)
     corners = vertices[used]
-    return corners, outward(corners, faces.reshape(-1, 3))
+    return corners, orient_outward(corners, faces.reshape(-1, 3))
 
 
 def hull_volume(shape: Shape) -> float:
@@ -408,8 +412,8 @@ def hull_volume(shape: Shape) -> float:
     return float(np.vecdot(a, np.cross(b, c)).sum() / 6)
 
 
-def outermost(vertices: Array) -> Array:
-    """Select the corners that span the convex hull of all.
+def convex_hull_vertices(vertices: Array) -> Array:
+    """Select the vertices of the convex hull of many points.
 
     For many corners, hulls of subsets are computed first: the time of one hull grows faster than their
     number.
@@ -450,7 +454,7 @@ def _hull(vertices: Array, slack: float) -> "ConvexHull | None":
         return None
 
 
-def outward(corners: Array, faces: Faces) -> Faces:
+def orient_outward(corners: Array, faces: Faces) -> Faces:
     """Orient the faces of a convex body counterclockwise as seen from outside.
 
     Args:
@@ -465,7 +469,7 @@ def outward(corners: Array, faces: Faces) -> Faces:
     return np.where(inward[:, None], faces[:, ::-1], faces).astype(int)
 
 
-def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
+def decimate(vertices: Array, faces: Faces, most: int) -> Surface:
     """Reduce a surface to at most about a given number of triangles.
 
     Uses fast_simplification, which trimesh uses too.

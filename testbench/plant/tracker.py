@@ -58,7 +58,9 @@ RADIAL_MPE, TRANSVERSE_MPE = (10e-6, 0.3e-6), (15e-6, 6e-6)
 
 Published by makers of laser trackers; from the project's list of numbers, without a data sheet.
 """
-TYPICAL_SHARE = 0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
+TYPICAL_MPE_SHARE = (
+    0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
+)
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class LaserTracker:
     """Describe a spherical instrument: one distance and two angles with independent normal noise."""
 
     station: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
-    share: float = TYPICAL_SHARE  #: Standard deviation over the maximum permissible error [1].
+    share: float = TYPICAL_MPE_SHARE  #: Standard deviation over the maximum permissible error [1].
 
     def covariance(self, positions: Array) -> Array:
         """Compute transverse^2 (I - u u^T) + radial^2 u u^T for the beam directions u.
@@ -125,7 +127,7 @@ def read_positions(tracker: Tracker | LaserTracker, positions: Array, rng: np.ra
 
 
 def precision(tracker: LaserTracker, before: Array, after: Array) -> Array:
-    """Compute the inverse covariance of deflections between two readings.
+    """Compute the inverse covariance of deflections, the differences of two tracker readings per target.
 
     Args:
         tracker: The instrument.

@@ -23,7 +23,7 @@ from testbench.arm.folder import Arm, Link
 from testbench.errors import Array, BenchError
 from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant_from_model, weightless
 from testbench.plant.cast import cast_link
-from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
+from testbench.plant.disturbance import FOUNDATION_COMPLIANCE, Disturbances, draw_gears
 from testbench.plant.equilibrium import compensator_bodies
 from testbench.registry import Registry
 
@@ -69,7 +69,7 @@ JOINT_COUPLING_RANGE = 0.2, 0.5
 SLIP_RANGE = 5e-5, 4e-4
 """Range of the largest half width of friction that slips gradually [rad]; hysteresis has one of 3e-5."""
 FAMILY = "family"
-"""All of TRUTHS, one per seed in turn."""
+"""All of FAMILY_TRUE_ARMS, one per seed in turn."""
 DEFORMATION_BISECTIONS = 24
 """Bisections for the size of a link's deformation."""
 
@@ -158,7 +158,7 @@ def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
     return _scaled_joints(arm, np.exp(JOINT_LOG_DEVIATION * rng.standard_normal(arm.n_joints)))
 
 
-TRUTHS: Mapping[str, TrueArm] = {
+FAMILY_TRUE_ARMS: Mapping[str, TrueArm] = {
     "tubes": TrueArm(lambda arm, _: arm),
     "off_10": TrueArm(partial(_deformed_tubes, 0.1)),
     "off_20": TrueArm(partial(_deformed_tubes, 0.2)),
@@ -166,11 +166,12 @@ TRUTHS: Mapping[str, TrueArm] = {
     "cast": TrueArm(_cast),
     "joints": TrueArm(_unequal_joints),
 }
-"""True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
+"""The family of true arms by name: tubes as in the folder; links 10, 20, 40 % off any tube; cast links;
+unequal joints."""
 
 
 def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
-    """Draw an arm of one kind of TRUTHS, each as often as the others.
+    """Draw an arm of one kind of FAMILY_TRUE_ARMS, each as often as the others.
 
     Args:
         arm: The arm as its folder describes it.
@@ -179,7 +180,7 @@ def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
     Returns:
         The drawn arm.
     """
-    return TRUTHS[str(rng.choice(list(TRUTHS)))].draw(arm, rng)
+    return FAMILY_TRUE_ARMS[str(rng.choice(list(FAMILY_TRUE_ARMS)))].draw(arm, rng)
 
 
 def _stiffer_links(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
@@ -306,7 +307,7 @@ HELD_OUT: Mapping[str, TrueArm] = {
 }
 """True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
 them."""
-TRUTH_DESCRIPTIONS = {
+FAMILY_DESCRIPTIONS = {
     "tubes": "the arm's folder: every link is a straight tube, which the template contains",
     **{
         f"off_{percent}": f"every link is {percent} % off any tube along its axes, and these are turned by "
@@ -318,7 +319,7 @@ TRUTH_DESCRIPTIONS = {
     "joints": "joints differ from the folder's: their log compliance has a standard deviation of "
     f"{JOINT_LOG_DEVIATION:g}",
 }
-"""Descriptions of TRUTHS."""
+"""Description of each kind of true arm in FAMILY_TRUE_ARMS, for pages and reports."""
 
 
 def _check(name: str, kind: TrueArm) -> None:
@@ -328,21 +329,23 @@ def _check(name: str, kind: TrueArm) -> None:
         raise BenchError(f"true arm {name!r}: {problem}")
 
 
-true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TRUTHS, **HELD_OUT}, _check)
-"""Kinds of true arms by name: TRUTHS, HELD_OUT, and those that users add."""
+true_arms: Registry[TrueArm] = Registry(
+    "true arm", "testbench.true_arms", {**FAMILY_TRUE_ARMS, **HELD_OUT}, _check
+)
+"""Kinds of true arms by name: FAMILY_TRUE_ARMS, HELD_OUT, and those that users add."""
 
 
 def true_arm_of_seed(family: str, seed: int) -> str:
-    """Return the true arm of a seed.
+    """Return the name of the true arm that belongs to a seed: the kinds of a family take turns.
 
     Args:
-        family: "family" for the kinds of TRUTHS in turn, or the name of one kind.
+        family: "family" for the kinds of FAMILY_TRUE_ARMS in turn, or the name of one kind.
         seed: The seed.
 
     Returns:
         Name of the kind.
     """
-    return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
+    return list(FAMILY_TRUE_ARMS)[seed % len(FAMILY_TRUE_ARMS)] if family == FAMILY else family
 
 
 def true_plant(arm: Arm, name: str, rng: np.random.Generator, stiffer: float = 1.0) -> "Plant":
@@ -423,7 +426,7 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
     arm = plant.arm
     if not scale:
         return plant
-    compliance = scale * np.array(FOUNDATION)
+    compliance = scale * np.array(FOUNDATION_COMPLIANCE)
     model = compile_mjcf(arm.mjcf_path, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
     true = replace(plant_from_model(arm, model), spring_effects=plant.spring_effects)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from testbench.errors import BenchError, InputError
-from testbench.plant.true_arms import TRUTHS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
 from testbench.report.report import number
 from testbench.report.schema import ALIKE, true_arm_label
@@ -343,5 +343,5 @@ def _true_arms(run: Finished) -> frozenset[str]:
     named = {leaf for key, leaf in leaves(manifest.scenario) if key.split(".")[-1] == "true_arm"}
     if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
         return frozenset()
-    own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
+    own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(FAMILY_TRUE_ARMS)))
     return frozenset(true_arm_label(name) for name in (true_arm_of_seed(family, seed) for seed in own))

@@ -24,7 +24,7 @@ from testbench.plant.shapes import (
     BodyFrames,
     Shape,
     Surface,
-    decimated,
+    decimate,
     primitive_surface,
     quaternions,
     visual_shapes,
@@ -292,5 +292,5 @@ def solid(shape: Shape) -> Surface:
         corners, faces = primitive_surface(shape.kind, shape.size)
         return shape.position + corners @ shape.rotation.T, faces
     places, inverse = np.unique(shape.mesh.vertices, axis=0, return_inverse=True)
-    thin, faces = decimated(places, inverse.ravel()[shape.mesh.faces], TRIANGLES)
+    thin, faces = decimate(places, inverse.ravel()[shape.mesh.faces], TRIANGLES)
     return shape.position + thin @ shape.rotation.T, faces

@@ -237,7 +237,7 @@ class CampaignRow(FitRow):
     check_true: ErrorRow  #: At check poses, against the true deflections.
     workspace: ErrorRow  #: Over the whole workspace, against the true deflections.
     measured: Measured
-    true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
+    true_arm: str  #: Its name in `FAMILY_TRUE_ARMS`; model and prior are those of the folder.
     places: WorkspacePoses | None  #: Poses of the workspace; None but in the first seed.
     place_mm: tuple[float, ...] | None  #: Error in each of them.
     drawn: DrawnErrors | None = None  #: For pictures; None but in the first seed.

@@ -44,8 +44,8 @@ from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.plant.true_arms import (
     FAMILY,
-    TRUTH_DESCRIPTIONS,
-    TRUTHS,
+    FAMILY_DESCRIPTIONS,
+    FAMILY_TRUE_ARMS,
     disturb,
     exactly_loaded,
     true_arm_of_seed,
@@ -323,7 +323,7 @@ def prior_in_turn(cell: Cell, seed: int) -> Prior:
     Returns:
         The prior.
     """
-    return prior_of(cell, list(PRIORS)[seed // len(TRUTHS) % len(PRIORS)], seed)
+    return prior_of(cell, list(PRIORS)[seed // len(FAMILY_TRUE_ARMS) % len(PRIORS)], seed)
 
 
 def tasks_of(asked: CompensationSettings, seed: int) -> Tasks:
@@ -560,7 +560,7 @@ BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_
 def _report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
     """Report over all truths, and truth by truth for the campaign that is advised."""
     advised = trials.where(**vars(ADVISED))
-    met = [name for name in TRUTHS if name in advised.values("true_arm")]
+    met = [name for name in FAMILY_TRUE_ARMS if name in advised.values("true_arm")]
     chosen = trials.where(name=DEFAULT)["chosen"].tolist()
     left = advised.where(arm=REAL)
     left = left.add(left_mm=np.median(np.array([*left["after_mm"]]), axis=1))
@@ -576,7 +576,7 @@ def _report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report
         points={job.name: len(job.position) for job in jobs()},
         featured=ADVISED.poses,
         numbers=asked.numbers,
-        truths={name: TRUTH_DESCRIPTIONS[name] for name in met},
+        truths={name: FAMILY_DESCRIPTIONS[name] for name in met},
         groups=_groups(asked, trials),
         by_truth=[
             Row(g, true_arm=name) for name in met for g in _groups(asked, advised.where(true_arm=name))

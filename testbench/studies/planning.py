@@ -29,7 +29,7 @@ from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, evaluate_chain
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
-from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.figure import Figure, forest, sweeps
@@ -259,7 +259,7 @@ class PlanErrorRow:
     workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
     ground: str = ""  #: Name of the ground, of that part.
     expected: Expected | None = None  #: The promise that was tried.
-    truth: str = ""  #: What a promise was tried on: one of truths.TRUTHS.
+    truth: str = ""  #: What a promise was tried on: one of FAMILY_TRUE_ARMS.
     prior: str = ""  #: One of wrong_prior.PRIORS.
     inside: float | None = None  #: Share of deflections along an axis inside the half widths of a promise.
     model: CampaignRow | None = None  #: Of the featured number of poses; the tasks are its check runs.
@@ -351,7 +351,7 @@ def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> I
 
 def prior_in_turn(seed: int) -> str:
     """Name the prior of a seed: another one each time that a truth comes round."""
-    return list(PRIORS)[(seed + seed // len(TRUTHS)) % len(PRIORS)]
+    return list(PRIORS)[(seed + seed // len(FAMILY_TRUE_ARMS)) % len(PRIORS)]
 
 
 def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[PlanErrorRow]:

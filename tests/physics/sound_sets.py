@@ -18,7 +18,7 @@ from testbench.identify.prior import Prior, cad_prior, perturb_prior
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
-from testbench.plant.true_arms import TRUTHS, disturb
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS, disturb
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import LoadedPoses, true_cell
 from testbench.workflows.cell import Cell, clear_poses
@@ -63,7 +63,11 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
     mount = np.eye(3) if mount is None else mount
     rng = trial_rng(seed, 30)
     name = str(rng.choice(list(PAYLOAD), p=[0.75, 0.25]))
-    cell, loads, truth = cells[name], LOADS[seed % len(LOADS)], list(TRUTHS)[seed // len(LOADS) % len(TRUTHS)]
+    cell, loads, truth = (
+        cells[name],
+        LOADS[seed % len(LOADS)],
+        list(FAMILY_TRUE_ARMS)[seed // len(LOADS) % len(FAMILY_TRUE_ARMS)],
+    )
     disturbed = bool(rng.random() < 0.5)
     typical = TYPICAL if name == "kr500_l480" else replace(TYPICAL, compensator=None)
     true = true_cell(cell, truth, seed).plant

@@ -15,7 +15,7 @@ from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.files.robot.write import write_elastic
 from testbench.plant.build import build_plant, plant_from_model
 from testbench.plant.disturbance import (
-    FOUNDATION,
+    FOUNDATION_COMPLIANCE,
     KR500_COMPENSATOR,
     TYPICAL,
     Disturbances,
@@ -24,19 +24,19 @@ from testbench.plant.disturbance import (
     PoseDependence,
     SpringEffects,
     TrueJointLaws,
-    joint_rotation,
-    tangent_compliance,
+    joint_deflection,
+    joint_tangent_compliance,
 )
 from testbench.plant.equilibrium import (
     compensator_bodies,
-    correct_for_strut,
+    compensator_force,
+    correct_steps_for_compensator,
+    create_arm_copies,
     evaluate,
-    open_copies,
     solve_equilibrium,
     solve_linear_equilibrium,
     solve_unloaded_and_loaded,
     strut,
-    strut_force,
     undeflected_configurations,
 )
 from testbench.plant.true_arms import disturb, exactly_loaded
@@ -115,7 +115,7 @@ def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypa
     assert_close(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
     monkeypatch.setattr("testbench.plant.equilibrium.POSES_AT_ONCE", 7)
     assert_close(settled(kr500.plant, *runs), expected)
-    monkeypatch.setattr("testbench.plant.build.COPIES", 1)
+    monkeypatch.setattr("testbench.plant.build.ARMS_PER_MODEL", 1)
     assert_close(settled(plant_from_model(kr500.arm, kr500.plant.model), *runs), expected)
 
 
@@ -196,16 +196,16 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
     spring, plant, row = (
         replace(KR500_COMPENSATOR, stiffness=stiffness),
         kr500.plant,
-        open_copies(kr500.plant),
+        create_arm_copies(kr500.plant),
     )
     k = spring.rate if stiffness is None else stiffness
     qpos = undeflected_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
     compensator = strut(spring, plant, evaluate(row, qpos, compensator_bodies(plant)))
     (held, g), step = strut_length(plant, spring, qpos), rng.standard_normal(qpos.shape)
-    (eased,) = correct_for_strut(compensator, step, np.arange(1))
+    (eased,) = correct_steps_for_compensator(compensator, step, np.arange(1))
     np.testing.assert_allclose(eased + k * (plant.C @ g) * (g @ eased), step[0], rtol=0, atol=1e-6)
     qpos[:, plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
-    (Q,) = strut_force(compensator, plant, evaluate(row, qpos, compensator_bodies(plant)), np.arange(1))
+    (Q,) = compensator_force(compensator, plant, evaluate(row, qpos, compensator_bodies(plant)), np.arange(1))
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
     np.testing.assert_allclose(Q, -pull * g, rtol=0, atol=1e-9 * np.abs(Q).max())
@@ -220,7 +220,7 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     (rest, rigid), (_, soft) = (solve_unloaded_and_loaded(arm, q, wrench, point) for arm in arms)
     at = rest.tool + (rest.rotation @ point[:, :, None])[:, :, 0]
     moment = wrench[:, 3:] + np.cross(at, wrench[:, :3])
-    twist = scale * np.array(FOUNDATION) * np.c_[wrench[:, :3], moment]
+    twist = scale * np.array(FOUNDATION_COMPLIANCE) * np.c_[wrench[:, :3], moment]
     expected = twist[:, :3] + np.cross(twist[:, 3:], rest.tool)
     moved = soft.tool - rigid.tool
     # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
@@ -239,7 +239,7 @@ def spring_torque(law, theta, torque):
     """What springs hold at their turns, friction beside them: by the polynomial itself."""
     x = law.compliance * torque
     friction = 0.0 if law.start is None else law.hysteresis
-    slip = np.clip(theta - joint_rotation(replace(law, start=None), torque), -friction, friction)
+    slip = np.clip(theta - joint_deflection(replace(law, start=None), torque), -friction, friction)
     phi = theta - law.backlash * np.tanh(x / law.backlash) - slip
     return phi / law.compliance * (1 + law.stiffening * (phi / 1e-3) ** 2)
 
@@ -248,9 +248,9 @@ def spring_torque(law, theta, torque):
 def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a_nanoradian(before):
     """Springs by their polynomial, not by the root that was solved for; within its band friction holds."""
     law, h = replace(LAW, start=before), 1e-3
-    expected = (joint_rotation(law, TORQUE + h) - joint_rotation(law, TORQUE - h)) / (2 * h)
-    np.testing.assert_allclose(tangent_compliance(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
-    moving, theta = tangent_compliance(law, TORQUE) > 0, joint_rotation(law, TORQUE)
+    expected = (joint_deflection(law, TORQUE + h) - joint_deflection(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(joint_tangent_compliance(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
+    moving, theta = joint_tangent_compliance(law, TORQUE) > 0, joint_deflection(law, TORQUE)
     assert (before is None) == moving[3]  # friction holds it
     np.testing.assert_allclose(spring_torque(law, theta, TORQUE), TORQUE, rtol=1e-9)
     for off in (1e-9, -1e-9):
@@ -345,7 +345,7 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
         linear = (np.diag(own) + between) @ Q[plant.hinges]
         turns = TrueJointLaws(own, *(law.values() or (0, 0, 0)), start=before.theta[pose, n:])
         np.testing.assert_allclose(
-            rest.theta[pose, n:], joint_rotation(turns, linear / own), rtol=0, atol=1e-9
+            rest.theta[pose, n:], joint_deflection(turns, linear / own), rtol=0, atol=1e-9
         )
 
 
@@ -354,10 +354,14 @@ def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
     H, before, h = np.array([2e-4, 1e-4, 5e-5, 4e-4]), np.array([0.0, 0.0, 2e-3, 8e-5]), 1e-3
     law = replace(LAW, start=before, hysteresis=0.0, slip=H)
     widths = (np.arange(20_000) + 0.5)[:, None] / 20_000 * H
-    target = joint_rotation(replace(law, start=None), TORQUE)
+    target = joint_deflection(replace(law, start=None), TORQUE)
     plays = np.clip(before, target - widths, target + widths)
-    np.testing.assert_allclose(joint_rotation(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
-    expected = (joint_rotation(law, TORQUE + h) - joint_rotation(law, TORQUE - h)) / (2 * h)
-    np.testing.assert_allclose(tangent_compliance(law, TORQUE), expected, rtol=1e-5)
+    np.testing.assert_allclose(joint_deflection(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
+    expected = (joint_deflection(law, TORQUE + h) - joint_deflection(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(joint_tangent_compliance(law, TORQUE), expected, rtol=1e-5)
     # some of its plays move
-    assert 0 < tangent_compliance(law, TORQUE)[3] < tangent_compliance(replace(law, start=None), TORQUE)[3]
+    assert (
+        0
+        < joint_tangent_compliance(law, TORQUE)[3]
+        < joint_tangent_compliance(replace(law, start=None), TORQUE)[3]
+    )

@@ -32,7 +32,7 @@ from testbench.identify.prior import (
 from testbench.identify.regression import ResidualTerm, f_m, reduce, regression_from_terms
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS
 from testbench.workflows.campaign import true_cell
 
 STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
@@ -286,7 +286,7 @@ def test_duals_that_are_none_and_models_that_are_not_conservative_are_refused_in
         assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("name", FAMILY_TRUE_ARMS)
 def test_true_arms_of_every_kind_lie_within_the_default_bounds(kr500, name):
     """What is assumed of several axes at once holds where the truth is known."""
     cell, s = true_cell(kr500, name, 5), all153(kr500.arm)

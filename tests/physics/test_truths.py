@@ -27,7 +27,7 @@ from testbench.workflows.models import PRIORS, WRONG_FACTOR, WRONG_ROTATION, pri
 
 TUBE = elastic.tube_compliance(elastic.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
 OFF = {"off_10": 0.1, "off_20": 0.2, "off_40": 0.4}
-TRUE = {**true_arms.TRUTHS, **true_arms.HELD_OUT}
+TRUE = {**true_arms.FAMILY_TRUE_ARMS, **true_arms.HELD_OUT}
 SEEDS = range(20)
 
 
@@ -104,7 +104,7 @@ def test_joints_are_normal_or_far_off_evenly_in_the_logarithm_each_by_itself(kr5
         assert np.log(0.3) <= off.min() <= off.max() <= np.log(3.0)
 
 
-@pytest.mark.parametrize("name", true_arms.TRUTHS)
+@pytest.mark.parametrize("name", true_arms.FAMILY_TRUE_ARMS)
 def test_mujoco_and_the_model_agree_to_first_order_on_every_truth(kr500, name):
     """MuJoCo's linear deflections against those of the model with the true compliances."""
     cell = true_cell(kr500, name, 3)
@@ -183,15 +183,15 @@ def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softe
             assert found.joints == own.joints
         met.add(kind)
         soft.add(one.argmax())
-    assert met == set(true_arms.TRUTHS)
+    assert met == set(true_arms.FAMILY_TRUE_ARMS)
     assert len(soft) >= 5
 
 
 def family_member(kr500, seed):
     """Kind and arm that the first draws of a seed's stream make, and that stream from there on."""
     rng = trial_rng(seed, 8)
-    kind = list(true_arms.TRUTHS)[rng.integers(len(true_arms.TRUTHS))]
-    return kind, true_arms.TRUTHS[kind].draw(kr500.arm, rng), rng
+    kind = list(true_arms.FAMILY_TRUE_ARMS)[rng.integers(len(true_arms.FAMILY_TRUE_ARMS))]
+    return kind, true_arms.FAMILY_TRUE_ARMS[kind].draw(kr500.arm, rng), rng
 
 
 def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):
@@ -220,10 +220,10 @@ def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_mat
 
 
 def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answered_with_all(kr500):
-    kinds = [*true_arms.TRUTHS, *true_arms.TRUTHS]
+    kinds = [*true_arms.FAMILY_TRUE_ARMS, *true_arms.FAMILY_TRUE_ARMS]
     assert [true_arms.true_arm_of_seed("family", 12 + k) for k in range(len(kinds))] == kinds
     assert {true_arms.true_arm_of_seed("cast", seed) for seed in SEEDS} == {"cast"}
-    for find, names in ((true_cell, true_arms.TRUTHS), (prior_of, PRIORS)):
+    for find, names in ((true_cell, true_arms.FAMILY_TRUE_ARMS), (prior_of, PRIORS)):
         with pytest.raises(BenchError, match=", ".join(names)):
             find(kr500, "rubber", 1)
 

@@ -8,7 +8,7 @@ import pytest
 from checks import check_spread, unit_in
 from reports import check, table_of
 
-from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
 from testbench.studies.compensation import (
@@ -97,7 +97,7 @@ def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(found):
     assert own.nine_percent == pytest.approx(100 * np.mean(shares >= 90))
     assert own.covered_percent == pytest.approx(90)
     by_truth = [g for g in found.numbers["by_truth"] if (g.name, g.arm) == (DEFAULT, REAL)]
-    assert [(g.true_arm, g.cases) for g in by_truth] == [(name, POINTS) for name in TRUTHS]
+    assert [(g.true_arm, g.cases) for g in by_truth] == [(name, POINTS) for name in FAMILY_TRUE_ARMS]
 
 
 def test_the_default_is_judged_beside_the_strongest_rival_by_what_is_left(found):

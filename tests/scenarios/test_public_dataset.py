@@ -12,7 +12,7 @@ from pyarrow import parquet
 from run_here import ROOT, held
 
 import testbench as tb
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS
 from testbench.workflows.campaign import draw_poses, simulate_at, true_cell
 from testbench.workflows.cell import build_cell
 from testbench.workflows.load_dataset import SCENARIO, TABLES
@@ -50,7 +50,7 @@ def test_a_campaign_is_read_back_bit_by_bit(made):
     number = 4 * len(PRIORS) + 3  # the fifth kind, the fourth prior
     own = tb.load_dataset(made)[number]
     cell, seed = build_cell("kr500_l480"), SEED + number
-    true = true_cell(cell, list(TRUTHS)[4], SEED + number - 3)
+    true = true_cell(cell, list(FAMILY_TRUE_ARMS)[4], SEED + number - 3)
     known = simulate_at(true, SCENARIO, seed, draw_poses(true, SCENARIO, seed))
     for name in ("measured", "identification", "check", "check_true", "truth"):
         found, wanted = getattr(own.campaign, name), getattr(known, name)
@@ -70,10 +70,10 @@ def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there():
         numbers.setdefault((*links, *joints), set()).add(arm)
     assert all(len(own) == 1 for own in splits.values())
     assert all(len(own) == 1 for own in numbers.values())
-    assert len(splits) == len(set(arms["arm"])) == len(TRUTHS)
+    assert len(splits) == len(set(arms["arm"])) == len(FAMILY_TRUE_ARMS)
     assert {*arms["split"]} == {"train", "dev", "test"}
     grid = zip(arms["true_arm"], arms["prior_error"], strict=True)
-    assert {*grid} == {(kind, error) for kind in TRUTHS for error in PRIORS}
+    assert {*grid} == {(kind, error) for kind in FAMILY_TRUE_ARMS for error in PRIORS}
     readings = parquet.read_table(SAMPLE / "readings.parquet").to_pydict()
     assert dict(zip(readings["campaign"], readings["split"], strict=True)) == dict(
         zip(arms["campaign"], arms["split"], strict=True)
@@ -82,7 +82,7 @@ def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there():
 
 def test_arms_of_all_rounds_are_shared_out_as_the_card_says():
     every = range(0, GRID * ROUNDS, len(PRIORS))
-    for kind in TRUTHS:
+    for kind in FAMILY_TRUE_ARMS:
         splits = Counter(split_of(first) for first in every if kind_of(first) == kind)
         assert splits == ({"train": 100} if kind == "tubes" else {"train": 70, "dev": 10, "test": 20})
 
@@ -93,7 +93,7 @@ def test_the_sample_is_what_the_code_makes():
     assert len(here_made) == GRID
     own, cell = here_made[-1], build_cell("kr500_l480")
     seed = own.campaign.seed
-    true = true_cell(cell, list(TRUTHS)[-1], seed - len(PRIORS) + 1)
+    true = true_cell(cell, list(FAMILY_TRUE_ARMS)[-1], seed - len(PRIORS) + 1)
     known = simulate_at(true, SCENARIO, seed, draw_poses(true, SCENARIO, seed))
     assert np.allclose(own.campaign.measured.after, known.measured.after, rtol=0, atol=1e-9)
     assert np.allclose(own.campaign.truth.deflection, known.truth.deflection, rtol=0, atol=1e-9)

@@ -9,7 +9,7 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.identify.prior import cad_prior
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS
 from testbench.studies.campaign import which_model
 from testbench.studies.campaign.trial import cover, covers
 from testbench.studies.campaign.which_model import POSES, RUNS, FamilySettings, pairs, read, scenario
@@ -34,12 +34,12 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 def test_over_as_many_trials_as_priors_every_truth_meets_every_prior_once():
     for first in (0, 1000, 1003):
         met = [pair for seed in range(first, first + len(PRIORS)) for pair in pairs(seed)]
-        assert sorted(met) == sorted(product(TRUTHS, PRIORS))
-    assert all([truth for truth, _ in pairs(seed)] == list(TRUTHS) for seed in range(6))
+        assert sorted(met) == sorted(product(FAMILY_TRUE_ARMS, PRIORS))
+    assert all([truth for truth, _ in pairs(seed)] == list(FAMILY_TRUE_ARMS) for seed in range(6))
 
 
 def test_every_method_is_tried_in_every_case(rows):
-    assert len(rows) == len(SEEDS) * len(TRUTHS) * len(FEW) * METHODS
+    assert len(rows) == len(SEEDS) * len(FAMILY_TRUE_ARMS) * len(FEW) * METHODS
     cases = {(r["seed"], r["true_arm"], r["prior_error"]) for r in rows}
     assert cases == {(seed, *pair) for seed in SEEDS for pair in pairs(seed)}
     assert all(r["solved"] and r["conservative"] for r in rows if r["constraint"] == "psd")
@@ -49,7 +49,7 @@ def test_every_method_is_tried_in_every_case(rows):
 def test_the_default_is_what_it_chose_with_its_intervals_and_its_doubts(rows):
     by = {(r["seed"], r["true_arm"], r["poses"], r["name"]): r for r in rows}
     chosen = [r for r in rows if r["name"] == "default"]
-    assert len(chosen) == len(SEEDS) * len(TRUTHS) * len(FEW)
+    assert len(chosen) == len(SEEDS) * len(FAMILY_TRUE_ARMS) * len(FEW)
     for own in chosen:
         fixed = by[own["seed"], own["true_arm"], own["poses"], own["chosen"]]
         same = ("rms_um", "p95_um", "cover.covered_percent", "cover.half_mm")

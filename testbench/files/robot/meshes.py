@@ -15,7 +15,14 @@ import numpy.typing as npt
 
 from testbench.errors import Array, InputError, read_bytes
 from testbench.files.robot.robot import ImportedMesh, Note
-from testbench.plant.shapes import Faces, GeomKind, Surface, half_sizes, outermost, primitive_surface
+from testbench.plant.shapes import (
+    Faces,
+    GeomKind,
+    Surface,
+    convex_hull_vertices,
+    half_sizes,
+    primitive_surface,
+)
 
 MIN_INERTIA = 1e-9
 """Least moment of inertia of a body about any axis [kg m^2]."""
@@ -143,7 +150,7 @@ class Meshes:
             self.size += len(data)
             _check("bytes in all meshes", self.size, MAX_TOTAL)
             vertices, faces, rgba = _parsed(data, kind)
-            self.read[file] = ImportedMesh(vertices, faces, outermost(vertices), rgba)
+            self.read[file] = ImportedMesh(vertices, faces, convex_hull_vertices(vertices), rgba)
         self.faces += len(self.read[file].faces)
         _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
         return self.read[file]

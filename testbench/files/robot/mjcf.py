@@ -35,7 +35,7 @@ from testbench.files.robot.robot import (
     substitute_limits,
 )
 from testbench.plant.build import COMPILE_ERRORS, MAX_HULL_CORNERS
-from testbench.plant.shapes import GEOM_KINDS, decimated, geom_rgba, hull_of, outermost, rotation_of
+from testbench.plant.shapes import GEOM_KINDS, convex_hull_vertices, decimate, geom_rgba, hull_of, rotation_of
 from testbench.plant.site import VISUAL_GROUPS, body_name
 
 KEPT = frozenset(
@@ -201,7 +201,7 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
         if hull_of(imported_mesh.outer) is None:  # MuJoCo needs to know that it is flat
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         mesh.file, mesh.content_type = f"{len(found)}.stl", ""
-        found[mesh.file] = stl_bytes(*decimated(imported_mesh.vertices, imported_mesh.faces, MAX_FACES))
+        found[mesh.file] = stl_bytes(*decimate(imported_mesh.vertices, imported_mesh.faces, MAX_FACES))
     return found
 
 
@@ -216,7 +216,7 @@ def _surfaces(file: Path, model: mujoco.MjModel) -> list[ImportedMesh]:
         vertex, face = int(model.mesh_vertadr[k]), int(model.mesh_faceadr[k])
         corners = np.asarray(model.mesh_vert[vertex : vertex + int(model.mesh_vertnum[k])], dtype=float)
         triangles = model.mesh_face[face : face + int(model.mesh_facenum[k])].astype(int)
-        imported_meshes.append(ImportedMesh(corners, triangles, outermost(corners)))
+        imported_meshes.append(ImportedMesh(corners, triangles, convex_hull_vertices(corners)))
     return imported_meshes
 
 

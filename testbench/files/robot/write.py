@@ -39,7 +39,7 @@ from testbench.files.robot.robot import (
     visible_shapes,
 )
 from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
-from testbench.plant.shapes import PLAUSIBLE_DENSITY, Faces, Surface, decimated, hull_of, outermost
+from testbench.plant.shapes import PLAUSIBLE_DENSITY, Faces, Surface, convex_hull_vertices, decimate, hull_of
 from testbench.plant.site import compute_contacts
 from testbench.runs.whole import whole_files
 
@@ -159,12 +159,12 @@ def _area(vertices: Array, faces: Faces) -> float:
 def _small(surface: Surface, most: int) -> Surface:
     """Reduce a surface to few faces: thinned directly, or on a coarser grid first where parts are loose."""
     if len(surface[1]) > MIN_FACES and not _sound(surface[1]):
-        surface = hull_of(outermost(surface[0])) or surface
-    thin = decimated(*surface, most)
+        surface = hull_of(convex_hull_vertices(surface[0])) or surface
+    thin = decimate(*surface, most)
     for cells in GRID:
         if len(thin[1]) <= THIN_ENOUGH * most:
             break
-        thin = decimated(*_gridded(*surface, cells), most)
+        thin = decimate(*_gridded(*surface, cells), most)
     return thin
 
 
@@ -198,7 +198,7 @@ def _hulls(shapes: Sequence[ImportedShape]) -> list[Surface]:
     for cloud in clouds:
         hull = hull_of(cloud)
         if hull and len(hull[1]) > HULL_FACES:
-            hull = hull_of(decimated(*hull, HULL_FACES)[0])
+            hull = hull_of(decimate(*hull, HULL_FACES)[0])
         if hull:
             found.append(hull)
     return found

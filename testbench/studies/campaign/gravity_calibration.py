@@ -49,7 +49,7 @@ class CalibrationSettings:
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign.
-    true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
+    true_arm: str = FAMILY  #: A name of `FAMILY_TRUE_ARMS`, or all of them in turn.
     first: int = 1  #: The first seed: its errors are kept pose by pose.
     magnification: float = 50.0  #: Of the drawn deflections [1].
 

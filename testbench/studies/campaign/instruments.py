@@ -68,7 +68,7 @@ class Settings:
     first: int  #: The first seed.
     poses: tuple[int, ...] = POSES
     workspace: int = 100  #: Poses in which the models are judged.
-    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
+    true_arm: str = FAMILY  #: One of FAMILY_TRUE_ARMS, or the family in turn.
     arm: str = ARM
 
 

@@ -98,7 +98,7 @@ class DisturbanceSettings:
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 100  #: Poses in which the models are judged.
     only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
-    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
+    true_arm: str = FAMILY  #: One of FAMILY_TRUE_ARMS, or the family in turn.
     arms: tuple[str, ...] = ()  #: Beside it, of HELD_OUT.
     sizes: tuple[float, ...] = ()  #: In which it is disturbed in every way too, over those of the cases [1].
 

@@ -17,7 +17,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
-from testbench.plant.tracker import TYPICAL_SHARE, LaserTracker, precision, read_positions
+from testbench.plant.tracker import TYPICAL_MPE_SHARE, LaserTracker, precision, read_positions
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report
@@ -120,7 +120,7 @@ def readings(
         yield WEIGHTED, distance, plain
         yield UNWEIGHTED, distance, _unweighted(plain)
         yield "weighted, maximum errors", distance, _by_laser(clean, replace(tracker, share=1.0), seed)
-        averaged = _by_laser(clean, replace(tracker, share=TYPICAL_SHARE / np.sqrt(3)), seed)
+        averaged = _by_laser(clean, replace(tracker, share=TYPICAL_MPE_SHARE / np.sqrt(3)), seed)
         yield "weighted, 3 readings averaged", distance, averaged
         yield "weighted, frame drifts", distance, _by_laser(clean, tracker, seed, drifts=True)
         yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)
@@ -186,7 +186,7 @@ class NoiseSettings:
     gravity_trials: int = 200  #: So many of the trials have the gravity part too.
     instrument_trials: int = 100  #: So many have the part of the instruments.
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)  #: Of the tracker from the work area [m].
-    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
+    true_arm: str = FAMILY  #: One of FAMILY_TRUE_ARMS, or the family in turn.
 
 
 def _settings(options: NoiseOptions, quick: bool, seeds: range) -> NoiseSettings:

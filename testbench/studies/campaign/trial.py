@@ -68,7 +68,7 @@ class CampaignFitRow:
     duality_gap: float | None  #: How well the program is solved; None where none is.
     solve_seconds: float | None  #: Wall time of a fit, of all cases at once; None where it was not taken.
     identification: ErrorRow  #: At the poses that were fitted, against their readings.
-    true_arm: str  #: One of TRUTHS.
+    true_arm: str  #: One of FAMILY_TRUE_ARMS.
     part: str | None = None  #: Of a study whose parts have cases of different kinds.
     truth: Truth | None = None
     prior_error: str | None = None  #: What is wrong with the prior, one of PRIORS.

@@ -19,7 +19,7 @@ from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_compliances
 from testbench.identify.method import least_squares
 from testbench.identify.prior import Prior, scale_by_prior
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import FAMILY_TRUE_ARMS
 from testbench.report.colours import CHOICE
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
@@ -148,7 +148,7 @@ def _to_fill(cell: Cell) -> list[Model]:
 def pairs(seed: int) -> list[tuple[str, str]]:
     """Pair the truths of a trial, each with its prior: a row of a Latin square."""
     priors = list(PRIORS)
-    return [(truth, priors[(k + seed) % len(priors)]) for k, truth in enumerate(TRUTHS)]
+    return [(truth, priors[(k + seed) % len(priors)]) for k, truth in enumerate(FAMILY_TRUE_ARMS)]
 
 
 def scenario(asked: FamilySettings) -> Scenario:
@@ -288,7 +288,7 @@ def _derived(_: FamilySettings, trials: Trials) -> Trials:
     """Sort cases as readers expect them; add errors over those of joints alone in the same case."""
     places = [
         [list(known).index(word) for word in trials[name]]
-        for name, known in {"prior_error": PRIORS, "true_arm": TRUTHS}.items()
+        for name, known in {"prior_error": PRIORS, "true_arm": FAMILY_TRUE_ARMS}.items()
     ]
     own = trials.pick(np.lexsort(places))
     over = own[ERROR] / matched(own, own.where(name=JOINTS_ONLY), ERROR, (TRIAL, "true_arm", "poses"))
@@ -307,7 +307,7 @@ def promises(default: Trials) -> Iterator[Row]:
     )
     parts[f"a link off, less than {percent}"] = judged.pick(share <= MOVES)
     parts[f"a link off, more than {percent}"] = judged.pick(share > MOVES)
-    parts |= {TRUE_ARM_LABELS[name]: judged.where(true_arm=name) for name in TRUTHS}
+    parts |= {TRUE_ARM_LABELS[name]: judged.where(true_arm=name) for name in FAMILY_TRUE_ARMS}
     for where, trials in parts.items():
         if not len(trials):
             continue
