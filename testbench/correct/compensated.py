@@ -427,7 +427,7 @@ class Compensated(Displayed):
     after: Array  #: Predicted minus programmed position with it, world, (points, 3) [m].
     rotation_error: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
     half_width: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
-    at_limit: Mask  #: Joints that a limit at_limit, (points, n).
+    at_limit: Mask  #: Joints that a limit stops, (points, n).
     refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
     reference: JointMeaning  #: Meaning that the program's joints were given.
 

@@ -200,7 +200,7 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     T = block.T @ block
     S = T + others.T @ others
     own = SimpleNamespace(columns=np.arange(2), n_rigid=2, compliance_prior=None)
-    part = SimpleNamespace(gram=T[None], counts=np.array([30]))
+    part = SimpleNamespace(gram_matrices=T[None], n_equations=np.array([30]))
     learnt = ErrorScales(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)
     whole = solve_active_unknowns(own, S[None], learnt, WIDE_PRIOR).variances(np.arange(1))

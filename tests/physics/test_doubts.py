@@ -366,7 +366,7 @@ def plate(cell, runs, targets):
 
 
 def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500, monkeypatch):
-    monkeypatch.setattr(diagnosis, "MAX_REGISTERED_READINGS", 40)
+    monkeypatch.setattr(diagnosis, "MAX_ROBUST_READINGS", 40)
     assert told(*plate(kr500, runs=8, targets=12)) == []
 
 

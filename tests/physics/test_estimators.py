@@ -258,7 +258,7 @@ def noisy(clean, sigma):
 
 def weighed_rows(regression):
     """Rows and readings as least squares weighs them."""
-    weights = [np.sqrt(term.equations) for term in regression.terms]
+    weights = [np.sqrt(term.n_equations) for term in regression.terms]
     A = np.vstack([w * term.R for w, term in zip(weights, regression.terms, strict=True)])
     return A, np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
 

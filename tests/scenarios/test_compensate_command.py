@@ -441,7 +441,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     held, turned, q = np.zeros_like(own.at_limit), np.zeros_like(own.rotation_error), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
     refused = (*own.refused[:3], Refusal("reach", size=0.02), *own.refused[4:])
-    own = replace(own, stopped=held, rotation_error=turned, q=q, refused=refused)
+    own = replace(own, at_limit=held, rotation_error=turned, q=q, refused=refused)
     said = report(replace(found, found=own))
     off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
     text = check(said, ["worst"])
@@ -453,7 +453,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     ):
         assert warning in said.claims
     assert f"| 5 | 4 | {1e3 * off[3]:.3f} |" in text
-    free = replace(found, aim=Aim("position"), found=replace(own, stopped=0 * held > 1))
+    free = replace(found, aim=Aim("position"), found=replace(own, at_limit=0 * held > 1))
     assert correction_numbers(free).turns_mrad == pytest.approx(2.0)
 
 
