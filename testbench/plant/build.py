@@ -219,8 +219,8 @@ class Plant:
     arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
     copies: ModelCopies  #: ModelCopies of the model, or of the model that it is an altered copy of.
-    theta: Ids  #: Address of each virtual joint, (n_theta,).
-    joints: Ids  #: Address of each actuated joint, (n,).
+    theta: Ids  #: Index of each virtual joint in MuJoCo's qpos and qvel, (n_theta,).
+    joints: Ids  #: Index of each actuated joint in MuJoCo's qpos and qvel, (n,).
     tool: int  #: Body id of the tool.
     markers: Ids  #: Body ids of the markers, (m,).
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
@@ -250,7 +250,7 @@ class Plant:
 
     @property
     def hinges(self) -> Ids:
-        """Return the address of the sprung joint in series with each actuated one, (n,)."""
+        """Return the index in MuJoCo's qpos of the spring in series with each actuated joint, (n,)."""
         return self.theta[6 * len(self.arm.links) :]
 
     def compliance(self, q: Array) -> Array:

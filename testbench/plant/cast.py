@@ -286,6 +286,9 @@ def cast_link(link: Link, rng: np.random.Generator) -> Link:
     Args:
         link: The tube.
         rng: Source of the dimensions.
+
+    Returns:
+        The link with the compliance of the casting.
     """
     C = link.compliance
     bending = float(C[4, 4] + C[5, 5]) / 2

@@ -134,7 +134,7 @@ class Payload:
 
     @property
     def sling_start(self) -> float:
-        """Return the start of the sling below the load point [m]: the tool around it is no obstacle."""
+        """Compute the length below the load point in which the sling is not checked for contacts [m]."""
         return SHACKLE_LENGTH + self.clearance
 
 
