@@ -791,7 +791,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         if not acts:
             hint = "; for one load in the whole file, give --load, or mass_kg = 150 in [values] of a map; "
             hint += "absolute readings without a load are for `testbench calibrate`"
-            if own := [name for name in columns.ignored if looks_like(name, "forces")]:
+            if own := [name for name in columns.ignored if looks_like(name, "loads")]:
                 hint = f"; {', '.join(own[:6])}: name forces in world axes in [columns] of a map, as "
                 hint += 'force_x = "Fx"; for a mass, give --load'
             raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
@@ -803,7 +803,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         weight = np.zeros((table.rows, 6))
         weight[:, 2] = -GRAVITY * kg
         notes = (
-            [f"no column states a mass: the stated {told:g} kg are used in loaded rows"]
+            [f"no column gives a mass: loaded rows get the {told:g} kg that you stated"]
             if told is not None
             else []
         )

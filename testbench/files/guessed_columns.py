@@ -317,7 +317,7 @@ def _names_of_targets(targets: Sequence[str], arm: Arm) -> tuple[dict[str, str],
     markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
     because = "no markers of the arm"
     if len(own) == len(arm.markers):
-        markers, because = list(arm.markers), "targets are numbered as the markers of the arm"
+        markers, because = list(arm.markers), "the smallest number is the arm's first marker"
     return dict(zip(own, markers, strict=True)), [Entry("series", "markers", markers, because)]
 
 

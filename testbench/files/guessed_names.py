@@ -195,7 +195,7 @@ def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
         return
     if len(own) == len(arm.markers) == len({int(n[0]) for n in numbers if n}):
         order = sorted(own, key=lambda text: int(NUMBER.findall(text)[-1]))
-        why = "targets are numbered as the markers of the arm"
+        why = "the smallest number is the arm's first marker"
         both = zip(arm.markers, order, strict=True)
         yield from (Entry("words", marker, text, why) for marker, text in both)
     else:

@@ -660,16 +660,14 @@ def looks_like(name: str, kind: str) -> bool:
 
     Args:
         name: Name of the column.
-        kind: "orientations", "joints", "times" or "forces".
+        kind: "orientations", "joints", "times" or "loads".
 
     Returns:
         True if it does.
     """
     parts = split_unit(name)
     loaded = parts is not None and parts[1].si in LOADS and parts[1].name not in LETTERS
-    return (kind == "forces" and loaded) or re.fullmatch(
-        KNOWN_EXPORTS["alone"][kind], plain(name)
-    ) is not None
+    return (kind == "loads" and loaded) or re.fullmatch(KNOWN_EXPORTS["alone"][kind], plain(name)) is not None
 
 
 # --- Loads in words, and codes that a legend explains -------------------------------------------------------

@@ -526,7 +526,7 @@ def _load_like(header: str) -> str | None:
     name, unit = split_unit(header) or ("", None)
     names = next((own for what, own in LOADS.items() if unit and unit.si in SI[what]), None)
     if unit is None or names is None:
-        return "" if unit is None and looks_like(header, "forces") else None
+        return "" if unit is None and looks_like(header, "loads") else None
     near = get_close_matches(name.casefold(), names, n=1, cutoff=0.7)
     return f"{near[0]}_{unit.name}" if near else ""
 

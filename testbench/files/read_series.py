@@ -136,7 +136,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     alone = alone and not any(c.slot.marker for c in columns.all_of("reading"))
     if alone:
         arm = replace(arm, markers=(ALONE,))
-        notes.append(f"no column names the marker: all readings are taken to be of one, called {ALONE!r}")
+        notes.append(f"no column names the marker: all readings count as those of one, called {ALONE!r}")
     read = (read_distances if meters else read_readings)(columns, arm, conditions.loaded)
     if alone and not meters:
         _check_alone(columns, conditions, read)

@@ -195,6 +195,7 @@ HEADER_LETTERS = 5000  #: First letters whose words tell an encoding.
 NO_TABLES = {"JSON": r"\s*(\{\s*[\"}]|\[\s*\{)", "XML or HTML": r"\s*<[?!a-zA-Z]", "a PDF": "%PDF"}
 """Files that people take for tables, by their beginning."""
 GZIP = b"\x1f\x8b"
+PICTURES = b"\x89PNG", b"\xff\xd8\xff"  #: First bytes of PNG and JPEG.
 MINUS = "\u2212"  #: The sign of typesetters, which is read as a hyphen.
 ROW_NAME = re.compile(r'\s*"\d+"')  #: Number of a row, which R writes in quotes and without a name.
 COMMENTS = ("#", "//")
@@ -231,6 +232,8 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
         return sheet_text(path, content, mark)
     if content.startswith(GZIP):
         raise InputError(path, "", "expected text, got a gzip file; unpack it first")
+    if content.startswith(PICTURES):
+        raise InputError(path, "", "expected a table, got a picture")
     found = next((mark for mark in MARKS if content.startswith(mark)), b"")
     tried = [MARKS[found]] if found else [encoding] if encoding else ["utf-8", _without_mark(content)]
     for name in tried:

@@ -724,7 +724,7 @@ def _figures(found: Report) -> dict[str, Figure]:
         "pose_selection.png": sweeps(
             panes,
             answer,
-            f"{reading} Medians, bands: {span(seeds)} of {seeds} seeds.",
+            f"{reading} Lines: medians of {seeds} seeds. Bands: {span(seeds)}.",
             ("test", RANDOM),
         )
     }

@@ -156,7 +156,7 @@ def _rests(f: Row) -> list[Row]:
             "before_mm_per_m"
         ),
         "standard deviation of the arm's scale after the plan, mm per m": scale.get("after_mm_per_m"),
-        "error over the workspace from the scale alone, mm": scale.get("error_mm"),
+        "error over the workspace that the arm's scale alone causes, mm": scale.get("error_mm"),
     }
     return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
 

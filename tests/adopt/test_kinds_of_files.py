@@ -253,7 +253,7 @@ LIKE = {
     "joints": ["A1 A2 A3", "J1_cmd J2_cmd", "E1", "target_q_1", "Axis 7 [mm]", "Gelenkwinkel",
         "joint angles", "q1 q2 q5"],
     "times": ["Time", "Timestamp", "time_s", "Date;Uhrzeit", "Zeit [ms]"],
-    "forces": ["Fx Fy Fz", "Mx My Mz", "Force_x", "Torque Z", "Kraft [kN]", "F [lbf]", "effort_1",
+    "loads": ["Fx Fy Fz", "Mx My Mz", "Force_x", "Torque Z", "Kraft [kN]", "F [lbf]", "effort_1",
         "Tx [Nm]", "Load [kg]"],
 }  # fmt: skip
 
@@ -297,7 +297,7 @@ def test_readers_of_pairs_and_of_readings_list_what_they_do_not_read(tmp_path):
     said = [
         "warning: these columns look like orientations and are not read: A, B, C",
         "warning: these columns look like times and are not read: Time",
-        "warning: these columns look like forces and are not read: Fz [N]",
+        "warning: these columns look like loads and are not read: Fz [N]",
     ]
     for notes in (read_export(file, ARM).notes, read_series(file, ARM).notes):
         assert next(note for note in notes if note.startswith("warning")) == said[0]
@@ -880,6 +880,13 @@ def test_gauges_and_wires_are_known_by_their_names(name, tmp_path):
     assert found.lines[:, found.markers.index("P1")].all()
     along = np.einsum("ri,ri->r", found.deflection[:, 0], found.direction[:, 0])
     np.testing.assert_allclose(along, moved, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe0"])
+def test_a_picture_in_place_of_a_table_is_refused_as_one(tmp_path, start):
+    (file := tmp_path / "file.csv").write_bytes(start + bytes(range(256)))
+    with pytest.raises(InputError, match="expected a table, got a picture"):
+        propose(file, ARM, None, tmp_path)
 
 
 def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):

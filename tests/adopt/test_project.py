@@ -119,7 +119,7 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
     NAME.write_text(f'arm = "{ARM}"\nload = 460\ntargets = ["P9"]\n')
     words = fine("data", "check", "pairs.csv", "--out", "seen")
     assert "4512.6 N (the weight of 460 kg) in 11 runs" in words
-    assert "no column states a mass: the stated 460 kg are used" in words
+    assert "no column gives a mass: loaded rows get the 460 kg that you stated" in words
     assert "testbench identify pairs.csv --new-target" not in words
     assert "testbench identify pairs.csv --out" in words  # the arm is known
     Path("hand.toml").write_text("")

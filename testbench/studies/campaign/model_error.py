@@ -80,11 +80,12 @@ class DisturbanceOptions:
     arm: ArmFlag = "kr500_l480"
     true_arm: TrueArmFlag = FAMILY
     arms: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Extra true arm; repeatable (default: all).")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Also fit this true arm; repeatable (default: all)."),
     ] = None
     sizes: Annotated[
         list[float] | None,
-        typer.Option(min=0, max=10, metavar="X", help="Extra size over --scale; repeatable."),
+        typer.Option(min=0, max=10, metavar="X", help="Fit disturbances X times as large too; repeatable."),
     ] = None
 
 

@@ -356,7 +356,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
         title: lines(found, name, "name sigma_um", lambda row: row.sigma_um > 0 and row.name not in HIDDEN)
         for title, name in ((GRAVITY, "gravity"), (SIX_DOF, "six_dof"))
     }
-    reading = "Marks: medians; bands: their spread. Filled and dashed: with a prior."
+    reading = "Marks are medians, and bands are their spread. Filled and dashed: with a prior."
     return {
         "noise_sensitivity.png": sweeps(
             panes, found.question, reading, (JOINTS_ONLY, DEFAULT), proportional="proportional to the noise"
@@ -368,9 +368,9 @@ PRESET = Preset(
     name="noise_sensitivity",
     page="docs/studies/noise_sensitivity.md",
     question="How much do errors grow with tracker noise, for each method and structure?",
-    how="Models of the 108 runs of section 5.2 are judged in check runs. Models of the KR 500, read in 8 "
-    "poses by several instruments, are judged over the workspace. All levels of noise share their random "
-    "numbers.",
+    how="Models fitted to the 108 runs of section 5.2 are judged in its check runs. Models of the KR 500 are "
+    "fitted to 8 poses, read by several instruments, and judged over the workspace. All levels of noise "
+    "share their random numbers.",
     options=NoiseOptions,
     settings=_settings,
     seeds=(1000, 4),
