@@ -250,7 +250,7 @@ class TrueJointLaws:
     backlash: float  #: Half-width b of the backlash [rad].
     hysteresis: float  #: Half-width h of the hysteresis loop [rad].
     #: Deflections from which the joints come, (..., n) [rad]; None for joints without friction history.
-    start: Array | None = None
+    start_deflection: Array | None = None
     #: Largest half-width H of friction that slips gradually, (n,) [rad]; None for none.
     slip: Array | None = None
     user_law: TrueLaw | None = None  #: Effect that a user adds; None for none.
@@ -264,7 +264,11 @@ class TrueJointLaws:
         Returns:
             Laws with the friction history of these runs.
         """
-        return self if self.start is None else replace(self, start=self.start[runs])
+        return (
+            self
+            if self.start_deflection is None
+            else replace(self, start_deflection=self.start_deflection[runs])
+        )
 
 
 def joint_deflection(law: TrueJointLaws, torque: Array) -> Array:
@@ -280,10 +284,14 @@ def joint_deflection(law: TrueJointLaws, torque: Array) -> Array:
         Turn, (..., n) [rad].
     """
     target = _frictionless_turn(law, torque)
-    if law.start is None:
+    if law.start_deflection is None:
         return target
-    held = np.clip(law.start, target - law.hysteresis, target + law.hysteresis)
-    return held if law.slip is None else law.start + gradual_slip_motion(held - law.start, law.slip)
+    held = np.clip(law.start_deflection, target - law.hysteresis, target + law.hysteresis)
+    return (
+        held
+        if law.slip is None
+        else law.start_deflection + gradual_slip_motion(held - law.start_deflection, law.slip)
+    )
 
 
 def joint_tangent_compliance(law: TrueJointLaws, torque: Array) -> Array:
@@ -303,8 +311,8 @@ def joint_tangent_compliance(law: TrueJointLaws, torque: Array) -> Array:
         rate = rate + law.user_law.slope(x)
     if law.backlash:
         rate += 1 - np.tanh(x / law.backlash) ** 2
-    if law.start is not None:
-        away = _frictionless_turn(law, torque) - law.start
+    if law.start_deflection is not None:
+        away = _frictionless_turn(law, torque) - law.start_deflection
         rate[np.abs(away) < law.hysteresis] = 0
         if law.slip is not None:
             rate *= slipping_share(np.maximum(np.abs(away) - law.hysteresis, 0), law.slip)

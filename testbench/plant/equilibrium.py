@@ -414,7 +414,7 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaw
         stiffening=changes.stiffening,
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
-        start=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
+        start_deflection=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
         slip=effects.slip,
         user_law=effects.law,
     )
@@ -539,10 +539,10 @@ def _newton(poses: PoseBatch, row: ArmCopies) -> Array:
             lost[i] = _no_equilibrium_text(k, size[i])
         # A slow pose gets its own tangent.
         for i in active[going & (now > last / 4)].tolist():
-            inverses[i] = np.asarray(np.linalg.inv(tangent(poses, row, qpos[i], i)), dtype=float)
+            inverses[i] = np.asarray(np.linalg.inv(newton_matrix(poses, row, qpos[i], i)), dtype=float)
         # An equilibrium that needed its tangent may be unstable.
         for i in inverses.keys() & set(active[done].tolist()):
-            if _unstable(tangent(poses, row, qpos[i], i)):
+            if _unstable(newton_matrix(poses, row, qpos[i], i)):
                 lost[i] = f"the arm buckles: the equilibrium after {k} Newton steps is unstable"
         active = active[going]
         if not active.size:
@@ -564,7 +564,7 @@ def _newton_steps(poses: PoseBatch, inverses: dict[int, Array], step: Array, pla
     return corrected
 
 
-def tangent(poses: PoseBatch, row: ArmCopies, qpos: Array, pose: int) -> Array:
+def newton_matrix(poses: PoseBatch, row: ArmCopies, qpos: Array, pose: int) -> Array:
     """Compute I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) in one pose, by central differences.
 
     Args:

@@ -24,7 +24,7 @@ from testbench.model.structure import template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.plant.build import weightless
 from testbench.plant.equilibrium import PoseBatch, create_arm_copies, solve_equilibrium
-from testbench.plant.equilibrium import tangent as plant_tangent
+from testbench.plant.equilibrium import newton_matrix as plant_tangent
 from testbench.workflows.absolute import of_masses
 
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}

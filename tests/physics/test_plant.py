@@ -238,8 +238,8 @@ TORQUE = np.array([13e3, -4e3, 900.0, 40.0])  # the last within the play
 def spring_torque(law, theta, torque):
     """What springs hold at their turns, friction beside them: by the polynomial itself."""
     x = law.compliance * torque
-    friction = 0.0 if law.start is None else law.hysteresis
-    slip = np.clip(theta - joint_deflection(replace(law, start=None), torque), -friction, friction)
+    friction = 0.0 if law.start_deflection is None else law.hysteresis
+    slip = np.clip(theta - joint_deflection(replace(law, start_deflection=None), torque), -friction, friction)
     phi = theta - law.backlash * np.tanh(x / law.backlash) - slip
     return phi / law.compliance * (1 + law.stiffening * (phi / 1e-3) ** 2)
 
@@ -247,7 +247,7 @@ def spring_torque(law, theta, torque):
 @pytest.mark.parametrize("before", [None, np.array([0.0, 0.0, 2e-3, 8e-5])])
 def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a_nanoradian(before):
     """Springs by their polynomial, not by the root that was solved for; within its band friction holds."""
-    law, h = replace(LAW, start=before), 1e-3
+    law, h = replace(LAW, start_deflection=before), 1e-3
     expected = (joint_deflection(law, TORQUE + h) - joint_deflection(law, TORQUE - h)) / (2 * h)
     np.testing.assert_allclose(joint_tangent_compliance(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
     moving, theta = joint_tangent_compliance(law, TORQUE) > 0, joint_deflection(law, TORQUE)
@@ -343,7 +343,7 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
         where = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point[pose]
         mujoco.mj_applyFT(plant.model, data, wrench[pose, :3], wrench[pose, 3:], where, plant.tool, Q)
         linear = (np.diag(own) + between) @ Q[plant.hinges]
-        turns = TrueJointLaws(own, *(law.values() or (0, 0, 0)), start=before.theta[pose, n:])
+        turns = TrueJointLaws(own, *(law.values() or (0, 0, 0)), start_deflection=before.theta[pose, n:])
         np.testing.assert_allclose(
             rest.theta[pose, n:], joint_deflection(turns, linear / own), rtol=0, atol=1e-9
         )
@@ -352,9 +352,9 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
 def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
     """The mean over plays of half widths spread evenly from 0 to H; its slope is that of its turn."""
     H, before, h = np.array([2e-4, 1e-4, 5e-5, 4e-4]), np.array([0.0, 0.0, 2e-3, 8e-5]), 1e-3
-    law = replace(LAW, start=before, hysteresis=0.0, slip=H)
+    law = replace(LAW, start_deflection=before, hysteresis=0.0, slip=H)
     widths = (np.arange(20_000) + 0.5)[:, None] / 20_000 * H
-    target = joint_deflection(replace(law, start=None), TORQUE)
+    target = joint_deflection(replace(law, start_deflection=None), TORQUE)
     plays = np.clip(before, target - widths, target + widths)
     np.testing.assert_allclose(joint_deflection(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
     expected = (joint_deflection(law, TORQUE + h) - joint_deflection(law, TORQUE - h)) / (2 * h)
@@ -363,5 +363,5 @@ def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
     assert (
         0
         < joint_tangent_compliance(law, TORQUE)[3]
-        < joint_tangent_compliance(replace(law, start=None), TORQUE)[3]
+        < joint_tangent_compliance(replace(law, start_deflection=None), TORQUE)[3]
     )
