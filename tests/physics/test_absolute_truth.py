@@ -189,7 +189,7 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
     for some, series in (((long, short), {0, 1}), ((long, near), {1})):
         held.clear()
         found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), CalibrationOptions(max_order=2))
-        assert {parts[0].series for parts in held if len(parts) > 1} == series
+        assert {parts[0].series_index for parts in held if len(parts) > 1} == series
         assert max(step.rms_after for step in found.selection.steps) < 1e-3
 
 
