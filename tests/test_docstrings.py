@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tokenize
 from functools import cache
 from pathlib import Path
 
@@ -137,3 +138,27 @@ def test_a_private_docstring_of_the_library_begins_with_a_verb_too(room):
             if word in NO_VERBS or NOUN.fullmatch(word):
                 wrong.append(f"{path}:{node.lineno} {node.name}: {word}")
     assert not wrong
+
+
+QUOTED = re.compile(r"`([A-Za-z_]\w*(?:\.\w+)*)(?:\(\))?`")
+"""A name in backticks."""
+FOREIGN = {"dataclasses", "savefig", "cal_offset", "panda_", "GlobalSearch", "py", "toml"}
+"""Names of other programs, and suffixes of files."""
+
+
+def test_names_in_backticks_exist():
+    """A rename that forgets a docstring or a comment leaves a name that nobody finds."""
+    known, said = set(FOREIGN), []
+    for path in sorted(LIBRARY.rglob("*.py")):
+        known |= set(path.with_suffix("").parts)
+        with path.open("rb") as file:
+            for token in tokenize.tokenize(file.readline):
+                prose = token.type == tokenize.COMMENT or (
+                    token.type == tokenize.STRING and "`" in token.string
+                )
+                if prose:
+                    said += [(f"{path.name}:{token.start[0]}", name) for name in QUOTED.findall(token.string)]
+                elif token.type in (tokenize.NAME, tokenize.STRING):
+                    known |= set(re.findall(r"\w+", token.string))
+    assert len(said) > 100
+    assert not [f"{place}: {name}" for place, name in said if not set(name.split(".")) <= known]

@@ -14,9 +14,9 @@ rotation between two sets of points needs fewer poses. The refinement minimises
 with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
 the residuals show in addition, from the arm's geometric errors and its sag; it is estimated with the rest.
 
-`Loss` is the robust loss of pairs, registrations and calibrations. A reading has three components. Beyond a
-threshold, in standard deviations, its influence is constant (Huber): rows are multiplied by the root of the
-weight. The noise is estimated by Huber's proposal 2.
+`HuberLoss` is the robust loss of pairs, registrations and calibrations. A reading has three components.
+Beyond a threshold, in standard deviations, its influence is constant (Huber): rows are multiplied by the root
+of the weight. The noise is estimated by Huber's proposal 2.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -406,7 +406,7 @@ class GroupedRegression:
         """Select the equations of some parts.
 
         Args:
-            groups: Numbers of the parts, (parts,), out of `all_parts`.
+            groups: Numbers of the parts, (parts,), out of the property `groups`.
         """
         kept, wanted = TriangularFactors(self.factors.columns), set(groups.tolist())
         kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in wanted}
