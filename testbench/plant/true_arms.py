@@ -310,8 +310,8 @@ them."""
 FAMILY_DESCRIPTIONS = {
     "tubes": "the arm's folder: every link is a straight tube, which the template contains",
     **{
-        f"off_{percent}": f"along its axes, every link differs from a tube by {percent} %; the axes are turned "
-        f"by {np.rad2deg(percent / 100):.0f} degrees"
+        f"off_{percent}": f"along its axes, every link differs from a tube by {percent} %; the axes are "
+        f"turned by {np.rad2deg(percent / 100):.0f} degrees"
         for percent in (10, 20, 40)
     },
     "cast": "every link is a cast box, tapered, bowed, and beside the axes of its joints; half of the boxes "
