@@ -92,7 +92,9 @@ def gco_against_its_solver_and_cvxpy() -> list[Row]:
 
 def rows_of(arm: Cell) -> list[Row]:
     """The rows of one arm."""
-    name, data, structure = arm.arm.name, full_pose_runs(arm, seed=1), all153(arm.arm)
+    name = arm.arm.name
+    data = full_pose_runs(arm, seed=1)
+    structure = all153(arm.arm)
     regression = reduce(arm.vjm, structure, data)
     ours: list[Estimate] = []
     theirs: list[list[Estimate]] = [[] for _ in WAYS]

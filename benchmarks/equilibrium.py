@@ -174,7 +174,10 @@ def step_to_rest(model: mujoco.MjModel, measured: Measured, pose: int) -> Steppe
     plant, data = measured.arm.plant, mujoco.MjData(model)
     data.qpos[plant.joints] = measured.q[pose]
     load = data.xfrc_applied[model.body(measured.arm.arm.load_point).id]
-    step, smooth, damper, theta = mujoco.mj_step, data.qfrc_smooth, data.qfrc_damper, plant.theta
+    step = mujoco.mj_step
+    smooth = data.qfrc_smooth
+    damper = data.qfrc_damper
+    theta = plant.theta
 
     def left() -> float:
         return float(abs((smooth - damper)[theta]).max())
@@ -194,7 +197,9 @@ def step_to_rest(model: mujoco.MjModel, measured: Measured, pose: int) -> Steppe
         data.qpos[:], data.qvel[:] = state
         return max(STALL, found)
 
-    wall, steps, error = 0.0, [], 0.0
+    wall = 0.0
+    steps = []
+    error = 0.0
     for rest, force in zip(measured.rests, (np.zeros(3), measured.force[pose]), strict=True):
         load[:3] = force
         residual = residual_of(rest.theta[pose])

@@ -73,7 +73,9 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
 
 def of_frame(cell: Cell, seed: int) -> float:
     """Squared error of two frames and three targets over its covariance and number of unknowns [1]."""
-    rng, vjm, stations = np.random.default_rng(seed), cell.vjm, np.arange(3 * POSES) % 2
+    rng = np.random.default_rng(seed)
+    vjm = cell.vjm
+    stations = np.arange(3 * POSES) % 2
     lower, upper = cell.arm.limits
     q = rng.uniform(lower, upper, (len(stations), cell.arm.n_joints))
     p, tool = tool_poses(vjm, q)

@@ -37,7 +37,10 @@ class Registry(MutableMapping[str, T]):
     def __init__(
         self, kind: str, group: str, built_in: Mapping[str, T], check: Callable[[str, T], None]
     ) -> None:
-        self.kind, self.group, self.built_in, self._check = kind, group, dict(built_in), check
+        self.kind = kind
+        self.group = group
+        self.built_in = dict(built_in)
+        self._check = check
         self._parts: dict[str, T] = {}
         self._entries: dict[str, metadata.EntryPoint] | None = None
 

@@ -67,7 +67,9 @@ def rate(held):
 
 def table(found):
     """Cells of a row for each mistake named in less than 98 %, the most seldom first, then for all others."""
-    rows, always, others = [], [], []
+    rows = []
+    always = []
+    others = []
     for name, mistake in MISTAKES.items():
         own = [(doubt, right(name, doubt)) for case, _, doubt in found if case == name]
         often = np.mean([well for _, well in own]) if own else 0.0

@@ -149,7 +149,9 @@ def make_stock(folder: Path) -> Stock:
 
 def run_here(args: list[str], work: Path) -> tuple[int, str, str]:
     """Exit code and outputs of a command in this process."""
-    out, err, before = io.StringIO(), io.StringIO(), Path.cwd()
+    out = io.StringIO()
+    err = io.StringIO()
+    before = Path.cwd()
     argv, sys.argv = sys.argv, ["testbench", *args]
     os.chdir(work)
     try:

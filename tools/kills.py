@@ -389,7 +389,9 @@ def check_alike(
 
 def main(count: int = 200, seed: int = 1, *names: str) -> int:
     """Kill every case in turn until so many were alive; prints a line a chain. How many chains failed."""
-    rng, faults, ways = random.Random(seed), 0, Counter[str]()
+    rng = random.Random(seed)
+    faults = 0
+    ways = Counter[str]()
     start, shm = time.monotonic(), set(SHM.iterdir())
     with tempfile.TemporaryDirectory(prefix="kills_") as home, contextlib.ExitStack() as stack:
         make_inputs(Path(home, "inputs"))

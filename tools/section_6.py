@@ -118,7 +118,10 @@ def main(
     out: Annotated[Path, typer.Option(help="JSON to write.")] = OUT,
 ) -> None:
     """Try every candidate on simulated campaigns of section 6."""
-    cell, found, normal, stopped = build_cell(find_arm(ARM)), [], [], []
+    cell = build_cell(find_arm(ARM))
+    found = []
+    normal = []
+    stopped = []
     for seed in range(1000, 1000 + seeds):
         stopped.append(_stopped(cell, seed))
         errors, as_normal = _errors(cell, seed)

@@ -59,7 +59,9 @@ def main(show: Annotated[bool, typer.Option(help="Print the long sentences.")] =
         print(f"{size:6} words {len(beyond):4} of {count:4} sentences long  {page.relative_to(ROOT)}")
         if show:
             print(*(f"       {one}" for one in beyond), sep="\n")
-        words, long, every = words + size, long + len(beyond), every + count
+        words = words + size
+        long = long + len(beyond)
+        every = every + count
     print(f"{words:6} words {long:4} of {every:4} sentences long  all; at most {100 * SHARE:.0f} %")
     if long > SHARE * every:
         raise typer.Exit(1)

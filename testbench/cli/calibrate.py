@@ -111,7 +111,9 @@ def command(asked: CalibrateOptions) -> None:
             without = frozenset(asked.without or ())
             tried = fit.CalibrationOptions("none" if asked.least_squares else "psd", asked.orders, without)
         calibrated = calibrate_with_masses(cell.vjm, series, tried, notes)
-        left, more, console = counted.remaining_errors(calibrated), None, plain_console()
+        left = counted.remaining_errors(calibrated)
+        more = None
+        console = plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
             more = gain_of_further_poses(cell, calibrated.calibration.model(), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]

@@ -141,7 +141,9 @@ def report(checked: Checked) -> Report:
 
 def contents(checked: Checked) -> list[str]:
     """List payload, links, joints and frames, each with its unit and origin."""
-    arm, elastic, vjm = checked.cell.arm, checked.elastic, checked.cell.vjm
+    arm = checked.cell.arm
+    elastic = checked.elastic
+    vjm = checked.cell.vjm
     lines = [f"{arm.name}: {arm.title}"]
     if elastic.payload is None:
         lines.append("  payload: not stated")

@@ -138,7 +138,9 @@ def report(f: Row) -> Report:
 
 def _beside_random(f: Row) -> str:
     """Compare the expected error of the plan with that of random poses."""
-    plans, least, expected = f.random_plans.plans, f.random_plans.median_mm, f.error_mm.expected
+    plans = f.random_plans.plans
+    least = f.random_plans.median_mm
+    expected = f.error_mm.expected
     if least is None:
         return f"where random poses give no bound (median of {plans} plans)"
     times = least / expected

@@ -88,7 +88,9 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> InverseKinematics:
     lever = ROTATION_LEVER * vjm.reach
     q = vjm.arm.clip_to_limits(start)
     e, J = _error(vjm, lever, q, target)
-    cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
+    cost = _square(e)
+    damping = np.full(len(q), DAMPING)
+    dull = np.zeros(len(q), dtype=int)
     for _ in range(MAX_STEPS):
         active = np.flatnonzero((cost > STOP_ERROR**2) & (dull < PATIENCE))
         if not len(active):
@@ -103,7 +105,9 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> InverseKinematics:
         # accept steps that come nearer: less damping after a gain, more after none (Levenberg-Marquardt)
         better = gain > 0
         taken = active[better]
-        q[taken], e[taken], J[taken] = trial[better], e_trial[better], J_trial[better]
+        q[taken] = trial[better]
+        e[taken] = e_trial[better]
+        J[taken] = J_trial[better]
         cost[taken] = _square(e[taken])
         damping[active] *= np.where(better, 0.2, 10.0)
         dull[active] = np.where(gain > STALLED_GAIN, 0, dull[active] + 1)

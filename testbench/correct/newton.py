@@ -390,7 +390,9 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
     runs = len(points.start)
     q, theta = points.start.copy(), theta_without_springs(points.state, points.start, points.loads)
     corrected = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
-    moving, now, moves = np.arange(runs), points, points.state.vjm.arm.dependence_matrix
+    moving = np.arange(runs)
+    now = points
+    moves = points.state.vjm.arm.dependence_matrix
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(max_steps):
         # errors of position, rotation and equilibrium at the present q and theta
@@ -417,7 +419,10 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
         q[moving[go]] += move[go]
         theta[moving[go]] += off.spring_error[go]
         if len(go) < len(moving):
-            moving, now, G, J = moving[go], now.select(go), G[go], J[go]
+            moving = moving[go]
+            now = now.select(go)
+            G = G[go]
+            J = J[go]
     corrected.steps[moving] += 1
     return corrected
 

@@ -195,7 +195,9 @@ def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
 
 def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Array:
     """Climb by multiplicative steps w_i <- w_i g_i^power, scaled to the same sum, g_i = <Z, F^T F>."""
-    total, power, new = w.sum(), FIRST_EXPONENT, w == 0
+    total = w.sum()
+    power = FIRST_EXPONENT
+    new = w == 0
     # a weight of zero stays zero under products: give new candidates some
     if new.any():
         w = np.where(new, ENTRY_SHARE * total / new.sum(), (1 - ENTRY_SHARE) * w)
@@ -210,7 +212,9 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
             trial *= total / trial.sum()
             reached = criterion.tangent(prior + (trial @ grams).reshape(prior.shape))
             if reached.height >= plane.height:
-                w, plane, power = trial, reached, min(EXPONENT_GROWTH * power, MAX_EXPONENT)
+                w = trial
+                plane = reached
+                power = min(EXPONENT_GROWTH * power, MAX_EXPONENT)
                 break
             power /= 2
         else:
@@ -326,7 +330,9 @@ def _exchange_linear(prior: Array, W: Array, rows: Array, plan: Ids) -> Ids:
         best, left = int(reached.argmax()), left - 1
         if reached[best] > (1 + MIN_EXCHANGE_GAIN) * reached[plan[k]]:
             M, changed = rest + rows[best].T @ rows[best], np.concatenate([rows[best], replaced])
-            gains, plan[k], left = update_gains(gains, M, changed, np.r_[one, -one]), best, len(plan)
+            gains = update_gains(gains, M, changed, np.r_[one, -one])
+            left = len(plan)
+            plan[k] = best
         elif left == 0:
             break
         before = before + rows[plan[k]].T @ rows[plan[k]]
@@ -341,8 +347,12 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
     """
     left = len(plan)
     M = add_information(prior, rows[plan])
-    value, Z, fresh = criterion.phi(M), criterion.tangent(M).Z, True
-    useful, before, after = sensitivity(rows, Z), prior, suffix_information(rows[plan])
+    value = criterion.phi(M)
+    Z = criterion.tangent(M).Z
+    fresh = True
+    useful = sensitivity(rows, Z)
+    before = prior
+    after = suffix_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
     for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_SWEEPS * len(plan)):
         if k == 0:
@@ -360,7 +370,9 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
         left -= 1
         if reached.max() > floor:
             plan[k], value = promising[reached.argmax()], float(reached.max())
-            M, left, fresh = rest + rows[plan[k]].T @ rows[plan[k]], len(plan), False
+            M = rest + rows[plan[k]].T @ rows[plan[k]]
+            left = len(plan)
+            fresh = False
         elif left == 0:
             break
         before = before + rows[plan[k]].T @ rows[plan[k]]
@@ -443,7 +455,9 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     Returns:
         Improved poses, (poses, n) [rad, m].
     """
-    q, step, read = q.copy(), np.full(len(q), FIRST_JOINT_STEP), rows(q, np.arange(len(q)))
+    step = np.full(len(q), FIRST_JOINT_STEP)
+    read = rows(q, np.arange(len(q)))
+    q = q.copy()
     M = add_information(prior, read)
     for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
         before, after = prior, suffix_information(read)
@@ -496,7 +510,9 @@ def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search:
     Returns:
         Poses at least as useful as their starts, (poses, n) [rad, m].
     """
-    q, value, step = q.copy(), usefulness(q), np.full(len(q), FIRST_JOINT_STEP)
+    value = usefulness(q)
+    step = np.full(len(q), FIRST_JOINT_STEP)
+    q = q.copy()
     for _ in range(ASCEND_ROUNDS):
         trial = search.draw_around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
         # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
@@ -673,7 +689,9 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     """
     marker, axis = _gauge_choices(rows.shape[1], gauges.count)
     every, poses = rows[:, marker, axis], len(rows)
-    M, way, left = problem.prior, np.full(poses, -1), poses
+    M = problem.prior
+    way = np.full(poses, -1)
+    left = poses
     for p in islice(cycle(range(poses)), GAUGE_SWEEPS * poses):
         present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
         rest = M - present.T @ present

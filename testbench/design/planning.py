@@ -323,7 +323,9 @@ def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: 
     Raises:
         BenchError: For more gauges than markers.
     """
-    spec, examined, criterion = plan.specification, plan.examined, plan.criterion
+    spec = plan.specification
+    examined = plan.examined
+    criterion = plan.criterion
     problem, arm = examined.problem, spec.setup.vjm.arm
     search = PoseSearch(
         partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
@@ -401,7 +403,9 @@ def _gauge_bound(
 
     Every pose has the gauges with the most information by a tangent plane near the optimum.
     """
-    problem, criterion, poses = plan.examined.problem, plan.criterion, plan.specification.poses
+    problem = plan.examined.problem
+    criterion = plan.criterion
+    poses = plan.specification.poses
     Z = criterion.tangent(chosen.information).Z
     last = every[-len(chosen.marker) :]
     of_plan = last[np.arange(len(last))[:, None], chosen.marker, chosen.axis]

@@ -458,7 +458,9 @@ def place_lines(
         Directions, tilts and reaches.
     """
     shape = len(q), len(names)
-    direction, tilt, reach = np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape)
+    direction = np.zeros((*shape, 3))
+    tilt = np.zeros(shape)
+    reach = np.zeros(shape)
     direction[at] = np.where(lines.gauge[:, None], lines.direction, 0.0)
     tilt[at] = lines.tilt
     if lines.meter.any():

@@ -125,7 +125,9 @@ def best_offsets(state: ArmState, q: Array) -> BestOffsets:
     Returns:
         The offsets, and what they leave.
     """
-    vjm, n, moved = state.vjm, state.vjm.arm.n_joints, displacements(state, q)
+    vjm = state.vjm
+    n = state.vjm.arm.n_joints
+    moved = displacements(state, q)
     wanted = tool_poses(vjm, q)[:, :3, 3] + all_but_payload(moved)
 
     def off(x: Array) -> Array:  # base, tool, inner joints
@@ -134,7 +136,9 @@ def best_offsets(state: ArmState, q: Array) -> BestOffsets:
         return np.asarray((at - wanted).ravel())
 
     found = least_squares(off, np.zeros(n + 7), xtol=1e-12, ftol=1e-12)
-    J, rest, offsets = np.asarray(found.jac), found.fun.reshape(-1, 3), np.r_[0, found.x[9:], 0]
+    J = np.asarray(found.jac)
+    rest = found.fun.reshape(-1, 3)
+    offsets = np.r_[0, found.x[9:], 0]
     left = {kind: rows if kind == PAYLOAD else _beyond(J, rows) for kind, rows in moved.items()}
     left[GEOMETRY] -= rest + all_but_payload(left)  # exact at any size
     drawn = _beyond(J[:, :9], all_but_payload(moved))
@@ -213,7 +217,9 @@ def draft_new(state: ArmState) -> Draft:
     Returns:
         The URDF, not yet written.
     """
-    arm, geometry, one = state.vjm.arm, identified_rigid(state), np.eye(4)
+    arm = state.vjm.arm
+    geometry = identified_rigid(state)
+    one = np.eye(4)
     names = [link.name for link in arm.links]
     frames = UrdfFrames([*names, arm.tool], one, [one] * len(names), one)
     return Draft(_new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)

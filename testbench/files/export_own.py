@@ -449,7 +449,9 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
     Raises:
         InputError: If the drawings differ by more than `MAX_DIFFERENCE`.
     """
-    vjm, rigid, model = state.vjm, robot_chain.rigid, nominal_rigid(state.vjm)
+    vjm = state.vjm
+    rigid = robot_chain.rigid
+    model = nominal_rigid(state.vjm)
     slides = [joint.prismatic for joint in vjm.arm.joints]
     axes = np.array([joint.axis for joint in robot_chain.joints])
     lines = axis_lines(rigid.bodies[1:], axes, slides), axis_lines(model.bodies[1:], vjm.joint_axes, slides)

@@ -66,7 +66,9 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names repeat in successive rows: these are repeated readings (shots)" if names and again else ""
     lined = any(line_entries(table))
-    told, parted, own = _told(table, arm, said), list[str](), {"pose", "marker"} & {*said.values()}
+    told = _told(table, arm, said)
+    parted = list[str]()
+    own = {"pose", "marker"} & {*said.values()}
     for name in names:
         texts = keys_of(table, [name])
         distinct = list(dict.fromkeys(texts))
@@ -281,7 +283,9 @@ def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, own: Collection[str])
     between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
     if len(between) > 1:
         return None
-    columns, parts, shots = list(zip(*rows, strict=True)), list[str](), False
+    columns = list(zip(*rows, strict=True))
+    parts = list[str]()
+    shots = False
     targets, loads = list[str](), list[str]()
     for k, words in enumerate(columns):
         kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""

@@ -611,7 +611,9 @@ def joint_families(names: Sequence[str], arm: Arm) -> list[list[int]]:
         Places of the columns of each set, in the order of the joints.
     """
     families: dict[str, dict[int, int]] = {}
-    read, n, whole = joints_of(arm), len(arm.file_joints), list[tuple[bool, list[int]]]()
+    read = joints_of(arm)
+    n = len(arm.file_joints)
+    whole = list[tuple[bool, list[int]]]()
     for column, name in enumerate(names):
         if own := read(name):
             families.setdefault(own[0], {}).setdefault(own[1], column)

@@ -148,7 +148,9 @@ def refuse_other_configurations(motions: RobotMotions, *, started: bool) -> None
         InputError: If the program begins with such a pose, and neither joints nor flags are known; or if
             configurations that are not read differ.
     """
-    text, turns, same = motions.text, motions.text.language.flags, ""
+    text = motions.text
+    turns = motions.text.language.flags
+    same = ""
     unread = turns is not None and not turns.read
     start = text.moves[0].point
     if start.posed and not (started or start.flags or np.isfinite(motions.near[0]).all()):
@@ -573,7 +575,9 @@ def read_program(
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
         _refuse_tool_jumps(path, table.lines, position, rotation)
-    acts, along, mass = wrench(columns), vector(columns, "process"), vector(columns, "mass", 1)
+    acts = wrench(columns)
+    along = vector(columns, "process")
+    mass = vector(columns, "mass", 1)
     return Program(
         labels=_labels(columns),
         q=q,

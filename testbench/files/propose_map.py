@@ -223,7 +223,9 @@ def propose(
     # Read the file, with its sheets or the file of its loaded readings.
     sheets = sheets_of(path, arm, layout) if loaded is None else []
     export = read_unknown(path, arm, layout, sheets)
-    table, entries, every = export.table, file_entries("file", export.file), [export]
+    table = export.table
+    entries = file_entries("file", export.file)
+    every = [export]
     if export.fits is None:
         _require_names(table)
     if loaded is not None:

@@ -124,8 +124,12 @@ def _read_sigma(
     Raises:
         InputError: At a number that no instrument has.
     """
-    slot, name, table = Slot("sigma", index), ("sigma_m", "sigma_rad")[index], columns.table
-    column, stated, (low, high) = columns.get(slot), columns.constant(slot), SIGMA_RANGE
+    slot = Slot("sigma", index)
+    name = ("sigma_m", "sigma_rad")[index]
+    table = columns.table
+    column = columns.get(slot)
+    stated = columns.constant(slot)
+    low, high = SIGMA_RANGE
     if column is not None:
         values = columns.full(column)
         bad = ~((values >= low) & (values <= high))
@@ -427,7 +431,10 @@ def average_shots(columns: Columns) -> tuple[Columns, list[str]]:
     if not any(c.slot.what in ("pose", "run") for c in keys):
         keys += columns.all_of("joint")
     code = number_rows(*(np.array(table.texts(c.index)) for c in keys))
-    first, count, squares, free = first_rows(code), np.bincount(code), 0.0, 0
+    first = first_rows(code)
+    count = np.bincount(code)
+    squares = 0.0
+    free = 0
     table = table.take(np.isin(np.arange(table.rows), first))
     for column in columns.all_of("reading"):
         values = columns.table.numbers(column.index, columns.mark)

@@ -416,7 +416,9 @@ def find_header(
 
 def _most_names(lines: Sequence[str], layout: FileLayout, known: Callable[[str], bool]) -> tuple[int, str]:
     """Find the line with most known names, and the delimiter of its cells."""
-    best, at, delimiter = (-1, False, False, 0), 0, ","
+    best = (-1, False, False, 0)
+    at = 0
+    delimiter = ","
     searched = 1 if layout.skip is not None else min(len(lines), SEARCHED)
     for mark in (layout.delimiter,) if layout.delimiter else DELIMITERS:
         if _blanks(mark) and best[0] > 1 and not _blanks(delimiter):
@@ -431,7 +433,9 @@ def _most_names(lines: Sequence[str], layout: FileLayout, known: Callable[[str],
             count = sum(map(known, names[:COUNTED])) if fits or not below or not _blanks(mark) else 0
             score = count, not is_comment(lines[k]), fits, len(names)
             if score[:3] > best[:3] or (not best[0] and score > best):
-                best, at, delimiter = score, k, mark
+                best = score
+                at = k
+                delimiter = mark
     return at, delimiter
 
 

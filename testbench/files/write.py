@@ -99,7 +99,9 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
         q = arm.to_file_joints(q) if q.shape[1] == arm.n_joints else q
     if len(joints) != q.shape[1]:
         raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
-    n, lost, turned = data.points, ~data.seen.reshape(-1, 1), data.rotation_before is not None
+    n = data.points
+    lost = ~data.seen.reshape(-1, 1)
+    turned = data.rotation_before is not None
     blocks, lines = _conditions(joints, q, data), data.lines.reshape(-1, 1)
     for when, places in zip(WHEN, (data.before, data.after), strict=True):
         if not lines.all():
@@ -247,11 +249,17 @@ def write_program(
         InputError: When the program has a column of that name, or the file cannot be written.
     """
     check_type(program, Program, "program")
-    arm, mark, header = program.arm, ".", 1
+    arm = program.arm
+    mark = "."
+    header = 1
     q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
-    names, cells, units = ["point"], [list(map(as_cell, program.labels))], [""]
+    names = ["point"]
+    cells = [list(map(as_cell, program.labels))]
+    units = [""]
     if isinstance(program.content, Columns):
-        table, mark, header = program.content.table, program.content.mark, program.content.table.header
+        table = program.content.table
+        mark = program.content.mark
+        header = program.content.table.header
         names = list(table.names)
         cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
         units = [unit.name if unit else "" for unit in table.units]
@@ -351,7 +359,9 @@ def _place(s: Series, stem: str) -> str:
 
 def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     """Format all columns of a series except its noise, (rows * m) cells each."""
-    n, shown, lost = s.rows * len(s.markers), _rounded(decimals), ~s.seen.reshape(-1, 1)
+    n = s.rows * len(s.markers)
+    shown = _rounded(decimals)
+    lost = ~s.seen.reshape(-1, 1)
     texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
     vectors = None if s.rotation is None else _vectors(s, s.rotation)
     beside: list[Block] = [(torque_columns(arm), _torques(arm, s)), (["time_s"], s.time)]

@@ -140,7 +140,9 @@ def _log_evidence(
         part / weighted_prior.misfit
         for part in prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     )
-    prior, L, best = np.c_[B, c].T @ np.c_[B, c], weighted_prior.scaling.L, -math.inf
+    prior = np.c_[B, c].T @ np.c_[B, c]
+    L = weighted_prior.scaling.L
+    best = -math.inf
     for kappa in {1.0, weighted_prior.misfit}:
         H, spread = prior.copy(), 2 * unused * math.log(kappa)
         for values, rows in poses:

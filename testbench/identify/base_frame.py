@@ -183,11 +183,9 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
     about = np.zeros((data.runs, 1, 3, 3))  # covariance of the rotation of every run's frame, base axes
     for name, frame in registration.frames.items():
         of_station = runs_of_station(data, station_number(name))
-        R[of_station], t[of_station], about[of_station] = (
-            frame.rotation,
-            frame.translation,
-            frame.covariance[:3, :3],
-        )
+        R[of_station] = frame.rotation
+        t[of_station] = frame.translation
+        about[of_station] = frame.covariance[:3, :3]
     before, after = ((readings - t) @ R for readings in (data.before, data.after))
     turned = [
         r if r is None else (Rotation.from_matrix(R).inv() * Rotation.from_rotvec(r)).as_rotvec()

@@ -370,7 +370,9 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
         other = solve_noise_free_gco(split_regression, program)
         proof, better = _certified(split_regression, program, other, gradient_dual(split_regression, other))
         if better or proof.duality_gap < certificate.duality_gap:
-            pi, certificate, reached = other, proof, better
+            pi = other
+            certificate = proof
+            reached = better
     # Convert back to the requested unknowns.
     left, cost = f_m(split_regression, pi), float(penalty.gradient @ pi)
     method = PAPER_GCO_METHOD if papers else "GCO (conic program)"
@@ -473,7 +475,9 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
     Returns:
         Parameters and dual; all parameters are zero where no marker moves.
     """
-    s, n, count = program.touched_structure, regression.structure.n_parameters, len(program.z)
+    s = program.touched_structure
+    n = regression.structure.n_parameters
+    count = len(program.z)
     if f_m(regression, np.zeros(n)) == 0:
         return ConicSolution(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
     solution = cone.solve(

@@ -75,7 +75,9 @@ def jacobian(
     Returns:
         (m or m + 1, 3, size + 1, runs) [m, rad per unit of each unknown]; the last column is zero.
     """
-    where, m, runs = equilibrium.chain, len(points), len(equilibrium.chain.tool_position)
+    where = equilibrium.chain
+    m = len(points)
+    runs = len(equilibrium.chain.tool_position)
     A = np.zeros((m + rotations, 3, unknowns.size + 1, runs))
     J = translational_jacobian(where, points).reshape(m, 3, -1, runs)
     if rotations:
@@ -374,7 +376,9 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     Returns:
         Displacement of every marker, (runs, m, 3) [m], and rotation of the tool, (runs, 3) [rad].
     """
-    points, parts, turns = marker_positions(vjm, data.markers), [], []
+    points = marker_positions(vjm, data.markers)
+    parts = []
+    turns = []
     for first in range(0, data.runs, BLOCK_RUNS):
         block = slice(first, first + BLOCK_RUNS)
         by_part = _motions_by_part(vjm, data, block, points)

@@ -191,7 +191,9 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
     solved = solve_normal_equations(H)
-    V, v, off = solved.covariance, np.r_[solved.x, -1.0], (solved.x - mean) / d
+    V = solved.covariance
+    v = np.r_[solved.x, -1.0]
+    off = (solved.x - mean) / d
     left = model.gram @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in model.gram]) / s2
     # -log p, its derivative, and the hyperpriors.
@@ -224,17 +226,17 @@ def evidence_hessian(model: EvidenceModel, h: Array, posterior: EvidencePosterio
     Returns:
         Hessian, (m, m), and dx/dh, (c, m).
     """
-    D, S, V, kinds = (
-        model.log_deviation_rows,
-        model.log_scale_rows,
-        posterior.covariance,
-        len(posterior.residual_squares),
-    )
+    D = model.log_deviation_rows
+    S = model.log_scale_rows
+    V = posterior.covariance
+    kinds = len(posterior.residual_squares)
     w, off = (
         posterior.prior_deviation**-2,
         (posterior.solution.x - posterior.prior_mean) / posterior.prior_deviation,
     )
-    a, K, s2 = off / posterior.prior_deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
+    a = off / posterior.prior_deviation
+    K = np.eye(len(h))[-kinds:]
+    s2 = np.exp(2 * h[-kinds:])
     # U: derivative of the gradient in x by h; J = V U is how x moves.
     pulls = (model.gram @ np.r_[posterior.solution.x, -1.0])[:, :-1] / s2[:, None]
     U = 2 * a[:, None] * D + (w * posterior.prior_mean)[:, None] * S + 2 * pulls.T @ K
@@ -276,7 +278,9 @@ def maximise_evidence(model: EvidenceModel, start: Array, fixed_index: int | Non
     Returns:
         Hyperparameters of greatest evidence within the bounds, (m,) [1].
     """
-    h, posterior, (low, high) = start, evidence_posterior(model, start), model.bounds
+    h = start
+    posterior = evidence_posterior(model, start)
+    low, high = model.bounds
     for _ in range(MAX_NEWTON_STEPS):
         g = posterior.gradient
         # A hyperparameter at its bound is free only if the loss falls inwards.
@@ -415,7 +419,9 @@ def prior_evidence(
     m = last + tied + 3
     # Which of them scale each entry of x, and which widen it.
     of_kind = np.where(scaling.is_joint_coupling, last, np.where(scaling.is_link_coupling, m - 2, m - 3))
-    start, scale, drawn = np.zeros(m), np.zeros((len(shares), m)), np.eye(m)[of_kind]
+    start = np.zeros(m)
+    scale = np.zeros((len(shares), m))
+    drawn = np.eye(m)[of_kind]
     scale[:, :K], drawn[:, first:last] = shares, shares[:, whole]
     # Start at their medians, within bounds.
     start[last : last + tied] = math.log(JOINT_COUPLING_UNCERTAINTY_PRIOR[0])

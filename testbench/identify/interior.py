@@ -277,7 +277,9 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     Raises:
         LinAlgError, ValueError: If the system has no solution.
     """
-    x, s, missing = state.x, state.multipliers, state.dual_residual
+    x = state.x
+    s = state.multipliers
+    missing = state.dual_residual
     share = program.residual_weights(state.norms)
     # Hessian of the norms: Weiszfeld's majorant, minus the tangent term where the norms are steady.
     hessian = (
@@ -291,7 +293,9 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
         A[scaling.indices[:, :, None], scaling.indices[:, None]] += cone.congruence_map(
             scaling.inverse.swapaxes(1, 2) @ scaling.inverse
         )
-    root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
+    root = cho_factor(A, lower=True)
+    w = np.empty_like(x)
+    sums = []
     # Predictor: the affine step to the optimum; a barrier needs none.
     predicted = cho_solve(root, -s - missing) * (not program.barrier)
     # Gap to aim at, from the length of the last step.
@@ -516,7 +520,9 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     x, s = state.x, state.s
     order = sum(scaling.d.shape[1] * scaling.d.shape[2] for scaling in newton.scalings)
     aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
-    scaled, wanted, sums = newton.scaled_back(missing), np.empty_like(x), []
+    scaled = newton.scaled_back(missing)
+    wanted = np.empty_like(x)
+    sums = []
     for scaling in newton.scalings:  # s is diag d there
         wanted[:, scaling.indices] = cone.svec(scaling.d[..., None] * np.eye(scaling.d.shape[-1]))
     predicted, _ = newton.solve(-wanted - scaled)

@@ -137,7 +137,9 @@ def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
     positions = np.full((targets, 3), np.nan)
     in_frame = readings.frame_index == np.bincount(readings.frame_index).argmax()
     read, at = np.unique(readings.target_index[in_frame], return_inverse=True)
-    R, at, n = readings.tool_rotation[in_frame], at.ravel(), np.arange(in_frame.sum())
+    R = readings.tool_rotation[in_frame]
+    at = at.ravel()
+    n = np.arange(in_frame.sum())
     A = np.zeros((len(n), 3, 12 + 3 * len(read)))
     for axis in range(3):
         A[:, axis, 3 * axis : 3 * axis + 3] = readings.reading[in_frame]
@@ -523,7 +525,10 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
 
 def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration | str:
     """Take Gauss-Newton steps from a start; returns `UNDETERMINED` if a direction is undetermined."""
-    layout, free, noise, kept = start.frames_and_targets, start.is_fitted_frame, start.noise, None
+    layout = start.frames_and_targets
+    free = start.is_fitted_frame
+    noise = start.noise
+    kept = None
     values, V = np.linalg.eigh(readings.covariance)
     for k in range(MAX_STEPS):
         e, J = registration_residuals(readings, layout), _jacobian(readings, layout, free)

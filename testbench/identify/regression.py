@@ -644,7 +644,9 @@ def reduce_series(
             None for one block per series.
     """
     blocks = [np.zeros(readings.rows, dtype=int) for readings in series] if blocks is None else blocks
-    kinds, parts, whole = equation_kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
+    kinds = equation_kinds_of(series)
+    parts = []
+    whole = TriangularFactors(linearisation.unknowns.size + 1)
     for place, (readings, block) in enumerate(zip(series, blocks, strict=True)):
         for block_number in np.unique(block):
             part = _factors_of_rows(linearisation, readings, np.where(block == block_number, 0, -1))

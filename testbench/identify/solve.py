@@ -92,7 +92,9 @@ def minimum_norm(regression: Regression) -> Estimate:
     """
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations equally.
     rows = np.vstack([np.sqrt(term.n_equations) * np.c_[term.R, term.z] for term in regression.terms])
-    A, y, seen = rows[:, :-1], rows[:, -1], regression.column_norms > 0
+    A = rows[:, :-1]
+    y = rows[:, -1]
+    seen = regression.column_norms > 0
     scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n_parameters)
     # SVD of the scaled columns; singular values below RANK_TOLERANCE are structural zeros.
     pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y, rcond=RANK_TOLERANCE)[0] / scale

@@ -377,7 +377,9 @@ def _fit_joints_only(s: Structure, gram: Array) -> Array:
     """Fit joint stiffness only by non-negative least squares, (n,)."""
     joints = np.flatnonzero(s.rows >= 6 * s.n_links)
     joints = joints[np.diag(gram)[joints] > 0]
-    pi, H, g = np.zeros(s.n_parameters), gram[:-1, :-1], gram[:-1, -1]
+    pi = np.zeros(s.n_parameters)
+    H = gram[:-1, :-1]
+    g = gram[:-1, -1]
     if len(joints):
         from scipy.optimize import nnls  # here: it takes long to import, and few commands learn a weight
 
@@ -392,7 +394,9 @@ def _fit_joints_only(s: Structure, gram: Array) -> Array:
 
 def _rigid_rate(s: Structure, gram: Array, pi: Array) -> float:
     """Compute the least rate l that keeps all links rigid at the best joints, (n,)."""
-    H, g, units = gram[:-1, :-1], gram[:-1, -1], trace_units(s)
+    H = gram[:-1, :-1]
+    g = gram[:-1, -1]
+    units = trace_units(s)
     S = s.gradient_matrix(H @ pi - g) * np.outer(units, units)
     links = [block for block in s.blocks if block[0] < 6 * s.n_links]
     return max((-float(np.linalg.eigvalsh(S[np.ix_(b, b)])[0]) for b in links), default=0.0)

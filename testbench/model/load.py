@@ -309,7 +309,9 @@ def own_weight_load(chain: ChainState, weights: BodyMasses) -> Array:
         Generalised loads, (n_theta, runs) [N, N m].
     """
     _, n_theta, runs = chain.J_theta.shape
-    load, mass, moment = np.zeros((n_theta, runs)), 0.0, np.zeros((3, runs))
+    load = np.zeros((n_theta, runs))
+    mass = 0.0
+    moment = np.zeros((3, runs))
     for k in range(len(chain.body_frames) - 1, 0, -1):
         p, R = chain.body_frames[k]
         mass += weights.mass[k]

@@ -368,14 +368,15 @@ def move_virtual_joint(position: Array, beam_axes: Array, theta: Array) -> tuple
         [1]; and the beam frame behind the hinges, world from beam, (3, 3, runs) [1].
     """
     position = position + np.einsum("xbr,rb->xr", beam_axes, theta[:, :3])
-    beam_axes, hinges, sine, cosine = (
-        beam_axes.copy(),
-        np.empty_like(beam_axes),
-        np.sin(theta[:, 3:]),
-        np.cos(theta[:, 3:]),
-    )
+    hinges = np.empty_like(beam_axes)
+    beam_axes = beam_axes.copy()
+    sine = np.sin(theta[:, 3:])
+    cosine = np.cos(theta[:, 3:])
     for k in range(3):
-        s, c, y, z = sine[:, k], cosine[:, k], (k + 1) % 3, (k + 2) % 3
+        s = sine[:, k]
+        c = cosine[:, k]
+        y = (k + 1) % 3
+        z = (k + 2) % 3
         hinges[:, k] = beam_axes[:, k]
         beam_axes[:, y], beam_axes[:, z] = (
             c * beam_axes[:, y] + s * beam_axes[:, z],

@@ -72,7 +72,9 @@ def create_arm_copies(plant: Plant) -> ArmCopies:
     """Create the state of a MuJoCo model with several copies of the plant's arm, and views of it per copy."""
     model = plant.model_of_copies
     data = mujoco.MjData(model)
-    nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
+    nv = plant.model.nv
+    bodies = plant.model.nbody - 1
+    root = plant.model.body_rootid[plant.tool]
     return ArmCopies(
         model=model,
         data=data,
@@ -97,7 +99,9 @@ def evaluate(row: ArmCopies, qpos: Array, bodies: Collection[int] = ()) -> BodyS
     Returns:
         Poses of the bodies, and the generalised force of the arm's own weight.
     """
-    model, data, (arms, nv) = row.model, row.data, row.qpos.shape
+    model = row.model
+    data = row.data
+    arms, nv = row.qpos.shape
     poses, room = len(qpos), -(-len(qpos) // arms) * arms
     bias = np.empty((room, nv))
     placed = room if bodies else 0
@@ -377,11 +381,9 @@ def solve_equilibrium(
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
     # The true load and joint angles, as far as the disturbances change them.
-    wrench, point, law = (
-        wrench * (1 + changes.mass_error),
-        point + plant.load_point_error,
-        _law(plant, runs, before),
-    )
+    wrench = wrench * (1 + changes.mass_error)
+    point = point + plant.load_point_error
+    law = _law(plant, runs, before)
     true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def equilibrium_of_runs(part: slice, row: ArmCopies) -> ArmEquilibrium:
@@ -576,7 +578,9 @@ def newton_matrix(poses: PoseBatch, row: ArmCopies, qpos: Array, pose: int) -> A
     Returns:
         The tangent, (nv, nv).
     """
-    h, unit, hinges = 1e-6, np.eye(len(qpos)), poses.plant.hinges
+    h = 1e-6
+    unit = np.eye(len(qpos))
+    hinges = poses.plant.hinges
     # Central differences of Q over every coordinate.
     around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
     Q = _force(poses, evaluate(row, around, poses.bodies), np.full(len(around), pose))

@@ -237,7 +237,9 @@ def _hang_payload(root: ET.Element, name: str, payload: Payload) -> None:
     The body has slides, though it is placed explicitly: in MuJoCo two bodies without joints never collide,
     not even if one is a mocap body; and base and floor have none.
     """
-    half, rope, top = payload.diameter / 2, (payload.sling - payload.sling_start) / 2, payload.sling_start
+    half = payload.diameter / 2
+    rope = (payload.sling - payload.sling_start) / 2
+    top = payload.sling_start
     slides = "".join(f'<joint type="slide" axis="{x}" limited="false"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
     _add_body(
         root,

@@ -396,7 +396,9 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
         compensator_bodies(plant)
     n = plant.arm.n_joints
     # All numbers are drawn whatever is switched on, so that one disturbance does not change another.
-    offset, frames, centre = rng.standard_normal(n), rng.standard_normal((n + 1, 6)), rng.standard_normal(3)
+    offset = rng.standard_normal(n)
+    frames = rng.standard_normal((n + 1, 6))
+    centre = rng.standard_normal(3)
     true = _on_foundation(plant, disturbances.foundation)
     if not disturbances.own_weight:
         true = weightless(true)

@@ -193,7 +193,10 @@ def decide(
     if ends is not None and (ends[0] > 1 < factor - ALIKE):
         verdict = "holds"
     elif ends is not None and ends[1] < 1 < 1 / factor - ALIKE and not why:
-        names, verdict, factor, ends = names[::-1], "do not use", 1 / factor, (1 / ends[1], 1 / ends[0])
+        names = names[::-1]
+        verdict = "do not use"
+        factor = 1 / factor
+        ends = (1 / ends[1], 1 / ends[0])
     verdict = "do not use" if why else verdict
     several = 0 if own is None else len(np.unique(own))
     ties = (theirs[0],) if verdict == "tie" else ()
@@ -343,7 +346,9 @@ def ratios(ours: str, pairs: Mapping[str, Pair], each: str = "trial") -> list[Ro
             continue
         ends = sorted([badge.factor, *(badge.interval or ())])
         turned = ends if badge.winner == ours else [1 / end for end in ends[::-1]]
-        low, middle, high = (turned[0], turned[len(turned) // 2], turned[-1])
+        low = turned[0]
+        middle = turned[len(turned) // 2]
+        high = turned[-1]
         rows.append(Row(name=name, ratio=Spread(middle, low, high) if badge.interval else middle))
     return rows
 

@@ -88,7 +88,9 @@ def _runs(
     cell: Cell, identified: IdentifyResult, f: Row, left: Mapping[str, Array], some: Ids
 ) -> tuple[PoseGroup, str]:
     """Bend the arm by the model to take, with targets as read and modelled; say what is magnified."""
-    data, reach, taken = identified.runs.every, cell.vjm.reach, f.recommended
+    data = identified.runs.every
+    reach = cell.vjm.reach
+    taken = f.recommended
     hidden = np.where(data.seen[some][..., None], 0.0, np.nan)
     moved, off = data.deflection[some] + hidden, {name: own[some] + hidden for name, own in left.items()}
     M, A = arrow_scale(moved, MOVED * reach), arrow_scale(off[taken], LEFT * reach)

@@ -97,7 +97,9 @@ def _drawn(column: TableColumn, table: Table) -> bool:
 
 def _cell(column: TableColumn, row: object) -> Json:
     """Its text, and what is drawn: the number or median, its line, a dot a trial; below 20 these alone."""
-    value, known, text = column.value(row), column.known(row), column.cell(row)
+    value = column.value(row)
+    known = column.known(row)
+    text = column.cell(row)
     found: dict[str, object] = {"text": f"{text} [{known}]" if known else text}
     if not (numbers := _numbers(value)):
         return found

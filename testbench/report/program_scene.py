@@ -146,7 +146,9 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
         The content.
     """
     some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
-    reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.displacement_per_force[some, :1]
+    reach = made.cell.vjm.reach
+    field = made.map
+    give = made.stiffness.displacement_per_force[some, :1]
     M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
     G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
     stretch, net = draw.ellipsoid_layer(ellipsoids, field.force)
@@ -171,7 +173,10 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
 
 def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     """The poses of the file, bent by what acts there."""
-    prediction, state, q, tool = made.found, made.model.state, made.asked.q[some], made.stiffness
+    prediction = made.found
+    state = made.model.state
+    q = made.asked.q[some]
+    tool = made.stiffness
     theta = (
         equilibrium(state, q, [load.select(some) for load in made.asked.loads]).theta
         - equilibrium(state, q).theta

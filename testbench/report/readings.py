@@ -173,7 +173,9 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
 
 def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> draw.PoseGroup:
     """The arm in its runs, its targets where they should be, were read, and went under load."""
-    data, registration, row = registered.data, registered.registration, shown_runs(registered, some)
+    data = registered.data
+    registration = registered.registration
+    row = shown_runs(registered, some)
     tool = np.broadcast_to(row.tool, row.nominal.shape)
     layers = [
         draw.Layer("targets of the arm without sag", NOMINAL, "dots", row.nominal),

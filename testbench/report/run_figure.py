@@ -171,7 +171,9 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         model_forest(axes, *models)
         for_column(axes)
     if seen.scene:
-        pose_group, part, insets = seen.scene.groups[0], next(parts), seen.scene.insets
+        pose_group = seen.scene.groups[0]
+        part = next(parts)
+        insets = seen.scene.insets
         views = _panes(pose_group)[: 1 if insets else 2]
         sides = part.subplots(1, len(views) + len(insets))
         for axes, (pose, name, plane) in zip(sides, views, strict=False):

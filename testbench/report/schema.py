@@ -250,7 +250,9 @@ def plain(number: str) -> str:
     found = POWER.fullmatch(number)
     if found is None:
         return number
-    size, digits, power = found[1], len(found[2] or ""), int(found[3])
+    size = found[1]
+    digits = len(found[2] or "")
+    power = int(found[3])
     if float(size) == 0:
         return "0"
     if MIN_POWER <= power < MAX_POWER:

@@ -137,7 +137,9 @@ def run_study(
     """
     if size < 1:
         raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
-    done, lost, every = store.count, 0, len(store.experiment.seeds)
+    done = store.count
+    lost = 0
+    every = len(store.experiment.seeds)
     backend = here if every <= size and not remote else backend
     yield done
     while done < every:

@@ -26,7 +26,9 @@ class Follower:
     """Follow a command; its bars are on standard error, so that a pipe has the results alone."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self.began, self.begun, self.tasks = time.monotonic(), dict[str, float](), dict[str, TaskID]()
+        self.began = time.monotonic()
+        self.begun = dict[str, float]()
+        self.tasks = dict[str, TaskID]()
         words = printable(" ".join([Path(sys.argv[0]).name, *sys.argv[1:]]))
         self.lines = [f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC  {words}"]
         console = Console(stderr=True)

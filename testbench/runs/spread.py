@@ -118,7 +118,9 @@ def _interval(values: Array, groups: Sequence[Ids]) -> tuple[float, float] | Non
         trial[rows] = k
     times = redrawn(count)
     upto = np.cumsum(np.eye(count, dtype=int)[trial[order]], axis=0)  # cases of each trial, (n, trials)
-    half, first, last = times @ upto[-1] / 2, np.zeros(DRAWS, dtype=int), np.full(DRAWS, n - 1)
+    half = times @ upto[-1] / 2
+    first = np.zeros(DRAWS, dtype=int)
+    last = np.full(DRAWS, n - 1)
     for _ in range(n.bit_length()):  # by halves: the first case up to which half of those drawn lie
         middle_ = (first + last) // 2
         enough = np.einsum("dt,dt->d", times, upto[middle_]) >= half

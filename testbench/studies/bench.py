@@ -594,7 +594,10 @@ def _report(asked: BenchSettings, seeds: range, trials: Trials) -> Report:
 
 def _badge(best: Row, board: Sequence[Row], arms: int) -> Badge:
     """The default beside the best of the others, by the numbers of the table."""
-    low, high, names, factor = best.ratio_low, best.ratio_high, (DEFAULT, best.name), best.ratio
+    low = best.ratio_low
+    high = best.ratio_high
+    names = (DEFAULT, best.name)
+    factor = best.ratio
     ties = tuple(row.name for row in board if row.tied)
     if factor < 1:
         low, high, names, factor = 1 / high, 1 / low, names[::-1], 1 / factor

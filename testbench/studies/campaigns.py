@@ -258,7 +258,9 @@ def campaign_rows(
     Returns:
         The rows.
     """
-    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
+    fitted = campaign.identification
+    check = campaign.check
+    truth = campaign.truth
     estimates = [own for [own] in fits.values()]
     moved = [
         deflections_of_models(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)
@@ -312,7 +314,10 @@ def _drawn(
 
     It is `whole`, with the runs, once a campaign.
     """
-    measured, over, moved, true = None, None, None, cell.plant.arm.C_theta
+    measured = None
+    over = None
+    moved = None
+    true = cell.plant.arm.C_theta
     sag = sag_by_part(cell.vjm, estimate, campaign.identification)
     if whole:
         measured, over = (csv_text(data, cell.arm) for data in (campaign.measured, campaign.truth))
@@ -330,7 +335,9 @@ def _drawn(
 
 def _measured_row(campaign: Campaign) -> Measured:
     """Count runs and deflections of a campaign."""
-    every, fitted, check = campaign.measured, campaign.identification, campaign.check
+    every = campaign.measured
+    fitted = campaign.identification
+    check = campaign.check
     return Measured(
         **vars(dataset_row(every)),
         poses=len(np.unique(every.pose)),

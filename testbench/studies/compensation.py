@@ -295,7 +295,9 @@ class CorrectionModel:
 
 def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
     """Make the rows of a seed; `asked` holds the scene."""
-    truth, work, rows = true_arm_of_seed(FAMILY, seed), tasks_of(asked, seed), []
+    truth = true_arm_of_seed(FAMILY, seed)
+    work = tasks_of(asked, seed)
+    rows = []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
     for arm in ARMS:
         ways, (measured, working) = asked.ways(arm), true_arm(true, seed, arm)
@@ -403,7 +405,9 @@ def measure(
     every = [chosen(asked, way, seed) for way in ways]
     q, load = (np.concatenate([np.repeat(own[k], RUNS, axis=0) for own in every]) for k in (0, 1))
     pose = np.concatenate([np.repeat(np.arange(way.poses) + 1, RUNS) for way in ways])
-    settled, first, found = settle(q, wrench[load], point[load]), 0, []
+    settled = settle(q, wrench[load], point[load])
+    first = 0
+    found = []
     for k, way in enumerate(ways):
         runs = slice(first, first := first + RUNS * way.poses)
         loaded = LoadedPoses(q[runs], pose[runs], wrench[load[runs]], point[load[runs]])

@@ -50,7 +50,9 @@ def jobs() -> tuple[Job, Job]:
 def _on_panel(name: str, at: Array, typical: Array) -> Job:
     """A job at places of the panel, (points, 2) along y and up it [m]."""
     angle = at[:, 1] / RADIUS
-    cosine, sine, level = np.cos(angle), np.sin(angle), np.zeros(len(at))
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
+    level = np.zeros(len(at))
     position = np.column_stack([NEAREST + RADIUS * (1 - cosine), at[:, 0], HEIGHT + RADIUS * sine])
     return Job(name, position, np.column_stack([cosine, level, -sine]), typical)
 
@@ -91,11 +93,9 @@ def drawn(job: Job, rng: np.random.Generator) -> Array:
     Returns:
         Forces, (3,) [N].
     """
-    size, parts, side = (
-        rng.uniform(*FORCE_RANGE),
-        rng.uniform(MIN_FORCE_COMPONENT, 1, 3),
-        rng.choice([-1.0, 1.0]),
-    )
+    size = rng.uniform(*FORCE_RANGE)
+    parts = rng.uniform(MIN_FORCE_COMPONENT, 1, 3)
+    side = rng.choice([-1.0, 1.0])
     milled = parts / np.linalg.norm(parts) * [-1.0, side, -1.0]
     return np.asarray(size * (job.typical if job.name == DRILLING else milled))
 

@@ -334,7 +334,9 @@ def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> I
 
     An estimator of one's own has the plan for `PLANNED`.
     """
-    n, ground, models = asked.scope.featured, asked.scope.ground.name, _tried(cell, seed, own)
+    n = asked.scope.featured
+    ground = asked.scope.ground.name
+    models = _tried(cell, seed, own)
     bench = _build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
     drawn = _poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
@@ -359,7 +361,10 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
 
     `measured` are the name of a plan, its poses, and what was read there.
     """
-    (plan, q, data), cell, settings, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
+    plan, q, data = measured
+    cell = bench.cell
+    settings = bench.asked
+    name = prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
     whole, models = _specify(cell, settings, prior, WHOLE), _fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
@@ -430,7 +435,9 @@ def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Spe
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
-    scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
+    scope = asked.scope
+    scene = asked.scene
+    load = weight(cell.vjm, asked.scope.payload)
     scaling = scale_by_prior(prior, cell.vjm, remove_law_parameters(_fits(cell, prior)[fit].structure))
     return Specification(
         setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),

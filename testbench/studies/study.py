@@ -353,7 +353,9 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
     Returns:
         The content.
     """
-    f, first, size = Row(run.report.numbers), run.first, run.settings.magnification
+    f = Row(run.report.numbers)
+    first = run.first
+    size = run.settings.magnification
     names = first["name"].tolist()
     looks = {m.name: look_of(m) for m in f.models}
     shown = f.map.compared

@@ -264,7 +264,9 @@ def hidden_geometry(calibrated: Calibrated) -> str:
 
 def of_held(calibration: Calibration) -> list[str]:
     """Say what every series leaves open of its frame and mount, and what holds it."""
-    vjm, every, words = calibration.state.vjm, calibration.active.unknowns.undetermined, []
+    vjm = calibration.state.vjm
+    every = calibration.active.unknowns.undetermined
+    words = []
     for series in calibration.series:
         if series.distance is not None:
             off, turn, found = deviation_from_stated(series, calibration.state.frame(series))
@@ -285,11 +287,9 @@ def of_held(calibration: Calibration) -> list[str]:
                 if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
                     unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
             words.append(f"{series.name}: {place}; {unseen}")
-        alone, mount, frame = (
-            undetermined_frames(vjm, (series,)),
-            f"mount {series.target}",
-            f"frame {series.frame}",
-        )
+        alone = undetermined_frames(vjm, (series,))
+        mount = f"mount {series.target}"
+        frame = f"frame {series.frame}"
         names = ", ".join(series.markers)
         if mount in alone:
             known = {*series.markers} <= {*vjm.arm.markers}
@@ -663,7 +663,9 @@ def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
     arm, first = unknowns.vjm.arm, unknowns.first_columns["geometry"]
     for k in range(1, arm.n_joints):
-        link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.axes_in_beam[k]
+        link = arm.links[k].name
+        joint = arm.joints[k]
+        axis = unknowns.vjm.axes_in_beam[k]
         own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
         shift, turn = own[:3], own[3:]
         across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's
@@ -691,7 +693,9 @@ def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
 
 
 def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
-    arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.first_columns["elastic"]
+    arm = unknowns.vjm.arm
+    structure = unknowns.structure
+    first = unknowns.first_columns["elastic"]
     links = 6 * len(arm.links)
     kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.rows, structure.columns, strict=True)])
     for k, link in enumerate(arm.links):

@@ -319,7 +319,9 @@ def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Arra
 
     A row has the `turn`-th load of its pose, its joints are `off` what is commanded, (rows, n) [rad, m].
     """
-    tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
+    tool = np.empty((len(turn), 3))
+    rotation = np.empty((len(turn), 3, 3))
+    rest = None
     for k in range(turn.max() + 1):
         own = np.flatnonzero(turn == k)  # poses of several loads come first
         before = None if rest is None else select_rows(rest, slice(len(own)))

@@ -190,7 +190,9 @@ def _drawn(cell: Cell) -> dict[int, Array]:
     """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
     from testbench.plant.shapes import corners, drawn_shapes
 
-    names, shapes, found = cell.room.names, drawn_shapes(cell.room), {}
+    names = cell.room.names
+    shapes = drawn_shapes(cell.room)
+    found = {}
     for k, link in enumerate(cell.arm.links):
         own = [corners(shape) for shape in shapes if names[shape.body] == link.name]
         if own:
@@ -373,7 +375,9 @@ def to_confirm(arm: ArmContext) -> list[Item]:
 
 def _numbers(arm: ArmContext) -> Iterator[Item]:
     """Payload, compliances of joints, tubes of links."""
-    elastic, payload, shares = arm.elastic, arm.elastic.payload, arm.sag.shares.tolist()
+    elastic = arm.elastic
+    payload = arm.elastic.payload
+    shares = arm.sag.shares.tolist()
     if payload is None:
         yield Item(1.0, "payload, not stated: the deflection is proportional to it")
     elif payload.origin in UNSURE:
@@ -416,7 +420,9 @@ def _tube(link: LinkEntry) -> str:
 
 def _point_items(arm: ArmContext) -> Iterator[Item]:
     """Load point and markers: what 10 mm aside change."""
-    elastic, cell, names = arm.elastic, arm.cell, arm.elastic.to_confirm
+    elastic = arm.elastic
+    cell = arm.cell
+    names = arm.elastic.to_confirm
     if elastic.load in names:
         # largest change of the sag as the load point moves along an axis of the tool
         moved = [replace(cell.vjm, load_point=cell.vjm.load_point + ASIDE * axis) for axis in np.eye(3)]

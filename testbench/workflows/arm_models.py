@@ -260,7 +260,9 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
     """The model; BenchError, ValueError or IndexError where numbers do not belong together."""
     structure, spread = _structure(document.structure, arm), document.spread
     state = _state(document, vjm_for_structure(build_vjm(arm), structure), structure)
-    said, noise, scatter = document.about, document.noise, None
+    said = document.about
+    noise = document.noise
+    scatter = None
     origin = ModelOrigin(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
     if noise is not None:
         factor = check_array(noise.factor, (len(EQUATION_KINDS),), "factor")
@@ -367,7 +369,9 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
 
 def _document(model: ArmModel) -> dict[str, object]:
     """Collect what model.json says of a model, as plain data."""
-    state, posterior, noise = model.state, model.posterior, model.noise
+    state = model.state
+    posterior = model.posterior
+    noise = model.noise
     return {
         "arm": model.arm.name,
         "about": _origin_document(model.origin),

@@ -82,7 +82,9 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
     They count with the readings and the learnt priors: an error that readings cannot tell from another one,
     such as two shifts along one axis, has the interval of its prior.
     """
-    active, known, found = calibration.active, posterior_of_calibration(calibration), []
+    active = calibration.active
+    known = posterior_of_calibration(calibration)
+    found = []
     for group in functionals(active):
         a = group.of[:, active.columns]
         value, half = group.scale * (a @ known.x), group.scale * known.half_widths(a)
@@ -116,7 +118,9 @@ def _geometry(active: ActiveUnknowns) -> Iterator[Named]:
 
 def _errors(active: ActiveUnknowns) -> Iterator[Named]:
     """Coefficients of the joint errors that are on."""
-    unknowns, errors, every = active.unknowns, active.unknowns.errors, np.eye(active.unknowns.size)
+    unknowns = active.unknowns
+    errors = active.unknowns.errors
+    every = np.eye(active.unknowns.size)
     words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
     words += errors.coefficient_kinds[len(words) :]
     places = product(unknowns.vjm.arm.joints, zip(words, errors.coefficient_kinds, strict=True))
@@ -139,7 +143,9 @@ def _joints(active: ActiveUnknowns) -> Iterator[Named]:
 
 def _entries(active: ActiveUnknowns) -> Iterator[Named]:
     """Entries of C_theta that are on."""
-    structure, arm, every = active.unknowns.structure, active.unknowns.vjm.arm, np.eye(active.unknowns.size)
+    structure = active.unknowns.structure
+    arm = active.unknowns.vjm.arm
+    every = np.eye(active.unknowns.size)
     links = 6 * len(arm.links)
     for column in active.columns[active.n_rigid :].tolist():
         a, b = (
@@ -428,11 +434,9 @@ def unread_ranges(f: Row) -> list[Row]:
 def _spectrum(calibration: Calibration) -> Iterator[Row]:
     """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
     unknowns, active = calibration.active.unknowns, calibration.active
-    orders, size, first = (
-        unknowns.errors.orders,
-        unknowns.errors.n_coefficients,
-        unknowns.first_columns["errors"],
-    )
+    orders = unknowns.errors.orders
+    size = unknowns.errors.n_coefficients
+    first = unknowns.first_columns["errors"]
     if not orders or not np.isin(first, active.columns):
         return
     known = posterior_of_calibration(calibration)
@@ -519,7 +523,9 @@ def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
 
 def _compliances(calibration: Calibration) -> list[Row]:
     """Of every joint with that of the link before it, beside the same of the arm's folder."""
-    vjm, rows, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
+    vjm = calibration.state.vjm
+    rows = []
+    known = _values(calibration, "joint compliances")
     for row, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.axes_in_beam, strict=False):
         part = slice(0, 3) if joint.prismatic else slice(3, 6)
         folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
@@ -603,7 +609,9 @@ def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:
         and reading minus arm as drawn (`before`) and calibrated (`after`), (rows, targets, 3) [m]. NaN where
         a target was lost, or where another series has more targets.
     """
-    state, first, parts = calibrated.calibration.state, 0, []
+    state = calibrated.calibration.state
+    first = 0
+    parts = []
     targets = max(len(one.markers) for one in calibrated.series)
     for series, *both in zip(calibrated.series, *left, strict=True):
         at = some[(first <= some) & (some < first + series.rows)] - first

@@ -564,7 +564,9 @@ def _read(
     """Read instruments of different markers."""
     markers, runs = cell.arm.markers, len(loaded.q)
     read, P = np.zeros((2, runs, len(markers), 3)), np.zeros((runs, len(markers), 3, 3))
-    direction, tilt, reach = np.zeros(read.shape[1:]), np.zeros(P.shape[:2]), np.zeros(P.shape[:2])
+    direction = np.zeros(read.shape[1:])
+    tilt = np.zeros(P.shape[:2])
+    reach = np.zeros(P.shape[:2])
     turned: dict[str, object] = {}
     for own in layer:
         if isinstance(own.instrument, Tracker):

@@ -235,7 +235,9 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
         NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
     )
     assumed = plain.entries(aggregate_left_out_joints(prior.C_theta, vjm, plain))
-    L, known, rows = scale_any_structure(prior, vjm, plain).L, posterior_of_estimate(estimate), []
+    L = scale_any_structure(prior, vjm, plain).L
+    known = posterior_of_estimate(estimate)
+    rows = []
     for k, joint in enumerate(vjm.arm.joints):
         before, after = (joint_functional(vjm, structure, k) for structure in (plain, estimate.structure))
         compliances = float(before @ assumed), float(after @ estimate.pi)
@@ -268,14 +270,18 @@ def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequen
         each [m/N, rad/N, rad/(N m)]. Of an entry that the model keeps zero or that has no bound the half
         width is None.
     """
-    links, joints, structure = vjm.arm.links, vjm.arm.joints, estimate.structure
+    links = vjm.arm.links
+    joints = vjm.arm.joints
+    structure = estimate.structure
     share = {row.part: float(row.share_percent) for row in sag}
     first, upper = 6 * len(links), structure.fills_two_entries
     functionals = np.zeros((len(links), 6, 6, structure.n_parameters))
     rows = []
     for k, link in enumerate(links):
         own = (structure.rows // 6 == k) & (structure.rows < first)
-        a, b, p = structure.rows[own] % 6, structure.columns[own] % 6, np.flatnonzero(own)
+        a = structure.rows[own] % 6
+        b = structure.columns[own] % 6
+        p = np.flatnonzero(own)
         functionals[k, a, b, p] = 1.0
         functionals[k, b[upper[own]], a[upper[own]], p[upper[own]]] = 1.0
         block = reference[6 * k : 6 * k + 6, 6 * k : 6 * k + 6].copy()
@@ -335,7 +341,9 @@ def joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
 
 def _stiffness(compliance: float, half: float) -> Row:
     """Turn a compliance [rad/(N m), m/N] and its half width into a stiffness with ends [MN m/rad, N/um]."""
-    low, middle, high = compliance + half, compliance, compliance - half
+    low = compliance + half
+    middle = compliance
+    high = compliance - half
     return Row(
         low=1 / (UM * low) if np.isfinite(low) else None,
         middle=1 / (UM * middle),
@@ -418,7 +426,9 @@ def numbers(
     Returns:
         The numbers.
     """
-    fits, note, places = identified.fits, "", None
+    fits = identified.fits
+    note = ""
+    places = None
     if widths:
         try:
             places = workspace_half_widths(filed, identified)
@@ -644,7 +654,9 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
     k = int(np.linalg.norm(data.wrench[:, :3], axis=1).argmax())
     load = Load(data.wrench[k], data.point[k])
     q = clear_poses(cell, None, PLACES, trial_rng(0))
-    moved, half, missing = {}, {}, []
+    moved = {}
+    half = {}
+    missing = []
     mine = {m.name for m in identified.fits.models if m.constraint == "own"} - {taken}
     for name in (name for name in compared_models(identified.fits.models, taken) if name not in mine):
         arm_model = cell.model(identified.estimates[name])

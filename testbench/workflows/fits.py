@@ -378,7 +378,9 @@ def write_stiffness(
         data: SHA-256 of every file of readings, by name.
         folder: The folder.
     """
-    fits, estimate, used = identified.fits, identified.taken, runs.used
+    fits = identified.fits
+    estimate = identified.taken
+    used = runs.used
     model, notes = cell.model(estimate), read_body_masses_with_note(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
     origin = origin_of(

@@ -309,7 +309,9 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
     assert isinstance(own.instrument, PlaneProbe)
     assert own.fixed is not None
     normal = unit_normal(own)
-    arm, points, kept = cell.arm, marker_positions(cell.vjm, (own.marker,)), list[Array]()
+    arm = cell.arm
+    points = marker_positions(cell.vjm, (own.marker,))
+    kept = list[Array]()
     for _ in range(MAX_TOUCH_BATCHES):
         q = arm.draw_poses(rng, POSES_PER_BATCH)
         off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed

@@ -71,7 +71,9 @@ def load_dataset(
     public_campaigns = []
     for number, of, part, seed, *C in zip(*(known[name].tolist() for name in KNOWN), strict=True):
         try:
-            own, true, prior = measured[number], truth[number], Prior(f"{number}", _compliances(arm, *C))
+            own = measured[number]
+            true = truth[number]
+            prior = Prior(f"{number}", _compliances(arm, *C))
             sets = own[""], own["identification"], own["check"], true["check"], true["workspace"]
         except (KeyError, ValueError) as err:
             problem = "expected its prior, readings and true deflections"

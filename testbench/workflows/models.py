@@ -292,7 +292,9 @@ def without_compliances(vjm: Vjm) -> Vjm:
 
 def failed_row(err: EstimatorFailed) -> FitRow:
     """Make the row of an estimator that failed."""
-    name, structure, status = err.model.name, err.model.structure, FAILED + err.why
+    name = err.model.name
+    structure = err.model.structure
+    status = FAILED + err.why
     return FitRow(
         name=name,
         structure=structure.name,

@@ -357,7 +357,9 @@ def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
         told_by = "pieces"
         if line.distance >= SHORT_LINK * long:
             drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
-            low, high, told_by = 0.0, line.distance, "part"
+            low = 0.0
+            high = line.distance
+            told_by = "part"
         outer = outer_diameter(surface, line.frame, (low, high))
     made = CAST_IRON if payload >= CAST_IRON_PAYLOAD else ALUMINIUM
     D = OUTER * (payload * long / 1000) ** SLENDER if outer is None else outer
@@ -577,7 +579,9 @@ def _material(proposal: Proposal) -> str:
 
 def _link_text(link: LinkProposal, made: str) -> list[str]:
     """The tube of a link."""
-    tube, beam, distance = link.tube, link.beam, 1000 * link.beam.distance
+    tube = link.tube
+    beam = link.beam
+    distance = 1000 * link.beam.distance
     runs = RUNS.get(beam.runs, beam.runs)
     if round(beam.distance, 6) < tube.length:
         runs = f"half the diameter: {distance:.0f} mm {runs}"

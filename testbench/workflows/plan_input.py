@@ -171,7 +171,9 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
 
 def _read_load(columns: Columns, hung: Load) -> Load:
     """The load of every task."""
-    table, acts, point = columns.table, wrench(columns), vector(columns, "point")
+    table = columns.table
+    acts = wrench(columns)
+    point = vector(columns, "point")
     if acts is None:
         if point is None:
             return hung

@@ -62,7 +62,9 @@ POSITION = ErrorMeaning("expected error", "of the targets' positions after calib
 
 def numbers(made: Planned) -> Row:
     """Collect all numbers of plan.json."""
-    cell, plan, arm = made.cell, made.plan, made.cell.arm
+    cell = made.cell
+    plan = made.plan
+    arm = made.cell.arm
     margins = arm.distance_to_limits(plan.q).min(axis=0)
     efficiency = min(plan.efficiency, 1.0)
     own = Row(
@@ -134,7 +136,9 @@ def _beside(f: Row) -> list[Row]:
 
 def _rests(f: Row) -> list[Row]:
     """List what a plan rests on: noise, prior, directions, certificate, advice."""
-    seen, told, scale = f.get("directions") or Row(), f.get("advice") or Row(), f.get("scale") or Row()
+    seen = f.get("directions") or Row()
+    told = f.get("advice") or Row()
+    scale = f.get("scale") or Row()
     noise = f.gauge_um if f.get("gauges") else f.sigma_um
     pairs = {
         "noise of a reading, um": None if f.get("instruments") else noise,
@@ -163,7 +167,9 @@ def _rests(f: Row) -> list[Row]:
 
 def _pairs(made: Planned) -> Row:
     """What only a plan for tasks has."""
-    cell, plan, prior = made.cell, made.plan, cad_prior(made.cell.arm)
+    cell = made.cell
+    plan = made.plan
+    prior = cad_prior(made.cell.arm)
     assert isinstance(plan, Plan)
     spec, rows = plan.specification, task_rows(plan.specification)
     scaling, influence = spec.setup.scaling, prior_influence(plan, rows)
@@ -255,7 +261,9 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_paths)]
-    tools, gauges, faces = evaluate_chain(made.cell.vjm, q).tool_position, gauge_words(made), face_words(made)
+    tools = evaluate_chain(made.cell.vjm, q).tool_position
+    gauges = gauge_words(made)
+    faces = face_words(made)
     return [
         Row(
             row
@@ -350,7 +358,11 @@ def _percentile(errors: Array, percent: float) -> float | None:
 
 def _absolute(made: AbsolutePlanned) -> Row:
     """What only a plan of absolute readings has."""
-    arm, union, plan, q, asked = made.cell.arm, made.union, made.plan, made.q, made.settings.poses
+    arm = made.cell.arm
+    union = made.union
+    plan = made.plan
+    q = made.q
+    asked = made.settings.poses
     rng, problem = trial_rng(made.settings.seed, 3), plan.examined.problem
     criterion, error = (
         LinearCriterion(mean_square(made.wanted @ problem.lift)),
@@ -448,7 +460,9 @@ def _bin(joint: ArmJoint, own: Array) -> Ids:
     """Range of every angle, from limit to limit, or over a turn of a hinge that turns farther."""
     low, high = joint.lower, joint.upper
     if not joint.prismatic and high - low > 2 * np.pi:
-        own, low, high = own % (2 * np.pi), 0.0, 2 * np.pi
+        own = own % (2 * np.pi)
+        low = 0.0
+        high = 2 * np.pi
     at = np.floor(BINS * (own - low) / (high - low)).astype(int)
     return np.asarray(np.clip(at, 0, BINS - 1))
 

@@ -318,7 +318,9 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
     Returns:
         Specifications by their words.
     """
-    vjm, at, every = spec.setup.vjm, spec.setup.vjm.load_point, len(spec.loads)
+    vjm = spec.setup.vjm
+    at = spec.setup.vjm.load_point
+    every = len(spec.loads)
     back = replace(spec.setup, vjm=set_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
     lighter = tuple(Load(SECOND_LOAD_SHARE * load.wrench, load.point) for load in spec.loads)
     pulls = round_to_first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)

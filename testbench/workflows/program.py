@@ -332,7 +332,9 @@ def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], 
         InputError: If two moves share a point and need different corrections.
         BenchError: If the language has no place for the moves.
     """
-    arm, program, q = corrected_program.model.arm, corrected_program.program, corrected_program.found.q
+    arm = corrected_program.model.arm
+    program = corrected_program.program
+    q = corrected_program.found.q
     motions = program.content if isinstance(program.content, RobotMotions) else None
     if form == CSV:
         write_program(files[0], program, q, more_columns(corrected_program))

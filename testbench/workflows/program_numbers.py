@@ -95,7 +95,9 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
     Returns:
         The numbers.
     """
-    compensated, model, program = corrected_program.found, corrected_program.model, corrected_program.program
+    compensated = corrected_program.found
+    model = corrected_program.model
+    program = corrected_program.program
     points = _points(corrected_program, tolerance_mm)
     loaded = [row for row in points if row.before_mm > 0]
     before, half = ([row[key] for row in loaded or points] for key in ("before_mm", "half_95_mm"))
@@ -199,11 +201,9 @@ def _points(corrected_program: CorrectedProgram, tolerance_mm: float | None) -> 
     `most_mm` is what the model leaves and that half width: a point within a tolerance passes.
     `before_most_mm` is the same of the program as it is.
     """
-    compensated, program, reasons = (
-        corrected_program.found,
-        corrected_program.program,
-        corrected_program.reasons,
-    )
+    compensated = corrected_program.found
+    program = corrected_program.program
+    reasons = corrected_program.reasons
     arm = corrected_program.model.arm
     correction = arm.display_factors * arm.change_to_file_joints(compensated.q - compensated.start)
     before, half = MM * np.linalg.norm(compensated.before, axis=1), MM * compensated.half_width.max(axis=1)
@@ -247,11 +247,9 @@ def _turns(corrected_program: CorrectedProgram) -> Row:
 
 def _jump(corrected_program: CorrectedProgram) -> Row | None:
     """Where a correction changes most from a point to the next; None with one point."""
-    compensated, arm, joints = (
-        corrected_program.found,
-        corrected_program.model.arm,
-        corrected_program.model.arm.file_joints,
-    )
+    compensated = corrected_program.found
+    arm = corrected_program.model.arm
+    joints = corrected_program.model.arm.file_joints
     if len(compensated.q) < 2:
         return None
     steps = np.abs(np.diff(arm.change_to_file_joints(compensated.q - compensated.start), axis=0))
@@ -394,7 +392,9 @@ def _pose(made: Predicted, k: int, push_half: float) -> Row:
     y, z. `push_mm` is how far the force of the map moves the loaded tool in its softest direction; its half
     width is that of this force.
     """
-    prediction, file_poses, direction = made.found, made.asked, made.stiffness.softest[k]
+    prediction = made.found
+    file_poses = made.asked
+    direction = made.stiffness.softest[k]
     half = finite(MM * prediction.widest[k, 0])
     return Row(
         pose=file_poses.labels[k],

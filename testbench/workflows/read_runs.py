@@ -300,11 +300,9 @@ def read_runs(
     filed = cell
     cell, registered = register_export(cell, export, options)
     doubts, factor = diagnose_runs(filed, export, registered, options)
-    name, notes, frames = (
-        options.dataset.name,
-        (*export.notes, *registration_notes(registered)),
-        registration_row(registered),
-    )
+    name = options.dataset.name
+    notes = (*export.notes, *registration_notes(registered))
+    frames = registration_row(registered)
     runs = MeasuredRuns(name, registered.data, registered.data, None, notes, frames, doubts, factor)
     if not held:
         return cell, runs

@@ -256,7 +256,9 @@ def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int
         pose = before @ pose_of(np.eye(3), model.jnt_pos[j] - origin) @ _at_zero(model, j)
         own = name if j == joints[-1] else f"{name}_{len(bodies) + 1}"
         bodies.append(Body(own, parent, pose, joint=_joint(model, j)))
-        parent, origin, before = count + len(bodies) - 1, model.jnt_pos[j], np.eye(4)
+        parent = count + len(bodies) - 1
+        origin = model.jnt_pos[j]
+        before = np.eye(4)
     return bodies, origin
 
 

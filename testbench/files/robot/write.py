@@ -66,7 +66,9 @@ def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[li
     Raises:
         InputError: If the file has neither masses nor shapes.
     """
-    own, weighed, notes = sorted(of_arm), list(bodies), []
+    own = sorted(of_arm)
+    weighed = list(bodies)
+    notes = []
     masses = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
     if len(masses) >= PLACEHOLDERS and min(masses) == max(masses):
         notes.append(Note("placeholders", (), (masses[0],)))
@@ -311,7 +313,9 @@ def _shaped(body: ET.Element, asset: ET.Element, part: Body) -> dict[str, bytes]
     If nothing is drawn, colliding shapes are drawn; if nothing collides, the hull of the drawn shapes does.
     Rods do not collide: fixed in the zero pose, they stand in the arm's way.
     """
-    drawn, hard, meshes = visible_shapes(part.shapes), [s for s in part.shapes if s.collides], {}
+    drawn = visible_shapes(part.shapes)
+    hard = [s for s in part.shapes if s.collides]
+    meshes = {}
 
     def mesh(name: str, surface: Surface, looks: dict[str, str]) -> None:
         meshes[f"{name}.stl"] = stl_bytes(*surface)

@@ -191,7 +191,10 @@ def select_errors(
         other = _evaluate(active, equations, tried.scales, rules)
         steps[candidate.name] = _selection_step(candidate, tried, other)
         if steps[candidate.name].kept:
-            tried, (kinds, compliance_prior), unknowns, reduced = other, more, active.unknowns, equations
+            tried = other
+            kinds, compliance_prior = more
+            unknowns = active.unknowns
+            reduced = equations
         if candidate.always_kept:
             simpler_trials[f"geometry and {candidate.name}"] = tried
     # Backward pass: drop a kind that a later one has made unnecessary.
@@ -206,7 +209,9 @@ def select_errors(
             other = _evaluate(fewer, reduced, tried.scales, rules)
             again = _selection_step(candidate, other, tried)
             if not again.kept:
-                tried, kinds, steps[candidate.name] = other, kinds - candidate.kinds, again
+                tried = other
+                kinds = kinds - candidate.kinds
+                steps[candidate.name] = again
     # Held-out errors of the simpler model, for comparison.
     simpler = {name: trial for name, trial in simpler_trials.items() if trial is not tried} or simpler_trials
     plain, other = min(simpler.items(), key=lambda named: named[1].blocks[:, 2].sum())
@@ -229,7 +234,9 @@ def with_shared_pattern(
         The unknowns with the pattern, and the equations in their basis; None if no two joints share a
         pattern.
     """
-    unknowns, errors, joints = active.unknowns, active.unknowns.errors, active.unknowns.vjm.arm.joints
+    unknowns = active.unknowns
+    errors = active.unknowns.errors
+    joints = active.unknowns.vjm.arm.joints
     waves = pattern_coefficients(errors)
     if "harmonics" not in kinds or not len(waves):
         return None
@@ -310,7 +317,9 @@ def _held_out_sums(
     held: Sequence[Sequence[SeriesBlock]],
 ) -> Array:
     """Hold out parts of the readings in turn: the numbers of `_Trial.blocks`, (held, 4)."""
-    S, positions, totals = gram_of_active(active, reduced.total_gram_matrices), reduced.is_position, []
+    S = gram_of_active(active, reduced.total_gram_matrices)
+    positions = reduced.is_position
+    totals = []
     faces = any(part.is_plane_face for part in reduced.blocks)
     first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
     whole = solve_active_unknowns(active, S, scales, rules.prior_uncertainty).variances(np.arange(first))

@@ -138,7 +138,9 @@ class Calibration(Displayed):
 
     def model(self) -> ArmModel:
         """Make the model of the arm with its uncertainty, without the frames and mounts of the series."""
-        active, state, known = self.active, self.state, posterior_of_calibration(self)
+        active = self.active
+        state = self.state
+        known = posterior_of_calibration(self)
         first = active.unknowns.first_columns["geometry"]
         f = int((active.columns < first).sum())
         prior = active.compliance_prior
@@ -397,11 +399,9 @@ def _select_errors(
     linearised_readings: LinearisedReadings, options: CalibrationOptions, rules: SelectionRules
 ) -> SelectedModel:
     """Select the errors by cross-validation, or take those of the options; links include joint springs."""
-    unknowns, reduced, vjm = (
-        linearised_readings.unknowns,
-        linearised_readings.reduced,
-        linearised_readings.state.vjm,
-    )
+    unknowns = linearised_readings.unknowns
+    reduced = linearised_readings.reduced
+    vjm = linearised_readings.state.vjm
     # The errors that may be added to geometry, in their order.
     joints, links = (
         scale_by_prior(linearised_readings.prior, vjm, most(vjm.arm)) for most in (joints_only, all153)

@@ -461,7 +461,9 @@ def pattern_basis(
     from scipy.linalg import helmert  # here: see above
     from scipy.sparse import coo_array, csr_array
 
-    n, waves, k = len(pattern.joints), pattern_coefficients(errors), len(pattern_coefficients(errors)) // 2
+    n = len(pattern.joints)
+    waves = pattern_coefficients(errors)
+    k = len(pattern_coefficients(errors)) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0

@@ -83,7 +83,9 @@ def _solids(shapes: Sequence[Shape], colour: Colour | None) -> list[rr.AsCompone
     for kind in dict.fromkeys(shape.kind for shape in shapes):
         own = [shape for shape in shapes if shape.kind == kind]
         size, centre = np.array([s.size for s in own]), np.array([s.position for s in own])
-        R, radius, length = np.array([s.rotation for s in own]), size[:, 0], 2 * size[:, 2]
+        R = np.array([s.rotation for s in own])
+        radius = size[:, 0]
+        length = 2 * size[:, 2]
         look: dict[str, Any] = {
             "quaternions": quaternions(R),
             "colors": [colour or _grey(s.rgba) for s in own],
@@ -137,7 +139,9 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
         return
     ends = layer.at if layer.to is None else layer.to
     known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
-    counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
+    counts = known.sum(axis=1)
+    at = layer.at[known]
+    to = ends[known]
     look: dict[str, Any] = {"colors": layer.colour}
     if layer.kind == "cylinders":
         look["fill_mode"] = FillMode.Solid
@@ -308,7 +312,9 @@ def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) 
 
     What is in view has this size [m].
     """
-    scale, there, said = _scale(place_map), np.isfinite(place_map.at).all(axis=1), []
+    scale = _scale(place_map)
+    there = np.isfinite(place_map.at).all(axis=1)
+    said = []
     for line in place_map.lines[-MAX_MAPS:]:
         path, known = f"{ROOT}/{snake(line.words)}", there & np.isfinite(line.values)
         share = scale.shares(line.values[known])
@@ -344,7 +350,9 @@ def _write_difference(pen: Pen, place_map: PlaceMap, size: float) -> str:
     colours = np.where((off <= 0)[:, None], ours.look.colour, theirs.look.colour).astype(np.uint8)
     balls = rr.Points3D(place_map.at[known], colors=colours, radii=BALL * size * sizes(np.abs(off) / most))
     pen.still(f"{ROOT}/{DIFFERENCE}/field", balls)
-    less, a, b = int((off < 0).sum()), as_markdown(in_words(ours.name)), as_markdown(in_words(theirs.name))
+    less = int((off < 0).sum())
+    a = as_markdown(in_words(ours.name))
+    b = as_markdown(in_words(theirs.name))
     return f"- {a} errs less than {b} in {less} of {len(off)} places, by {show(most)} mm at most"
 
 

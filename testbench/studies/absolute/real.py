@@ -412,7 +412,9 @@ def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int)
 
 def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFitRow:
     """What a model is, beside readings that judge it, but those that told frame and target."""
-    estimate, active, steps = found.estimate, found.active, found.selection.steps
+    estimate = found.estimate
+    active = found.active
+    steps = found.selection.steps
     K, n = 2 * len(found.state.errors.orders), found.state.vjm.arm.n_joints
     certificate, left = None if estimate is None else estimate.certificate, np.zeros(0)
     about |= Row(judged="", error=None)

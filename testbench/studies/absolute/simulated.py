@@ -91,13 +91,13 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
     Returns:
         The state.
     """
-    vjm, theta, gears = state.vjm, truth.theta_0.copy(), truth.gears
+    vjm = state.vjm
+    theta = truth.theta_0.copy()
+    gears = truth.gears
     theta[_before(vjm)[1:]] += vjm.axes_in_beam[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
-    theta_0, n, orders = (
-        state.theta_0.copy(),
-        np.zeros_like(state.n),
-        np.array(state.errors.orders, dtype=int),
-    )
+    theta_0 = state.theta_0.copy()
+    n = np.zeros_like(state.n)
+    orders = np.array(state.errors.orders, dtype=int)
     inner = slice(6, 6 * vjm.arm.n_joints)
     theta_0[inner] = theta[inner]
     if gears is not None:
@@ -148,12 +148,10 @@ def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part,
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
         the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    active, known, parts, relative = (
-        calibration.active,
-        posterior_of_calibration(calibration),
-        {},
-        np.zeros(0),
-    )
+    active = calibration.active
+    known = posterior_of_calibration(calibration)
+    parts = {}
+    relative = np.zeros(0)
     true = active.unknowns.values(true_state(calibration.state, truth))
     for group in functionals(active):
         a, sought = group.of[:, active.columns], group.of @ true

@@ -91,7 +91,9 @@ def gravity_cases(cell: Cell) -> list[CoverageCase]:
     """Make the cases of section 6: markers read under a hung weight; most deflections are not seen."""
     scenario = Scenario(arm=cell.arm.name, truth="linear", workspace_poses=CHECKS)
     campaign = simulate(cell, scenario, 1)
-    data, where, marker = campaign.identification, campaign.truth, cell.vjm.markers[:1]
+    data = campaign.identification
+    where = campaign.truth
+    marker = cell.vjm.markers[:1]
     structures = {"MGCO56": template56(cell.arm), "MGCO68": mgco68(cell.arm)}
     return [
         _case(cell, f"{cell.arm.name} {n}", s, data, _deflections(cell, s, where, marker))
@@ -122,7 +124,9 @@ def refitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     Returns:
         The intervals.
     """
-    rng, truth, rows = trial_rng(k), case.functionals @ case.truth, case.functionals
+    rng = trial_rng(k)
+    truth = case.functionals @ case.truth
+    rows = case.functionals
     regression = resampler(case.regression)(case.truth, rng)
     fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (solve_gco(regression), "GCO", DRAWS_GCO))
     found = []

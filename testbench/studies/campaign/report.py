@@ -239,7 +239,9 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
         both = aligned(trials, (ours, theirs), value)
         if ours == theirs or not len(both):
             continue
-        labels, (a, b), n = shared(trials, (ours, theirs)), both.T, len(both)
+        labels = shared(trials, (ours, theirs))
+        a, b = both.T
+        n = len(both)
         worst = int((a / b).argmax())
         seeds = aligned(trials, (ours, theirs), SHARED if SHARED in trials else TRIAL)
         rows.append(

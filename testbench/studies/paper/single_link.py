@@ -334,7 +334,9 @@ def _report(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Report:
 
 def _numbers(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Row:
     """All numbers of report.json."""
-    plain, searched, campaign = trials.where(m=0), trials.pick(trials["m"] > 0), asked.campaign
+    plain = trials.where(m=0)
+    searched = trials.pick(trials["m"] > 0)
+    campaign = asked.campaign
     um, urad = UM * campaign.sigma, UM * campaign.sigma_rotation
     data, [loads] = campaigns.dataset(plain), merged(plain.where(name=GCO).keep("condition"))
     low, high = order_range(models(_link(asked))[-1].structure, data.runs)

@@ -235,7 +235,9 @@ def _model_in_question(models: Sequence[Row]) -> str:
 def _comparisons(straight: Trials, bent: Trials) -> Iterator[Row]:
     """The paper's statements on two errors, by errors without noise on the same data."""
     errors = dict(zip(MODELS, aligned(straight, MODELS, ERROR).T, strict=True))
-    ours, mls32, mls56 = errors["MGCO56"], errors["MLS32"], errors["MLS56"]
+    ours = errors["MGCO56"]
+    mls32 = errors["MLS32"]
+    mls56 = errors["MLS56"]
     others, seeds = np.min([errors[name] for name in MODELS if name != "MGCO56"], axis=0), len(ours)
     yield comparison("MGCO56 is the best model", wins(ours, others), wins(others, ours), seeds)
     yield comparison("MLS56 does worse than MLS32", wins(mls32, mls56), wins(mls56, mls32), seeds)
