@@ -28,7 +28,7 @@ from testbench.identify.base_frame import (
     register_dataset,
     station_number,
 )
-from testbench.identify.diagnosis.deflections import deflection_scale
+from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale
 from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
@@ -256,9 +256,8 @@ def diagnose_runs(
         issues = diagnose(
             Submission(cell.vjm, export.data, registered, _said(export, options) != "auto"), prior
         )
-        factor = deflection_scale(
-            registered.vjm, scale_by_prior(prior, registered.vjm, all153(registered.vjm.arm)), registered.data
-        )
+        compliance_prior = scale_by_prior(prior, registered.vjm, all153(registered.vjm.arm))
+        factor = deflection_scale(LoadedRuns(registered.vjm, compliance_prior, registered.data))
     except BenchError as err:
         raise InputError(options.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY

@@ -234,7 +234,8 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     groups, counts = own.unknowns.prior_groups, np.array([len(a) for a in A])
     lines = [np.column_stack(pair) for pair in zip(A, y, strict=True)]
     S, learnt = np.array([one.T @ one for one in lines]), sizes.default_error_scales(own.unknowns, 2)
-    learnt = sizes.learn_error_scales(own, S, counts, learnt)
+    reduced = SimpleNamespace(total_gram_matrices=S, n_equations=counts)
+    learnt = sizes.learn_error_scales(own, reduced, learnt)
     a, b = np.vstack(A), np.concatenate(y)
 
     def loss(h):

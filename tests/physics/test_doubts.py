@@ -23,10 +23,11 @@ from testbench.identify.diagnosis import diagnose as diagnosis
 from testbench.identify.diagnosis.deflections import (
     USUAL_BACKLASH,
     USUAL_STIFFENING,
+    LoadedRuns,
     backlash_and_stiffening_columns,
     fit_residual_model,
 )
-from testbench.identify.diagnosis.diagnose import RUNS_PER_BATCH, diagnose
+from testbench.identify.diagnosis.diagnose import MAX_RUNS_PER_BATCH, diagnose
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
 from testbench.identify.diagnosis.kinematics import (
     MAX_CORRECTION_ROUNDS,
@@ -38,7 +39,8 @@ from testbench.identify.diagnosis.kinematics import (
     score_test,
 )
 from testbench.identify.diagnosis.moves import p_value
-from testbench.identify.prior import cad_prior, scale_by_prior
+from testbench.identify.prior import cad_prior, rescale_to_data, scale_by_prior
+from testbench.identify.regression import reduce
 from testbench.model.load import first_order_deflection
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, generalised_load, tool_points, tool_poses
@@ -113,8 +115,9 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     """Shapes and couplings have a width of their own: Bayes' formulas in the readings, dense."""
     own = sets["levels"]
     vjm, structure = own.cell.vjm, all153(own.cell.arm)
-    fitted = fit_residual_model(vjm, scale_by_prior(cad_prior(own.cell.arm), vjm, structure), own.data)
-    h, prior = fitted.hyperparameters, fitted.scaling
+    prior = scale_by_prior(cad_prior(own.cell.arm), vjm, structure)
+    fitted = fit_residual_model(LoadedRuns(vjm, prior, own.data))
+    h, prior = fitted.hyperparameters, rescale_to_data(prior, reduce(vjm, structure, own.data))
     assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
     blocks = np.repeat(np.arange(len(prior.block_orders)), [n * (n + 1) // 2 for n in prior.block_orders])
     size = np.exp(h[blocks])
@@ -295,13 +298,13 @@ def told(vjm, data, frame="base"):
 def test_single_runs_are_found_among_many(sets):
     """More runs than are weighed together."""
     once, rng = sets["levels"].data, np.random.default_rng(3)
-    many = select_rows(once, np.tile(np.arange(once.runs), RUNS_PER_BATCH // once.runs + 1))
+    many = select_rows(once, np.tile(np.arange(once.runs), MAX_RUNS_PER_BATCH // once.runs + 1))
     before, after = (x + 1e-6 * rng.standard_normal(x.shape) for x in (many.before, many.after))
     run = np.arange(many.runs) + 1
     data = replace(
         many, run=run, pose=many.pose + 1000 * ((run - 1) // once.runs), before=before, after=after
     )
-    assert data.runs > RUNS_PER_BATCH
+    assert data.runs > MAX_RUNS_PER_BATCH
     after[[3, data.runs - 2], 1] += 3e-3
     told = named(replace(sets["levels"], data=replace(data, after=after)))
     assert {(d.name, d.sentence.split(":")[0]) for d in told} == {

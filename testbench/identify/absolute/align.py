@@ -134,7 +134,7 @@ def whitening_matrices(
     Mathematics: `abs-4`.
 
     Args:
-        series: The readings, s per row.
+        series: The readings: s vectors per row, positions of the targets, then an orientation if read.
         noise: Noise of the readings.
         rotation: Tracker from base, (3, 3).
         groups: Indices of repeated rows that are combined; empty for single readings.
@@ -170,11 +170,11 @@ def robust_whitening(
     """Compute whitening matrices of single readings, and the robust weight of each from its residual.
 
     Args:
-        series: The readings, s per row.
+        series: The readings: s vectors per row, positions of the targets, then an orientation if read.
         noise: Noise of the readings.
         rotation: Tracker from base, (3, 3).
         residual: Residuals in base axes, (s, 3, rows) [m, rad].
-        loss: The robust loss.
+        loss: Robust loss, which sets the weights.
 
     Returns:
         Matrices W that scale residuals to unit variance, (s, rows, 3, 3) [1/m, 1/rad], and the weights,
@@ -189,7 +189,7 @@ def residuals(state: ArmState, series: Series) -> Array:
 
     Args:
         state: The arm with the frame and the mount of the series.
-        series: The readings, s per row: positions, then orientations.
+        series: The readings: s vectors per row, positions of the targets, then an orientation if read.
 
     Returns:
         Residuals in base axes, (s, 3, rows) [m, rad]; zero where nothing was read.
@@ -206,7 +206,7 @@ def robust_weights(state: ArmState, series: Series, noise: Noise) -> Array:
 
     Args:
         state: The arm with the frame and the mount of the series.
-        series: The readings, s per row.
+        series: The readings: s vectors per row, positions of the targets, then an orientation if read.
         noise: Noise of the readings.
 
     Returns:
@@ -261,6 +261,9 @@ def single_reading_noise(noise: Noise, variance: Array, repetitions: float) -> N
         noise: Noise of the combined readings.
         variance: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
         repetitions: Mean number k of readings that are combined [1].
+
+    Returns:
+        Noise of a single reading, with the same variance of the mean of k readings.
     """
     factor, model_error = noise.factor.copy(), [noise.position_model_error, noise.rotation_model_error]
     for kind in np.flatnonzero((factor[:2] < 1) & (variance > 0)):
@@ -427,14 +430,17 @@ def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
 def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -> tuple[Frame, Mount]:
     """Find the frame and the mount (targets on the tool) of one series by the arm's nominal geometry.
 
-    What the poses leave undetermined is taken from the model, if it has the frame or the mount. Else, if
-    three joints move, targets are nominal, and the frame is upright. If the targets or the tracker moved far
-    in mid-series, frame and mount are those of its first half.
+    If the poses do not determine both, the frame or the mount of the model is used. If the model has none,
+    but three joints move, the targets are nominal and the frame is upright. If the targets or the tracker
+    moved far in mid-series, frame and mount are those of its first half.
 
     Args:
         state: The model of the arm; it may have the frame or the mount.
         series: The readings.
         block_faces: Heights over all faces of the same block, which share the frame, this series among them.
+
+    Returns:
+        The frame (tracker from base) and the mount.
 
     Raises:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
@@ -493,28 +499,30 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     free, f = deviation > 0, len(series.frame_deviation)
     tools = [tool_poses(state.vjm, part.q) for part in parts]
 
-    def placed(steps: Array) -> tuple[Frame, Array]:
+    def move(steps: Array) -> tuple[Frame, Array]:
         """Move the stated frame and the targets, (m, 3) [m], by steps of the free unknowns."""
         every = np.zeros(len(deviation))
         every[free] = steps
         return moved_frame(stated_frame(series), every[:f]), targets + every[f:].reshape(-1, 3)
 
-    def errors(steps: Array) -> list[Array]:
+    def distance_errors(steps: Array) -> list[Array]:
         """Compute measured minus modelled distances of each part, (read,) [m]."""
-        frame, points = placed(steps)
+        frame, points = move(steps)
         return [_distance_errors(*own, frame, points) for own in zip(parts, tools, strict=True)]
 
-    def whitened(steps: Array) -> Array:
-        """Compute residuals of readings and priors, (read + free,) [1]."""
-        return np.concatenate([np.concatenate(errors(steps)) / ASSUMED_NOISE, steps / deviation[free]])
+    def whitened_residuals(steps: Array) -> Array:
+        """Compute residuals of readings and priors, over their deviations, (read + free,) [1]."""
+        return np.concatenate(
+            [np.concatenate(distance_errors(steps)) / ASSUMED_NOISE, steps / deviation[free]]
+        )
 
     # Start at the stated places; the constant of a wire, behind its point, is the median of what is left.
     start = np.zeros(free.sum())
     if series.zero_sigma:
-        start[3] = np.median(np.concatenate(errors(start)))
-    steps = least_squares(whitened, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
-    frame, points = placed(steps)
-    for part, before, after in zip(parts, errors(start), errors(steps), strict=True):
+        start[3] = np.median(np.concatenate(distance_errors(start)))
+    steps = least_squares(whitened_residuals, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
+    frame, points = move(steps)
+    for part, before, after in zip(parts, distance_errors(start), distance_errors(steps), strict=True):
         _check_placed(state, part, (before, after), frame)
     return frame, Mount(points, np.eye(3), series.markers)
 
@@ -536,13 +544,13 @@ def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, po
 
 
 def stated_frame(series: Series) -> Frame:
-    """Return the frame of a series of distances or heights if its point or plane is exactly where stated.
+    """Return the frame (from base) of a series whose fixed point or plane is exactly where the user states it.
 
-    The frame of distances has its origin in the fixed point and the axes of the base; that of heights is the
-    base's own.
+    The frame of distances has its origin in the fixed point and the axes of the base. The frame of heights
+    is that of the base.
 
     Args:
-        series: The readings.
+        series: Distances to a point, or heights over a plane.
     """
     point = series.fixed is not None and series.normal is None
     return Frame(np.eye(3), -np.array(series.fixed) if point else np.zeros(3))
@@ -617,7 +625,7 @@ class _AlignedSeries:
 
     @property
     def fits(self) -> bool:
-        """Tell whether positions and orientations fit, with targets on the tool."""
+        """Tell whether positions and orientations fit the nominal arm, with targets within its reach."""
         return self.near and self.turn < MAX_ORIENTATION_ERROR
 
 
@@ -779,17 +787,16 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
 
 
 def distance_from_known_frame(state: ArmState, series: Series) -> float:
-    """Compute by how much a series does not fit the frame and mount that the model has for it.
+    """Compute the distance of a series from the model with its known frame and mount: a percentile of residuals.
 
-    It is the 25th percentile of the residuals: if targets or tracker moved in mid-series, a quarter may still
-    fit.
+    It is the 25th percentile, because a quarter may still fit if targets or tracker moved in mid-series.
 
     Args:
         state: The arm with the frame and the mount of the series.
         series: The readings.
 
     Returns:
-        Distance that three quarters of the readings exceed [m]; 0 if it is small enough for the nominal arm.
+        Distance that three quarters of the readings exceed [m]; 0 if errors of the nominal arm explain it.
     """
     left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
@@ -822,7 +829,7 @@ def with_common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], l
 
 
 def without_unread_targets(series: Series) -> Series:
-    """Drop the targets that a series never read; a series without any reading stays as it is."""
+    """Drop the targets without any reading from a series; a series without any reading stays as it is."""
     return with_targets(series, _read_targets(series) or series.markers)
 
 

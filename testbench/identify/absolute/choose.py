@@ -243,12 +243,8 @@ def with_shared_pattern(
     at = unknowns.first_columns["errors"] + errors.n_coefficients * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
-    solved, joint_information = (
-        solve_active_unknowns(
-            active, gram_of_active(active, reduced.total_gram_matrices), scales, WIDE_PRIOR
-        ),
-        [],
-    )
+    gram = gram_of_active(active, reduced.total_gram_matrices)
+    solved, joint_information = solve_active_unknowns(active, gram, scales, WIDE_PRIOR), []
     V = solved.covariance
     for joint, j in zip(joints, np.searchsorted(active.columns, at), strict=True):
         precision = np.asarray(np.linalg.inv(V[np.ix_(j, j)]), dtype=float)
@@ -256,17 +252,14 @@ def with_shared_pattern(
         joint_information.append(
             (known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j])))
         )
+    individual = INDIVIDUAL_WAVE_SHARE * whole
     unknowns = replace(
-        unknowns,
-        pattern=find_pattern(
-            joint_information, INDIVIDUAL_WAVE_SHARE * whole, (1 - INDIVIDUAL_WAVE_SHARE) * whole, orders
-        ),
+        unknowns, pattern=find_pattern(joint_information, individual, whole - individual, orders)
     )
     if unknowns.equation_basis is None:
         return None
-    return activate_unknowns(unknowns, kinds | {"pattern"}, active.compliance_prior), reduced.in_basis(
-        unknowns.equation_basis
-    )
+    with_pattern = activate_unknowns(unknowns, kinds | {"pattern"}, active.compliance_prior)
+    return with_pattern, reduced.in_basis(unknowns.equation_basis)
 
 
 @dataclass(frozen=True)
@@ -286,8 +279,7 @@ def _evaluate(
     active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
 ) -> _Trial:
     """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
-    S = gram_of_active(active, reduced.total_gram_matrices)
-    scales = learn_error_scales(active, S, reduced.n_equations, start, rules.constraint)
+    scales = learn_error_scales(active, reduced, start, rules.constraint)
     every = _by_series(reduced)
     most = (1 - MIN_EQUATIONS_SHARE) * reduced.n_equations.sum()
     # A face is no repetition of the others: only its own heights show motion along its normal.

@@ -267,11 +267,7 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: Pri
 
 
 def learn_error_scales(
-    active: ActiveUnknowns,
-    gram: Array,
-    equation_counts: Array,
-    start: ErrorScales,
-    constraint: Constraint = "none",
+    active: ActiveUnknowns, reduced: ReducedReadings, initial: ErrorScales, constraint: Constraint = "none"
 ) -> ErrorScales:
     """Learn the prior deviations of the unknowns and the noise factors by maximum evidence.
 
@@ -281,16 +277,19 @@ def learn_error_scales(
     Mathematics: `abs-9`.
 
     Args:
-        active: The selected unknowns, c of them.
-        gram: Gram matrices [A | y]^T [A | y] of the equations A x = y of each kind, (kinds, c + 1, c + 1).
-        equation_counts: Number of equations of each kind, (kinds,).
-        start: Start of the search.
+        active: The selected unknowns.
+        reduced: The reduced equations of all unknowns.
+        initial: Prior deviations and noise factors from which the search starts.
         constraint: "psd" keeps every block of compliances positive semi-definite.
+
+    Returns:
+        Prior deviations and noise factors with the largest evidence.
 
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    scales = _maximise_scales(active, gram, equation_counts, start)
+    gram, equation_counts = gram_of_active(active, reduced.total_gram_matrices), reduced.n_equations
+    scales = _maximise_scales(active, gram, equation_counts, initial)
     if active.compliance_prior is None or constraint == "none":
         return scales
     for _ in range(MAX_NOISE_FACTOR_ROUNDS):
@@ -497,14 +496,14 @@ def compliance_equations(T: Array, compliance_prior: PriorScaling, equations: in
 
 
 def back_substitute(T: Array, pi: Array) -> Array:
-    """Compute the most probable other unknowns for given compliances.
+    """Compute the most probable values of all unknowns for given compliances.
 
     Args:
         T: Triangular factor of the equations of all unknowns, compliances last, (c + 1, c + 1).
         pi: Compliances, (n,) [m/N, rad/(N m)].
 
     Returns:
-        All unknowns in SI units, (c,).
+        Values in SI units, compliances last, (c,).
     """
     r = len(T) - 1 - len(pi)
     others: Array = solve_triangular(T[:r, :r], T[:r, -1] - T[:r, r:-1] @ pi)
@@ -566,6 +565,9 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
         state: The arm before the step.
         active: The selected unknowns, c of them.
         x: Their values, (c,), in SI units.
+
+    Returns:
+        The arm after the step.
     """
     unknowns = active.unknowns
     every = np.zeros(unknowns.size)
@@ -623,12 +625,11 @@ def gauss_newton_step(
     """
     state, noise = linearisation_point
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
-    S, counts = gram_of_active(active, reduced.total_gram_matrices), reduced.n_equations
-    scales = learn_error_scales(
-        active, S, counts, default_error_scales(active.unknowns, len(counts)), constraint
-    )
+    initial = default_error_scales(active.unknowns, len(reduced.kinds))
+    scales = learn_error_scales(active, reduced, initial, constraint)
     solved = solve_step(active, reduced, scales, constraint)
-    return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())
+    dof_ratio = max(0.1, 1 - solved.degrees_of_freedom / reduced.n_equations.sum())
+    return apply_step(state, active, solved.x), dof_ratio
 
 
 def fit_geometry_and_springs(
@@ -648,6 +649,6 @@ def fit_geometry_and_springs(
     first = unknowns_of(state.vjm, series, JointErrorTerms(), joint_prior.structure)
     active, noise = activate_unknowns(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)
     for _ in range(2):
-        state, share = gauss_newton_step(active, series, (state, noise), constraint)
-        noise = estimate_model_error(state, series, share)
+        state, dof_ratio = gauss_newton_step(active, series, (state, noise), constraint)
+        noise = estimate_model_error(state, series, dof_ratio)
     return state, noise

@@ -44,7 +44,6 @@ from testbench.identify.absolute.evidence import (
     default_error_scales,
     fit_geometry_and_springs,
     gauss_newton_step,
-    gram_of_active,
     learn_error_scales,
     solve_step,
 )
@@ -290,8 +289,8 @@ def linearise_readings(
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.n_coefficients)))
     # One step with periodic errors, for the noise and the point of linearisation.
     active, few = activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, joints), thin_series(series)
-    state, share = gauss_newton_step(active, few, (state, noise), options.constraint)
-    noise = estimate_model_error(state, series, share)
+    state, dof_ratio = gauss_newton_step(active, few, (state, noise), options.constraint)
+    noise = estimate_model_error(state, series, dof_ratio)
     # Reduce all equations once, by blocks of joint space if errors are selected.
     blocks = joint_space_blocks(series) if options.used_errors is None else None
     reduced = reduce_series(Linearisation(unknowns, state, noise), series, blocks)
@@ -420,29 +419,14 @@ def _select_errors(
     priors = [candidate.compliance_prior for candidate in on if candidate.compliance_prior is not None]
     active = activate_unknowns(unknowns, kinds - {"pattern"}, priors[-1] if priors else None)
 
-    def scales(selected: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
-        """Learn the sizes of errors and noise from the reduced equations.
-
-        Args:
-            selected: The active unknowns.
-            reduced: The equations of all unknowns.
-            start: Scales to start from.
-        """
-        return learn_error_scales(
-            selected,
-            gram_of_active(selected, reduced.total_gram_matrices),
-            reduced.n_equations,
-            start,
-            options.constraint,
-        )
-
-    sizes = scales(active, reduced, default_error_scales(unknowns, len(reduced.kinds)))
+    scales = default_error_scales(unknowns, len(reduced.kinds))
+    scales = learn_error_scales(active, reduced, scales, options.constraint)
     if COMMON_PATTERN in options.selectable and (
-        shared := with_shared_pattern(active, kinds, sizes, reduced)
+        shared := with_shared_pattern(active, kinds, scales, reduced)
     ):
         active, reduced = shared
-        sizes = scales(active, reduced, sizes)
-    return SelectedModel(active, sizes, reduced, kinds, ())
+        scales = learn_error_scales(active, reduced, scales, options.constraint)
+    return SelectedModel(active, scales, reduced, kinds, ())
 
 
 def thin_series(series: Sequence[Series]) -> tuple[Series, ...]:

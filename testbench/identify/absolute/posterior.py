@@ -276,7 +276,7 @@ def further_information(
     rng = np.random.Generator(np.random.Philox(0))
     information_for = information_of or (lambda readings: information_of_series(unknowns, state, readings))
 
-    def turned(j: int) -> Array:
+    def information_of_turned_joint(j: int) -> Array:
         """Compute the information with joint j turned through its range, (size, size)."""
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
@@ -297,7 +297,7 @@ def further_information(
         everywhere.append(_series_in_poses(readings, np.arange(count) % readings.rows, q))
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
     rigid = [information_of_series(unknowns, replace(state, **none), readings) for readings in everywhere]
-    every = np.stack([turned(j) for j in range(len(lower))])
+    every = np.stack([information_of_turned_joint(j) for j in range(len(lower))])
     return AddedInformation(
         every, np.sum([information_for(readings) for readings in everywhere], axis=0), np.sum(rigid, axis=0)
     )

@@ -137,12 +137,15 @@ def nominal_state(vjm: Vjm, weights: BodyMasses, torque_scale: Array) -> ArmStat
 
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
-    """Apply a small motion of the base to a frame: points x move by shift + turn x x in base axes.
+    """Apply a small motion of the base to a frame: shift p and rotation vector r, in base axes.
 
     Args:
         frame: The frame, tracker from base.
-        step: Shift [m], then rotation vector [rad], (6,); then the change of the frame's constant [m] if it
-            has one, (7,).
+        step: p [m], then r [rad], (6,); then the change of the constant of a draw-wire [m] if the frame has
+            one, (7,).
+
+    Returns:
+        The moved frame.
     """
     [turn] = rotation_matrices(step[None, 3:6])
     moved = frame.translation + frame.rotation @ step[:3]
@@ -519,41 +522,39 @@ def find_pattern(
         for candidate in joint_information
     ]
 
-    def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
-        """Find the best shift and sign of a joint's pattern, given those of others.
+    def best_shift(joint: int, members: dict[int, tuple[float, int]]) -> tuple[float, int, float]:
+        """Find the shift [rad] and sign of the pattern in a joint, given those of others, and its log odds.
 
         Args:
-            j: Index of the joint.
-            others: Shift [rad] and sign of other joints, by their index.
-
-        Returns:
-            Shift [rad], sign, log odds [nats] and the joint's index.
+            joint: Index of the joint.
+            members: Shift [rad] and sign of each joint with the pattern, by its index.
         """
+        # Information about the pattern from the other joints.
         P, b = np.diag(1 / shared_variance), np.zeros(len(shared_variance))
-        for i, (turn, sense) in others.items():
-            R = shift_fourier_coefficients(np.eye(len(b)), turn, sense, orders)
-            P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
-        return (*_best_shift(every[j], P, b, orders), j)
+        for other, (shift, sign) in members.items():
+            if other != joint:
+                R = shift_fourier_coefficients(np.eye(len(b)), shift, sign, orders)
+                P, b = P + R @ every[other].W @ R.T, b + R @ every[other].g
+        return _best_shift(every[joint], P, b, orders)
 
     # Start with the joint whose odds with the others are best.
     joints = range(len(every))
-    pairs = [[best(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
+    pairs = [[best_shift(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
     members = {int(np.argmax([np.maximum(row, 0).sum() for row in pairs])): (0.0, 1)}
     # Add the joint with the best odds, as long as they suffice.
     while len(members) < len(every):
-        turn, sense, odds, j = max(
-            (best(j, members) for j in joints if j not in members), key=lambda candidate: candidate[2]
-        )
-        if odds < MIN_LOG_ODDS:
+        found = {j: best_shift(j, members) for j in joints if j not in members}
+        best = max(found, key=lambda j: found[j][2])
+        if found[best][2] < MIN_LOG_ODDS:
             break
-        members[j] = turn, sense
+        members[best] = found[best][:2]
     # Remove joints whose odds, given all others, do not suffice.
     while len(members) > 1:
-        again = [best(j, {i: at for i, at in members.items() if i != j}) for j in members]
-        worst = min(again, key=lambda candidate: candidate[2])
-        if worst[2] >= MIN_LOG_ODDS:
-            return _relative_to_first({j: (turn, sense) for turn, sense, _, j in again})
-        del members[worst[3]]
+        again = {j: best_shift(j, members) for j in members}
+        worst = min(again, key=lambda j: again[j][2])
+        if again[worst][2] >= MIN_LOG_ODDS:
+            return _relative_to_first({j: (shift, sign) for j, (shift, sign, _) in again.items()})
+        del members[worst]
     return None
 
 
@@ -588,27 +589,25 @@ def _best_shift(
     f = np.asarray(np.linalg.solve(P, b), dtype=float)
     before = _log_integral(P, b)
 
-    def likely(turns: Array, sense: int) -> Array:
-        """Compute the log-likelihood of the most probable pattern at many shifts.
+    def log_likelihood(shifts: Array, sign: int) -> Array:
+        """Compute the log-likelihood of the other joints' most probable pattern at many shifts.
 
         Args:
-            turns: Shifts, (shifts,) [rad].
-            sense: Sign of the pattern, 1 or -1.
+            shifts: Shifts, (shifts,) [rad].
+            sign: Sign of the pattern, 1 or -1.
 
         Returns:
             Log-likelihoods, (shifts,) [nats].
         """
-        x = shift_fourier_coefficients(f, turns, sense, orders)
+        x = shift_fourier_coefficients(f, shifts, sign, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
-    every = np.stack([likely(TRIED_SHIFTS, sense) for sense in PATTERN_SIGNS])
+    every = np.stack([log_likelihood(TRIED_SHIFTS, sign) for sign in PATTERN_SIGNS])
     # Local maxima of the likelihood over the shift.
     peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
-    rivals, odds = (
-        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:MAX_COMPARED_SHIFTS]],
-        [pattern_information.individual_log_odds],
-    )
-    # Evidence of each, the pattern integrated out.
+    rivals = np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:MAX_COMPARED_SHIFTS]]
+    # Evidence of each, the pattern integrated out; first that of an individual error.
+    odds = [pattern_information.individual_log_odds]
     for way, k in rivals:
         R = shift_fourier_coefficients(np.eye(len(f)), TRIED_SHIFTS[k], PATTERN_SIGNS[way], orders)
         odds.append(
@@ -620,7 +619,7 @@ def _best_shift(
     way, k = rivals[first - 1]
     finer = TRIED_SHIFTS[k] + FINE_SHIFTS
     return (
-        float(finer[likely(finer, PATTERN_SIGNS[way]).argmax()]),
+        float(finer[log_likelihood(finer, PATTERN_SIGNS[way]).argmax()]),
         PATTERN_SIGNS[way],
         odds[first] - odds[others[0]],
     )
@@ -635,8 +634,8 @@ def _relative_to_first(members: dict[int, tuple[float, int]]) -> ErrorPattern:
     """Express the pattern in the angle of the first joint that has it."""
     joints = tuple(sorted(members))
     start, way = members[joints[0]]
-    turns = tuple(float((way * (members[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)
-    return ErrorPattern(joints, turns, tuple(way * members[j][1] for j in joints))
+    shifts = tuple(float((way * (members[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)
+    return ErrorPattern(joints, shifts, tuple(way * members[j][1] for j in joints))
 
 
 # --- Unknowns of a calibration, and their columns in the linear equations -----------------------------------

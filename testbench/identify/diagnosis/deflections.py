@@ -81,13 +81,10 @@ MIN_RUNS_OF_LEVEL, MAX_FORCE_DIFFERENCE = 3, 0.02
 class ResidualModel:
     """Hold a compliance model fitted to loaded runs, with the residuals and their inverse covariance.
 
-    The k whitened equations are y = A pi + e. The prior is pi = L (s m + d x) with x ~ N(0, I). Scale s and
-    widths d are learnt from the readings.
+    The k whitened equations are y = A pi + e. The prior is pi = L (s m + d x) with x ~ N(0, I), units L and
+    expected compliances L m. Scale s and widths d are learnt from the readings.
     """
 
-    vjm: Vjm  #: The arm's virtual joint model.
-    scaling: PriorScaling  #: Prior of the compliances.
-    data: Dataset  #: The runs.
     readings: WeightedReadings  #: The whitened equations of every single reading.
     loss: float  #: Negative logarithm of the evidence [nats].
     pi: Array  #: Posterior mean of the compliances, (n,) [m/N, rad/(N m)].
@@ -102,27 +99,13 @@ class ResidualModel:
         """Compute the ratio kappa of the estimated noise of the readings to their stated noise [1]."""
         return float(np.exp(self.hyperparameters[-1]))
 
-    def mistake_jacobian(self, corrected: Sequence[Dataset]) -> Array:
-        """Compute the change Z of the whitened residuals per unit of each parameter of a mistake.
-
-        Column i is the residual y - A pi of the data as read, minus that of the data with one unit of
-        parameter i corrected.
+    def residuals(self, readings: WeightedReadings) -> Array:
+        """Compute the residuals y - A pi of whitened equations, (k,) [1].
 
         Args:
-            corrected: The data with one unit of each of z parameters corrected.
-
-        Returns:
-            Z, (k, z) [1].
-
-        Raises:
-            BenchError: When there are too many readings to weigh them one by one.
+            readings: The equations, of these or of corrected readings.
         """
-        as_read = self._residuals(self.data)
-        return np.column_stack([as_read - self._residuals(data) for data in corrected])
-
-    def _residuals(self, data: Dataset) -> Array:
-        read = weighted_readings(self.vjm, self.scaling.structure, data)
-        return np.asarray((read.y - read.A @ self.pi).ravel())
+        return np.asarray((readings.y - readings.A @ self.pi).ravel())
 
     def score_issue(self, name: str, correction: "Correction[LoadedRuns]") -> Issue:
         """Estimate the size and the log-likelihood gain of a mistake that enters linearly, by `score_test`.
@@ -151,7 +134,7 @@ class LoadedRuns:
     """Hold loaded runs that are tested for mistakes, with prior and fitted model of the compliances."""
 
     vjm: Vjm  #: The arm's virtual joint model.
-    scaling: PriorScaling  #: Prior of the compliances.
+    compliance_prior: PriorScaling  #: Prior of the compliances.
     data: Dataset  #: The runs.
     #: Gravity in the nominal world by a level tracker, a unit vector, (3,) [1]; None if unknown.
     tracker_gravity: Array | None = None
@@ -165,34 +148,34 @@ class LoadedRuns:
         """Compute the largest force of all runs [N]."""
         return float(np.linalg.norm(self.data.wrench[:, :3], axis=1).max())
 
-    def fit(self, data: Dataset | None = None, hyperparameters: Array | None = None) -> ResidualModel:
-        """Fit the compliance model to these runs, or to corrected ones.
+    def mistake_jacobian(self, corrected: Sequence[Dataset]) -> Array:
+        """Compute the change Z of the whitened residuals per unit of each parameter of a mistake.
+
+        Column i is the residual y - A pi of the data as read, minus that of the data with one unit of
+        parameter i corrected.
 
         Args:
-            data: The corrected runs; None for these runs.
-            hyperparameters: Hyperparameters of the prior, (h,), learnt from other readings; None to learn
-                them here.
+            corrected: The data with one unit of each of z parameters corrected.
 
         Returns:
-            The fitted model with its residuals.
+            Z, (k, z) [1].
 
         Raises:
-            BenchError: When no compliance moves as the readings do.
+            BenchError: When there are too many readings to weigh them one by one.
         """
-        return fit_residual_model(
-            self.vjm, self.scaling, self.data if data is None else data, hyperparameters
-        )
+        assert self.model is not None
+        as_read, structure = self.model.residuals(self.model.readings), self.compliance_prior.structure
+        every = (weighted_readings(self.vjm, structure, data) for data in corrected)
+        return np.column_stack([as_read - self.model.residuals(readings) for readings in every])
 
 
-def deflection_scale(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> float:
+def deflection_scale(loads: LoadedRuns) -> float:
     """Compute the factor between measured deflections and those that the prior predicts, by least squares.
 
     It is y^T A pi / |A pi|^2, with A the whitened observation matrix and pi the expected compliances.
 
     Args:
-        vjm: The arm's virtual joint model.
-        scaling: Prior of its compliances.
-        data: The runs.
+        loads: The runs, with the prior of the compliances.
 
     Returns:
         The factor [1].
@@ -200,15 +183,13 @@ def deflection_scale(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> float:
     Raises:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
-    regression = reduce(vjm, scaling.structure, data)
-    pi = scaling.L @ scaling.expected_x
+    prior = loads.compliance_prior
+    regression, pi = reduce(loads.vjm, prior.structure, loads.data), prior.L @ prior.expected_x
     rows = [(t.R @ pi, t.z) for t in regression.terms]
     return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
 
 
-def fit_residual_model(
-    vjm: Vjm, scaling: PriorScaling, data: Dataset, hyperparameters: Array | None = None
-) -> ResidualModel:
+def fit_residual_model(loads: LoadedRuns, hyperparameters: Array | None = None) -> ResidualModel:
     """Fit the compliances with a prior learnt from the readings, and compute residuals and covariance.
 
     With kappa the ratio of estimated to stated noise, the inverse covariance of the readings is
@@ -219,9 +200,7 @@ def fit_residual_model(
     standard deviations. The weighted residual is W (y - A E[pi]), with the prior mean E[pi].
 
     Args:
-        vjm: The arm's virtual joint model.
-        scaling: Prior of its compliances.
-        data: The runs.
+        loads: The runs, with the prior of the compliances.
         hyperparameters: Hyperparameters of the prior, (h,), learnt from other readings; None to learn them
             here.
 
@@ -231,8 +210,9 @@ def fit_residual_model(
     Raises:
         BenchError: When no compliance moves as the readings do.
     """
-    structure = scaling.structure
-    model = prior_evidence(reduce(vjm, structure, data), scaling, shared_link_uncertainty=True)
+    vjm, data, structure = loads.vjm, loads.data, loads.compliance_prior.structure
+    reduced = reduce(vjm, structure, data)
+    model = prior_evidence(reduced, loads.compliance_prior, shared_link_uncertainty=True)
     hyperparameters = (
         maximise_evidence(model.evidence, model.medians) if hyperparameters is None else hyperparameters
     )
@@ -253,7 +233,7 @@ def fit_residual_model(
     U = left * (size / np.hypot(size, kappa) / kappa)
     weighted_residual = residual / kappa**2 - U @ (U.T @ residual)
     least = evidence_posterior(model.evidence, hyperparameters).neg_log_evidence
-    return ResidualModel(vjm, model.scaling, data, read, least, pi, U, weighted_residual, hyperparameters)
+    return ResidualModel(read, least, pi, U, weighted_residual, hyperparameters)
 
 
 def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
@@ -319,8 +299,8 @@ def load_issues(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadH
     Returns:
         Issues, the most probable first; none for sound runs.
     """
-    factor = deflection_scale(loads.vjm, loads.scaling, loads.data)
-    gravity = suspected_gravity(loads.vjm, loads.scaling, loads.data, loads.tracker_gravity)
+    factor = deflection_scale(loads)
+    gravity = suspected_gravity(loads.vjm, loads.compliance_prior, loads.data, loads.tracker_gravity)
     loads = replace(loads, gravity=gravity)
     mountings = [row for row in all_loads if row.name == "mounting"]
     others = [row for row in all_loads if row.name != "mounting"]
@@ -328,7 +308,7 @@ def load_issues(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadH
     if gravity is not None and gravity.is_certain:
         return [mounting_issue(loads.vjm, gravity)]
     try:
-        start = loads.fit()
+        start = fit_residual_model(loads)
     except BenchError:  # no compliance moves so: only other loads can
         return _refitted(mountings, loads) or _refitted(others, loads) or [_wild_reading(loads.data, factor)]
     leave_out_worst = partial(_without_worst, loads, single_runs)
@@ -383,16 +363,16 @@ def _without_worst(
     if _gain(likeliest) < MIN_TRIAL_GAIN:
         return None
     worst = likeliest.where[0]
-    others = data.run.astype(str) != worst
+    kept = select(data, data.run.astype(str) != worst)
     try:
-        rest = loads.fit(select(data, others))
+        rest = fit_residual_model(replace(loads, data=kept))
     except BenchError:  # no compliance moves as the other runs do: it is not this run that is wrong
         return None
     if rest.misfit > MAX_MISFIT_RATIO * fitted.misfit:
         return None
-    now = replace(now, model=loads.fit(data, rest.hyperparameters))
+    now = replace(now, model=fit_residual_model(now, rest.hyperparameters))
     issues = [issue for issue, large in _sized_issues(now, single_runs) if large and issue.where[0] == worst]
-    return ([max(issues, key=_gain)], rest.data, rest) if issues else None
+    return ([max(issues, key=_gain)], kept, rest) if issues else None
 
 
 def _likeliest(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHypotheses) -> list[Issue]:
@@ -416,7 +396,7 @@ def _refitted(hypotheses: LoadHypotheses, loads: LoadedRuns) -> list[Issue]:
             if correction.corrected is None:
                 continue
             try:
-                refit = correction.corrected.fit()
+                refit = fit_residual_model(correction.corrected)
             except BenchError:  # moves against the force
                 continue
             gain = None if before is None else before.loss - refit.loss

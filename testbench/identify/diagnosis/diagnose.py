@@ -57,7 +57,7 @@ from testbench.progress import stepwise
 NO_FREE_PARAMETERS = FreeParameters()
 #: Median deflection, over the expected distance, above which loaded readings must fit the kinematics [1].
 MAX_DEFLECTION_RATIO = 20.0
-RUNS_PER_BATCH, MAX_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
+MAX_RUNS_PER_BATCH, MAX_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
 #: Mistakes that the registration corrects, so that the loads are tested anyway.
 CORRECTED_BY_REGISTRATION = ("frame", "targets")
 
@@ -195,14 +195,14 @@ def explain_unregistered_series(vjm: Vjm, series: Series) -> Issue | None:
 def _mounting_issue(loads: LoadedRuns, observations: Observations) -> list[Issue]:
     """Find the mounting of the base that makes targets move against stated weights."""
     vjm, data = loads.vjm, loads.data
-    gravity = suspected_gravity(vjm, loads.scaling, data, loads.tracker_gravity)
+    gravity = suspected_gravity(vjm, loads.compliance_prior, data, loads.tracker_gravity)
     if gravity is None:
         return []
     if angle_between(gravity.g, DOWN) > MIN_REVERSED_ANGLE and not gravity.confirmed_by_tracker:
-        model = loads.scaling
-        pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected_x)
+        prior = loads.compliance_prior
+        pi = abs(deflection_scale(loads)) * (prior.L @ prior.expected_x)
         if not bends_like_hanging_arm(
-            observations, _observations(vjm, data, data.after), model.structure.matrix(pi)
+            observations, _observations(vjm, data, data.after), prior.structure.matrix(pi)
         ):
             return []
     return [mounting_issue(vjm, gravity)]
@@ -212,7 +212,7 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     """Find mistakes in all loads from the first batch of runs, in single runs from all batches."""
     data = loads.data
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run))))
+    parts = max(1, -(-data.runs // max(1, min(MAX_RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run))))
     subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
     issues = load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
     runs = {row.name for row in hypotheses.single_runs}

@@ -156,7 +156,7 @@ def loads_are_weights(data: Dataset) -> bool:
 
 
 def suspected_gravity(
-    vjm: Vjm, scaling: PriorScaling, data: Dataset, tracker_gravity: Array | None
+    vjm: Vjm, compliance_prior: PriorScaling, data: Dataset, tracker_gravity: Array | None
 ) -> GravityDirection | None:
     """Find a direction of gravity other than the nominal one, if the deflections show one.
 
@@ -165,7 +165,7 @@ def suspected_gravity(
 
     Args:
         vjm: The arm's virtual joint model.
-        scaling: Prior of its compliances.
+        compliance_prior: Prior of its compliances.
         data: Loaded runs.
         tracker_gravity: Gravity in the nominal world frame by a level tracker, a unit vector, (3,) [1]; None
             if unknown.
@@ -176,7 +176,7 @@ def suspected_gravity(
     """
     if not loads_are_weights(data) or np.count_nonzero(data.seen) < MIN_READINGS:
         return None
-    g, explained_share = _by_deflections(vjm, scaling, data)
+    g, explained_share = _by_deflections(vjm, compliance_prior, data)
     if tracker_gravity is not None and angle_between(tracker_gravity, DOWN) < MAX_LEVEL_TILT:
         return None  # the base stands upright, whatever else is wrong
     if tracker_gravity is not None and angle_between(tracker_gravity, g) < min(
@@ -204,10 +204,10 @@ def snap_direction(g: Array, angle_limit: float) -> Array:
     return nearest if angle_between(g, nearest) < angle_limit else g
 
 
-def _by_deflections(vjm: Vjm, scaling: PriorScaling, data: Dataset) -> tuple[Array, float]:
+def _by_deflections(vjm: Vjm, compliance_prior: PriorScaling, data: Dataset) -> tuple[Array, float]:
     """Fit the direction of gravity, (3,), by robust least squares, and the share that it explains [1]."""
-    pi = scaling.L @ scaling.expected_x
-    read = [weighted_readings(vjm, scaling.structure, with_gravity_along(data, e)) for e in np.eye(3)]
+    pi, structure = compliance_prior.L @ compliance_prior.expected_x, compliance_prior.structure
+    read = [weighted_readings(vjm, structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
     for _ in range(REWEIGHTINGS):

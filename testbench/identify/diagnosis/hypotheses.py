@@ -44,7 +44,7 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.model.vjm import tool_points, tool_poses
 
-MM = 1e3
+MM = 1e3  #: Millimetres per metre.
 UNIT_FACTORS = {
     1e-3: "1000 times too large: millimetres read as metres?",
     1e-2: "100 times too large: centimetres read as metres?",
@@ -177,25 +177,22 @@ def _near_frame(submission: Submission) -> Iterator[Correction[Submission]]:
 def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Correction[Submission]]:
     """Find targets that are far from their nominal places, or at the nominal places of others."""
     registration = submission.registered.registration
-    off = (
-        np.zeros(0)
-        if registration is None
-        else np.linalg.norm(registration.targets - registration.nominal_targets, axis=1)
-    )
-    far = np.flatnonzero(off > MAX_TARGET_DISTANCE)
-    if registration is None or not len(far):
+    if registration is None:
         return
-    between = np.linalg.norm(
-        registration.targets[far, None] - registration.nominal_targets[None, far], axis=2
-    )
+    targets, nominal = registration.targets, registration.nominal_targets
+    distance = np.linalg.norm(targets - nominal, axis=1)
+    far = np.flatnonzero(distance > MAX_TARGET_DISTANCE)
+    if not len(far):
+        return
+    # Exchanged: every target that is far from its own place is near that of another one.
+    between = np.linalg.norm(targets[far, None] - nominal[None, far], axis=2)
     if (len(far) > 1 and bool((between.min(axis=1) < MAX_TARGET_DISTANCE).all())) != exchanged:
         return
     if exchanged:
         yield Correction(tuple(registration.target_names[k] for k in far))
     else:
-        worst = int(far[np.argmax(off[far])])
-        off_by = registration.targets[worst] - registration.nominal_targets[worst]
-        yield Correction((registration.target_names[worst],), off_by)
+        worst = int(distance.argmax())
+        yield Correction((registration.target_names[worst],), targets[worst] - nominal[worst])
 
 
 # --- Readings against the kinematics ------------------------------------------------------------------------
@@ -515,8 +512,8 @@ def _explain_pose(placed: FittedObservations, row: int, far: float) -> tuple[tup
         observations,
         position=(observations.position - frame.translation) @ frame.rotation,
         markers=placed.fit.markers,
+        free_parameters=FreeParameters(),
     )
-    observations = replace(observations, free_parameters=FreeParameters())
     # Other conventions of a joint's zero concern all poses: of its corrections only the free one is tried.
     joints = [correction for correction in _joint_zero(observations) if not correction.size.any()]
     for corrections in (list(_markers(observations)), joints):
@@ -568,8 +565,7 @@ def _sized_correction(
     loads: LoadedRuns, prior_deviation: float, min_size: float, corrected: Sequence[Dataset]
 ) -> Correction[LoadedRuns]:
     """Describe a mistake of unknown size by data sets with one prior deviation of it corrected in each."""
-    assert loads.model is not None
-    Z = loads.model.mistake_jacobian(corrected)
+    Z = loads.mistake_jacobian(corrected)
     return Correction(jacobian=Z, prior_deviation=prior_deviation, is_large=any_above(min_size))
 
 
@@ -626,14 +622,14 @@ def _force_axes(loads: LoadedRuns) -> LoadCorrections:
     """Try wrenches in the tool's axes, and wrenches with permuted or reversed axes."""
     data, w = loads.data, loads.data.wrench.reshape(-1, 2, 3)
 
-    def corrected(other: Array) -> LoadedRuns:
-        return replace(loads, data=replace(data, wrench=other.reshape(-1, 6)))
+    def with_wrenches(wrench: Array) -> LoadedRuns:
+        return replace(loads, data=replace(data, wrench=wrench.reshape(-1, 6)))
 
     turned = np.einsum("rxy,rky->rkx", tool_poses(loads.vjm, data.q)[1], w)
-    yield Correction(("tool",), corrected=corrected(turned))
+    yield Correction(("tool",), corrected=with_wrenches(turned))
     for order, sign in product(list(permutations(range(3)))[1:], (1, -1)):
         where = "".join("xyz"[k] for k in order), "+" if sign > 0 else "-"
-        yield Correction(where, corrected=corrected(sign * w[:, :, list(order)]))
+        yield Correction(where, corrected=with_wrenches(sign * w[:, :, list(order)]))
 
 
 def _force_axes_sentence(issue: Issue, _: Arm) -> str:
@@ -688,8 +684,8 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
     size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.deviation, 3)
     least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * loads.data.sigma * model.misfit]))
 
-    def is_large(b: Array) -> bool:
-        return bool(np.linalg.norm(b) > least)
+    def is_large(displacement: Array) -> bool:
+        return bool(np.linalg.norm(displacement) > least)
 
     for name, every in _equations_of_runs(loads):
         for equations in [every] if all_targets else [(k, k + 3) for k in range(*every, 3)]:

@@ -131,7 +131,7 @@ class Submission:
 
     @property
     def nominal_model(self) -> Vjm:
-        """Build the arm's model with nominal targets; the others are where the registration found them."""
+        """Build the arm's model with the nominal targets of its folder; others keep their registered places."""
         nominal = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
         return with_markers(self.registered.vjm, nominal)
 
@@ -154,12 +154,12 @@ def issues_without_fit(data: Case, hypotheses: Sequence[Hypothesis[Case]]) -> li
 
 
 def longer_than(*limits: float) -> Callable[[Array], bool]:
-    """Make a test of sizes (3 k,): is any of the k vectors (3,) longer than its limit (SI units)?"""
+    """Make a function of a size, (3 k,), that tells whether any of its k vectors is longer than its limit."""
     return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > limit for k, limit in enumerate(limits))
 
 
 def any_above(limit: float) -> Callable[[Array], bool]:
-    """Make a test of sizes (k,): is the magnitude of any of the k numbers above the limit (SI units)?"""
+    """Make a function of a size, (k,), that tells whether any of its numbers is larger than a limit."""
     return lambda size: bool(np.abs(size).max() > limit)
 
 
@@ -334,11 +334,9 @@ def observations_of_series(vjm: Vjm, series: Series) -> Observations:
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         free_parameters=FreeParameters(frame=True, targets=True, targets_unknown=True),
     )
-    return (
-        observations
-        if series.rotation is None
-        else observations.with_orientations(series.position, series.rotation)
-    )
+    if series.rotation is None:
+        return observations
+    return observations.with_orientations(series.position, series.rotation)
 
 
 @dataclass(frozen=True)
@@ -444,7 +442,7 @@ def best_hypothesis(
     good = [
         trial
         for trial in trials
-        if trial.gain > needed and trial.correction.is_large(trial.size(observations))
+        if trial.gain > needed and trial.correction.is_large(trial.where_and_size(observations)[1])
     ]
     if not good:
         return unfit, as_read
@@ -460,10 +458,8 @@ def best_hypothesis(
         "now": best.fit.distance_quantile(best.sample, share),
         "share": share,
     }
-    where = best.correction.where
-    if best.corrected.free_parameters.targets and not observations.free_parameters.targets:
-        where = (observations.names[_farthest(observations, best.fit)],)
-    issue = Issue(best.hypothesis.name, where, best.size(observations), numbers, best.gain, reading_kind)
+    where, size = best.where_and_size(observations)
+    issue = Issue(best.hypothesis.name, where, size, numbers, best.gain, reading_kind)
     return issue, best.fit if best.sample is best.corrected else fit_kinematics(best.corrected)
 
 
@@ -478,30 +474,29 @@ class _Trial:
     fit: KinematicFit  #: The fit to the sample.
     gain: float  #: Cost as read, minus the cost without the mistake and that of the choice [nats].
 
-    def size(self, observations: Observations) -> Array:
-        """Compute the size of the mistake.
+    def where_and_size(self, observations: Observations) -> tuple[tuple[str, ...], Array]:
+        """Name what has the mistake, and compute the size of the mistake.
 
         Args:
             observations: The readings as they are, with the mistake.
 
         Returns:
-            Rotation vector and translation of a frame, (6,) [rad, m]; shift of a target or link, (3,) [m];
-            else the size of the correction, in SI units.
+            Names of the joints, links or targets, and the size: rotation vector and translation of a frame,
+            (6,) [rad, m]; shift of a target or link, (3,) [m]; else that of the correction, in SI units.
         """
-        free, theta = (
-            self.corrected.free_parameters,
-            self.fit.theta[list(self.corrected.free_parameters.theta)],
-        )
+        where, size, free = self.correction.where, self.correction.size, self.corrected.free_parameters
+        theta = self.fit.theta[list(free.theta)]
         if len(theta) == 3:
-            return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].beam_axes @ theta)
+            return where, np.asarray(observations.vjm.arm.links[free.theta[0] // 6].beam_axes @ theta)
         if len(theta):
-            return self.correction.size + theta
+            return where, size + theta
         if free.targets and not observations.free_parameters.targets:
-            ways = self.fit.markers - observations.markers
-            return np.asarray(ways[_farthest(observations, self.fit)])
+            shifts = self.fit.markers - observations.markers
+            farthest = int(np.argmax(np.linalg.norm(shifts, axis=1)))
+            return (observations.names[farthest],), shifts[farthest]
         if free.frame and not (observations.free_parameters.frame or free.mirrored):
-            return np.concatenate([self.fit.frame.rotation_vector, self.fit.frame.translation])
-        return self.correction.size
+            return where, np.concatenate([self.fit.frame.rotation_vector, self.fit.frame.translation])
+        return where, size
 
 
 def _trials(
@@ -520,13 +515,9 @@ def _trials(
 def _thinned(observations: Observations) -> Observations:
     """Select at most MAX_COMPARED_ROWS rows, evenly spaced: more would not change which mistake fits."""
     n = len(observations.q)
-    return (
-        observations if n <= MAX_COMPARED_ROWS else observations.select(evenly_spaced(n, MAX_COMPARED_ROWS))
-    )
-
-
-def _farthest(observations: Observations, fitted: KinematicFit) -> int:
-    return int(np.argmax(np.linalg.norm(fitted.markers - observations.markers, axis=1)))
+    if n <= MAX_COMPARED_ROWS:
+        return observations
+    return observations.select(evenly_spaced(n, MAX_COMPARED_ROWS))
 
 
 def fit_kinematics(observations: Observations) -> KinematicFit:
@@ -571,11 +562,8 @@ def fit_kinematics(observations: Observations) -> KinematicFit:
 
 
 def _chain(observations: Observations, now: KinematicFit) -> ChainState:
-    return evaluate_chain(
-        observations.vjm,
-        observations.q,
-        np.tile(now.theta, (len(observations.q), 1)) if now.theta.any() else None,
-    )
+    theta = np.tile(now.theta, (len(observations.q), 1)) if now.theta.any() else None
+    return evaluate_chain(observations.vjm, observations.q, theta)
 
 
 def _with_loss(observations: Observations, chain: ChainState, now: KinematicFit) -> KinematicFit:
@@ -740,12 +728,12 @@ def find_row_shift(observations: Observations) -> RowShift | None:
         first -= 1  # the row that was deleted has no pose at all
     q = np.roll(observations.q, shift, axis=0)
     q[:first] = observations.q[:first]
-    before, behind = (
-        _median_distance(replace(observations, q=q), best_fit, part)
-        for part in (slice(first), slice(first, None))
-    )
-    sound = gain > MIN_GAIN_PER_READING * observations.seen[first:].sum() and max(before, behind) < far
-    return RowShift(first, shift, q) if sound else None
+    # Both parts fit, and the slip gains enough.
+    distance = _distances_from(replace(observations, q=q), best_fit)
+    parts = (distance[rows][observations.seen[rows]] for rows in (slice(first), slice(first, None)))
+    fits = all(not len(part) or np.median(part) < far for part in parts)
+    enough = gain > MIN_GAIN_PER_READING * observations.seen[first:].sum()
+    return RowShift(first, shift, q) if enough and fits else None
 
 
 def _slip_costs(
@@ -766,7 +754,7 @@ def _slip_costs(
                 for observed in (observations, moved)
             )
             cost = np.cumsum(as_read - slipped)[:-MIN_ROWS_OF_PART] + slipped.sum()
-            # an inserted row fits either way
+            # An inserted row fits either way: the last of equal rows is the first that slipped.
             alike = cost < cost.min() + MIN_GAIN_PER_READING * observations.seen.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
             yield float(cost.min()), float(as_read.sum() - cost.min()), first, shift, half_fit
@@ -781,14 +769,11 @@ def _fit_half(observations: Observations, half: slice) -> KinematicFit | None:
 
 def _misfits(observations: Observations, fitted: KinematicFit, rows: Ids) -> int:
     """Count how many of the given rows do not fit the arm in the fitted frame."""
-    sample = observations.select(rows)
-    off = np.linalg.norm(fit_residuals(sample, evaluate_chain(sample.vjm, sample.q), fitted), axis=2)
-    return int((off > MAX_MEDIAN_DISTANCE * observations.expected_distance).any(axis=1).sum())
+    far = MAX_MEDIAN_DISTANCE * observations.expected_distance
+    return int((_distances_from(observations.select(rows), fitted) > far).any(axis=1).sum())
 
 
-def _median_distance(observations: Observations, fitted: KinematicFit, part: slice) -> float:
-    """Compute the median distance of the readings in some rows [m]; 0 without any."""
-    off = np.linalg.norm(
-        fit_residuals(observations, evaluate_chain(observations.vjm, observations.q), fitted), axis=2
-    )[part][observations.seen[part]]
-    return float(np.median(off)) if len(off) else 0.0
+def _distances_from(observations: Observations, fitted: KinematicFit) -> Array:
+    """Compute the distances of readings from the fit to others of the series, (rows, m) [m]."""
+    chain = evaluate_chain(observations.vjm, observations.q)
+    return np.asarray(np.linalg.norm(fit_residuals(observations, chain, fitted), axis=2))

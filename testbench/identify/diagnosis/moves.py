@@ -120,7 +120,9 @@ def best_step(nuisance: NuisanceModel, series: Series, candidates: Ids) -> Issue
         - `free`: number of independent equations less the fitted unknowns.
     """
     sums = _sums(nuisance, series, candidates)
-    return _greatest_step(_unexplained(nuisance, (series,), [sums]), series, sums, candidates, turns=True)
+    return _greatest_step(
+        _unexplained(nuisance, (series,), [sums]), series, sums, candidates, with_rotation=True
+    )
 
 
 def most_significant_step(
@@ -143,14 +145,19 @@ def most_significant_step(
     for readings, series_sums, steps in zip(series, sums, candidates, strict=True):
         if not len(steps):
             continue
-        step = min(
-            (_greatest_step(rest, readings, series_sums, steps, turns=t) for t in (False, True)), key=p_value
+        found = (
+            _greatest_step(rest, readings, series_sums, steps, with_rotation=rotated)
+            for rotated in (False, True)
         )
+        step = min(found, key=p_value)
         poses = np.unique(readings.pose, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *series_sums.Z.shape[1:]))
         np.add.at(together, poses, series_sums.Z)
-        turns = len(step.size) == 6
-        alone = [score for Z in (series_sums.Z, together) for score in rest.score_moves(Z, turns=turns)]
+        # Single rows, and single poses.
+        rotated = len(step.size) == 6
+        alone = [
+            score for Z in (series_sums.Z, together) for score in rest.score_moves(Z, with_rotation=rotated)
+        ]
         if max(score.chi2_decrease.max() for score in alone) < step.numbers["share"] * rest.before:
             yield readings, step
 
@@ -176,23 +183,23 @@ class _Unexplained:
     count: float  #: Number of equations less the fitted unknowns.
     shared: float  #: Number of equations per independent one.
 
-    def score_moves(self, Z: Array, *, turns: bool) -> tuple[ScoreTest, ScoreTest]:
-        """Test whether the targets or the tracker moved, in a batch of rows.
+    def score_moves(self, Z: Array, *, with_rotation: bool) -> tuple[ScoreTest, ScoreTest]:
+        """Test by the score test whether the targets or the tracker moved, in several sets of rows.
 
         Args:
-            Z: Whitened sums over each batch, (batch, z, c + 1 + z): products of the moves with A, with e and
-                with themselves.
-            turns: Whether the moves may turn.
+            Z: Whitened sums over each set of rows, (sets, z, c + 1 + z): products of the columns of z moves
+                with those of the c other unknowns, with the residuals, and with themselves.
+            with_rotation: Whether the moves have a rotation; else they are translations.
 
         Returns:
-            Scores of moved targets, and of a moved tracker.
+            Scores of moved targets, and of a moved tracker, one per set.
         """
         c = len(self.e)
         half = solve_triangular(self.L, (Z[:, :, :c] / self.size).reshape(-1, c).T, lower=True)
         K = half.T.reshape(*Z.shape[:2], c)
         g, M = Z[:, :, c] - K @ self.e, Z[:, :, c + 1 :] - K @ K.swapaxes(1, 2)
         z = g.shape[1] - 6
-        target, tracker = slice(z if turns else 3), slice(z, None if turns else z + 3)
+        target, tracker = slice(z if with_rotation else 3), slice(z, None if with_rotation else z + 3)
         return score_test(g[:, target], M[:, target, target]), score_test(
             g[:, tracker], M[:, tracker, tracker]
         )
@@ -211,11 +218,13 @@ def _unexplained(nuisance: NuisanceModel, series: Sequence[Series], sums: Sequen
     return _Unexplained(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
 
-def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
+def _greatest_step(
+    rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, with_rotation: bool
+) -> Issue:
     """Find the step that lowers chi squared most in a series, of the targets or the tracker, as an issue."""
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     # Score of a step at every place, of targets and of the tracker; the greatest is taken.
-    target, tracker = rest.score_moves(behind, turns=turns)
+    target, tracker = rest.score_moves(behind, with_rotation=with_rotation)
     slipped = target.chi2_decrease.max() > tracker.chi2_decrease.max()
     score, other = (target, tracker) if slipped else (tracker, target)
     k = int(score.chi2_decrease.argmax())
@@ -325,6 +334,10 @@ robot whose frame drifts by 10 um reach 80."""
 #: Least share of the sum of squares that such a step explains [1]; the drift of a robot explains 1 %.
 MIN_EXPLAINED_SHARE = 0.05
 SERIES_PART_SUFFIX = " from row "  #: Text between the name of a divided series and the first row of its part.
+SeriesParts = tuple[Series, ...]
+"""Series, divided where a target or the tracker moved."""
+FittedState = tuple[ArmState, Noise]
+"""A fitted arm, and the noise of the readings about it."""
 
 
 def candidate_rows(series: Series, min_poses: int) -> Ids:
@@ -349,16 +362,14 @@ def _poses_so_far(pose: Ids) -> Ids:
     return np.cumsum(first)
 
 
-def _clear_step(
-    state: ArmState, series: Series, noise: Noise, compliance_prior: PriorScaling
-) -> Issue | None:
+def _clear_step(series: Series, fitted: FittedState, compliance_prior: PriorScaling) -> Issue | None:
     """Find the greatest step in a series; None if no step is clear enough to divide it.
 
     The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
     ordered = without_unread_targets(sort_by_time(series))
     steps = candidate_rows(ordered, MIN_POSES_OF_PART)
-    nuisance = nuisance_model(state, (ordered,), noise, compliance_prior)
+    nuisance = nuisance_model(fitted[0], (ordered,), fitted[1], compliance_prior)
     thin = evenly_spaced(ordered.rows, MAX_SCREENED_ROWS)
     tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
@@ -383,12 +394,6 @@ def sort_by_time(series: Series) -> Series:
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
-SeriesParts = tuple[Series, ...]
-"""Series, divided where a target or the tracker moved."""
-FittedState = tuple[ArmState, Noise]
-"""A fitted arm, and the noise of the readings about it."""
-
-
 def divide_at_moves(
     series: SeriesParts, fit_series: Callable[[SeriesParts], FittedState], compliance_prior: PriorScaling
 ) -> tuple[list[Issue], SeriesParts, FittedState]:
@@ -408,19 +413,19 @@ def divide_at_moves(
     """
 
     def divide_at_clear_steps(
-        parts: SeriesParts, now: FittedState
+        parts: SeriesParts, fitted: FittedState
     ) -> tuple[list[Issue], SeriesParts, FittedState] | None:
-        """Fit the parts again, each with its own tracker or targets where they moved.
+        """Divide series where the tracker or the targets clearly moved, and fit them again.
 
         Args:
             parts: The series as divided so far.
-            now: Their fit, state and noise.
+            fitted: The arm fitted to them, and their noise.
 
         Returns:
             New issues, the divided series and their fit; None if nothing moved.
         """
         steps = [
-            None if part.distance is not None else _clear_step(now[0], part, now[1], compliance_prior)
+            None if part.distance is not None else _clear_step(part, fitted, compliance_prior)
             for part in parts
         ]
         issues = [step for step in steps if step]
@@ -430,7 +435,7 @@ def divide_at_moves(
         try:
             return issues + shared, apart, fit_series(apart)
         except BenchError:
-            return [*issues, Issue("not_parted", tuple(step.where[0] for step in issues))], parts, now
+            return [*issues, Issue("not_parted", tuple(step.where[0] for step in issues))], parts, fitted
 
     return correct_one_by_one(series, fit_series(series), divide_at_clear_steps)
 
