@@ -37,7 +37,7 @@ def measured(poses: int) -> dict[str, float]:
     )
     seconds = time.perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return {"seconds": seconds, "unknowns": len(found.active.columns), "megabytes": peak - base}
+    return {"seconds": seconds, "unknowns": len(found.active_unknowns.columns), "megabytes": peak - base}
 
 
 def calibrating_by_absolute_poses() -> list[Row]:

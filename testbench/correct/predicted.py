@@ -227,11 +227,11 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
         where = evaluate_chain(model.vjm, poses.q, theta)
         at_rest = replace(at_rest, theta=theta, chain=where, u=sum_generalised_loads(where, poses.loads))
     if model.absolute or poses.with_own_weight:
-        at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.weights) + at_rest.u)
+        at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.masses) + at_rest.u)
     phi = joint_error_basis(
-        state.errors, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
+        state.error_terms, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
     )
-    A = jacobian(model.unknowns, replace(at_rest, phi=phi), points, rotations=False)
+    A = jacobian(model.unknowns, replace(at_rest, error_basis=phi), points, rotations=False)
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
 
@@ -258,7 +258,7 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
     where, after = evaluate_chain(model.vjm, poses.q), poses.rest_poses(state)
     u = sum_generalised_loads(where, loads)
     if poses.with_own_weight:
-        (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight_load(where, state.weights)
+        (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight_load(where, state.masses)
     else:
         before = free.rest_poses(state)
         position, rotation = before.position, before.rotation

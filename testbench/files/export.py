@@ -43,7 +43,7 @@ from testbench.files.export_own import (
     with_origins,
     words,
 )
-from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
+from testbench.identify.absolute.state import EQUILIBRIUM_STEPS, ArmState, joint_equilibrium
 from testbench.model.kinematics import body_pose, urdf_link_poses
 from testbench.model.laws import UNIT_COMPENSATOR_STIFFNESS, joint_laws, law_sizes
 from testbench.model.load import Load, weight
@@ -72,20 +72,27 @@ def displacements(state: ArmState, q: Array) -> dict[str, Array]:
     Returns:
         Displacements by kind, (poses, 3) [m].
     """
-    rigid, still = tool_poses(state.vjm, q, state.theta_0)[:, :3, 3], replace(state, n=0 * state.n)
+    rigid, still = (
+        tool_poses(state.vjm, q, state.theta_0)[:, :3, 3],
+        replace(state, error_coefficients=0 * state.error_coefficients),
+    )
     sagged, payload = _rest(still, q), state.vjm.arm.payload
     found = {GEOMETRY: rigid - tool_poses(state.vjm, q)[:, :3, 3], WEIGHT: sagged - rigid}
-    for kind in dict.fromkeys(state.errors.coefficient_kinds):
-        own = state.n * np.array([name == kind for name in state.errors.coefficient_kinds])
+    for kind in dict.fromkeys(state.error_terms.coefficient_kinds):
+        own = state.error_coefficients * np.array(
+            [name == kind for name in state.error_terms.coefficient_kinds]
+        )
         if own.any():
-            found[ERRORS.get(kind, kind)] = _rest(replace(state, C_theta=0 * state.C_theta, n=own), q) - rigid
+            found[ERRORS.get(kind, kind)] = (
+                _rest(replace(state, C_theta=0 * state.C_theta, error_coefficients=own), q) - rigid
+            )
     if payload is not None:
         found[PAYLOAD] = _rest(still, q, [weight(state.vjm, np.full(len(q), payload))]) - sagged
     return found
 
 
 def _rest(state: ArmState, q: Array, loads: list[Load] | None = None) -> Array:
-    return joint_equilibrium(state, q, loads or [], LOAD_STEPS).chain.tool_position
+    return joint_equilibrium(state, q, loads or [], EQUILIBRIUM_STEPS).chain.tool_position
 
 
 def all_but_payload(moved: dict[str, Array]) -> Array:
@@ -339,7 +346,7 @@ def compared_label(state: ArmState, frames: UrdfFrames, urdf: Path, done: Row) -
         "tool": _pose(frames.tip),
         "links": _links(state, frames),
         "joints": _joints(state),
-        "orders": list(state.errors.orders),
+        "orders": list(state.error_terms.orders),
         "weights": _weights(state, frames),
         **_joint_map(arm),
     }
@@ -394,12 +401,12 @@ def _links(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
 
 
 def _joints(state: ArmState) -> list[dict[str, object]]:
-    arm, errors = state.vjm.arm, state.errors
+    arm, errors = state.vjm.arm, state.error_terms
     first, orders = 6 * len(arm.links), len(errors.orders)
     found: list[dict[str, object]] = []
     sizes = law_sizes(state.vjm, state.C_theta)
     for k, joint in enumerate(arm.joints):
-        sine, cosine, single = np.split(state.n[k], [orders, 2 * orders])
+        sine, cosine, single = np.split(state.error_coefficients[k], [orders, 2 * orders])
         row: dict[str, object] = {
             "name": joint.name,
             "unit": joint.unit,
@@ -417,7 +424,7 @@ def _joints(state: ArmState) -> list[dict[str, object]]:
 
 def _weights(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     poses = (*frames.links, frames.tip)
-    rows = zip(frames.names, state.weights.mass, state.weights.centre_of_mass, poses, strict=True)
+    rows = zip(frames.names, state.masses.mass, state.masses.centre_of_mass, poses, strict=True)
     return [
         {"urdf_link": name, "mass_kg": float(m), "centre_m": (T[:3, :3].T @ (c - T[:3, 3])).tolist()}
         for name, m, c, T in rows
@@ -431,7 +438,7 @@ def _new_urdf(state: ArmState, geometry: Rigid) -> str:
     tensors = _tensors(arm)
     names = [*(link.name for link in arm.links), arm.tool]
     ET.SubElement(robot, "link", name=ROOT)
-    for name, mass, centre in zip(names, state.weights.mass, state.weights.centre_of_mass, strict=True):
+    for name, mass, centre in zip(names, state.masses.mass, state.masses.centre_of_mass, strict=True):
         link = ET.SubElement(robot, "link", name=name)
         if mass > 0:
             _inertial(link, float(mass), centre, tensors[name])

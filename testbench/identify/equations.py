@@ -86,8 +86,8 @@ def jacobian(
         _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.tool_points_in_world(points), m)
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.tool_rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.geometry_slice]
-    if unknowns.errors.n_coefficients:
-        turns = J[:, :, unknowns.vjm.joint_spring_slice, None] * equilibrium.phi
+    if unknowns.error_terms.n_coefficients:
+        turns = J[:, :, unknowns.vjm.joint_spring_slice, None] * equilibrium.error_basis
         A[:, :, unknowns.columns("errors")] = turns.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
     lines = observation_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.u)

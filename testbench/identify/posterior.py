@@ -504,7 +504,7 @@ class ArmModel:
     @property
     def unknowns(self) -> Unknowns:
         """Return which column each unknown of an arm model has: geometry, joint errors, then compliances."""
-        return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
+        return Unknowns(self.vjm, (), {}, self.state.error_terms, self.structure)
 
 
 def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: BodyMasses) -> ArmModel:
@@ -543,7 +543,7 @@ def model_of_compliances(
         posterior: Their posterior.
         origin: Origin of the model.
     """
-    first = Unknowns(state.vjm, (), {}, state.errors, structure).first_columns["elastic"]
+    first = Unknowns(state.vjm, (), {}, state.error_terms, structure).first_columns["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n_parameters), posterior, origin)
 
 

@@ -29,7 +29,7 @@ from testbench.identify.absolute.evidence import (
     apply_step,
     back_substitute,
     compliance_equations,
-    triangular_factor,
+    triangular_factor_with_priors,
 )
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings, select_and_solve
 from testbench.identify.absolute.posterior import fit_frame_and_mount
@@ -231,19 +231,21 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     train, prior = select_rows(c, trial_rng(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
     linearised_readings = linearise_readings(cell.vjm, (train,), prior, ELASTIC)
     known = select_and_solve(linearised_readings, ELASTIC)
-    assert known.active.compliance_prior
-    T = triangular_factor(known.active, linearised_readings.reduced, known.selection.error_scales)
+    assert known.active_unknowns.compliance_prior
+    T = triangular_factor_with_priors(
+        known.active_unknowns, linearised_readings.reduced, known.selection.error_scales
+    )
     judge = select_rows(a, np.arange(0, a.rows, 6))
     register = evenly_spaced_rows(judge, FRAME_POSES)
     rest = select_rows(judge, np.setdiff1d(np.arange(judge.rows), register))
 
     def off(pi: Array) -> Array:
-        state = apply_step(linearised_readings.state, known.active, back_substitute(T, pi))
+        state = apply_step(linearised_readings.state, known.active_unknowns, back_substitute(T, pi))
         placed = fit_frame_and_mount(replace(known, state=state).model(), judge, register)
         return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
 
     data = compliance_equations(
-        T, known.active.compliance_prior, int(linearised_readings.reduced.n_equations.sum())
+        T, known.active_unknowns.compliance_prior, int(linearised_readings.reduced.n_equations.sum())
     )
     return BenchProblem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
 

@@ -194,7 +194,7 @@ def raise_explanation(vjm: Vjm) -> Iterator[None]:
 
 def _helps(issue: Issue) -> bool:
     """Whether most readings are nearer to the arm with a mistake undone."""
-    return "was" not in issue.numbers or issue.numbers["now"] < issue.numbers["was"]
+    return "was" not in issue.details or issue.details["now"] < issue.details["was"]
 
 
 def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
@@ -233,7 +233,7 @@ def calibrate_with_masses(
     """
     weights, said = read_body_masses(vjm.arm), list(notes)
     if masses := fit_link_masses(vjm, weights, tuple(series)):
-        weights = masses.weights
+        weights = masses.masses
         said.append(of_masses(masses))
     with raise_explanation(vjm):
         calibration = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
@@ -265,7 +265,7 @@ def hidden_geometry(calibrated: Calibrated) -> str:
 def of_held(calibration: Calibration) -> list[str]:
     """Say what every series leaves open of its frame and mount, and what holds it."""
     vjm = calibration.state.vjm
-    every = calibration.active.unknowns.undetermined
+    every = calibration.active_unknowns.unknowns.undetermined_frames
     words = []
     for series in calibration.series:
         if series.distance is not None:
@@ -283,7 +283,7 @@ def of_held(calibration: Calibration) -> list[str]:
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
                 unseen = "heights do not show where the base is along it or how it is turned about its normal"
-                normals = calibration.active.unknowns.plane_normals[series.frame]
+                normals = calibration.active_unknowns.unknowns.plane_normals[series.frame]
                 if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
                     unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
             words.append(f"{series.name}: {place}; {unseen}")
@@ -312,15 +312,17 @@ def of_held(calibration: Calibration) -> list[str]:
 
 def of_outliers(found: Outliers) -> str:
     """Say how many positions are far off."""
-    worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
+    worst = (
+        f"the worst is row {found.worst_row} of {found.worst_series}, by {1e3 * found.worst_distance:.3g} mm"
+    )
     far = f"{READING_LOSS.threshold / OUTLIER_WEIGHT:g} standard deviations"
-    few = f"{found.count} of {found.readings} positions"
+    few = f"{found.count} of {found.n_readings} positions"
     return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
 
 def of_masses(mass_fit: MassFit) -> str:
     """Say where masses from torques come from."""
-    if not mass_fit.explained:
+    if not mass_fit.explains_torques:
         return (
             "the masses of rigid.xml are used, because fitted masses would leave "
             f"{mass_fit.residual:.3g} of {mass_fit.torque_deviation:.3g} N m of the torques' scatter "
@@ -337,7 +339,7 @@ def of_masses(mass_fit: MassFit) -> str:
         else ""
     )
     return (
-        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}; "
+        f"masses are fitted to the torques of {mass_fit.n_poses} poses, taken as {whose}; "
         f"standard deviation of these torques: {mass_fit.torque_deviation:.3g} N m; "
         f"unexplained with the fitted masses: {mass_fit.residual:.3g} N m; "
         f"unexplained with the masses of rigid.xml: {mass_fit.nominal_residual:.3g} N m{limited}"
@@ -472,7 +474,7 @@ def unobservable(
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
     every = structural_directions(unknowns, L, further)
-    d, every_one = np.diag(L), (information, *further.by_joint, further.whole_space)
+    d, every_one = np.diag(L), (information, *further.by_turned_joint, further.whole_joint_space)
     plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
     found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
@@ -493,9 +495,11 @@ def structure_words(found: StructuralDirections, joints: Sequence[str], complian
     """
     if found.n_geometry:
         shared = [
-            f"{name} ({count})" for name, count in zip(joints, found.between_links, strict=True) if count > 0
+            f"{name} ({count})"
+            for name, count in zip(joints, found.n_shared_by_links, strict=True)
+            if count > 0
         ]
-        left = found.n_geometry - sum(found.between_links)
+        left = found.n_geometry - sum(found.n_shared_by_links)
         yield (
             f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any "
             "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
@@ -505,9 +509,9 @@ def structure_words(found: StructuralDirections, joints: Sequence[str], complian
     if found.inactive_joints:
         idle = " and ".join(joints[j] for j in found.inactive_joints)
         yield f"No pose can determine the joint errors of {idle}, because they move no target"
-    if found.n_elastic:
+    if found.n_compliance:
         yield (
-            f"{found.n_elastic} of {compliances} directions of compliance cannot be determined by any "
+            f"{found.n_compliance} of {compliances} directions of compliance cannot be determined by any "
             "pose, because they move no target under these loads"
         )
 
@@ -677,7 +681,7 @@ def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
 
 
 def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
-    errors, first = unknowns.errors, unknowns.first_columns["errors"]
+    errors, first = unknowns.error_terms, unknowns.first_columns["errors"]
     orders = np.tile(errors.orders, 2)
     kinds, bands = np.array(errors.coefficient_kinds), errors.coefficient_bands
     for j, joint in enumerate(unknowns.vjm.arm.joints):

@@ -268,7 +268,7 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
         factor = check_array(noise.factor, (len(EQUATION_KINDS),), "factor")
         scatter = Noise(noise.open_position_m, noise.open_rotation_rad, factor)
     columns = np.array(document.columns, dtype=int)
-    n, unknowns = len(columns), Unknowns(state.vjm, (), {}, state.errors, structure)
+    n, unknowns = len(columns), Unknowns(state.vjm, (), {}, state.error_terms, structure)
     posterior = Posterior(
         x=unknowns.values(state)[columns],
         root=check_array(arrays["root"], (None, n), "root"),
@@ -306,14 +306,14 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
     coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.n_coefficients)
     return ArmState(
         vjm=vjm,
-        weights=BodyMasses(
+        masses=BodyMasses(
             check_array(document.weights.mass_kg, (bodies,), "mass [kg]"),
             check_array(document.weights.centre_m, (bodies, 3), "centre [m]"),
         ),
         theta_0=check_array(document.theta_0, (structure.n_theta,), "theta_0 [m, rad]"),
         C_theta=structure.matrix(np.array([entry.value for entry in document.structure.entries])),
-        errors=errors,
-        n=check_array(coefficients, (joints, errors.n_coefficients), "errors"),
+        error_terms=errors,
+        error_coefficients=check_array(coefficients, (joints, errors.n_coefficients), "errors"),
         torque_scale=check_array(said.torque_scale, (joints,), "torque_scale [N m, N]"),
         frames={
             name: Frame(
@@ -377,14 +377,14 @@ def _document(model: ArmModel) -> dict[str, object]:
         "about": _origin_document(model.origin),
         "structure": _structure_document(model.structure, state.C_theta),
         "weights": {
-            "mass_kg": state.weights.mass.tolist(),
-            "centre_m": state.weights.centre_of_mass.tolist(),
+            "mass_kg": state.masses.mass.tolist(),
+            "centre_m": state.masses.centre_of_mass.tolist(),
         },
         "theta_0": state.theta_0.tolist(),
         "errors": {
-            **vars(state.errors),
-            "orders": list(state.errors.orders),
-            "coefficients": state.n.tolist(),
+            **vars(state.error_terms),
+            "orders": list(state.error_terms.orders),
+            "coefficients": state.error_coefficients.tolist(),
             "torque_scale": state.torque_scale.tolist(),
         },
         "noise": None

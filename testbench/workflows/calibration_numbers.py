@@ -24,7 +24,13 @@ from testbench.identify.absolute.evidence import DEFAULT_ERROR_SCALES, WIDE_PRIO
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration, posterior_of_calibration
 from testbench.identify.absolute.posterior import further_information
-from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, series_equilibrium
+from testbench.identify.absolute.state import (
+    ArmState,
+    Unknowns,
+    nominal_state,
+    series_equilibrium,
+    with_error_terms,
+)
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import JointErrorTerms
@@ -82,7 +88,7 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
     They count with the readings and the learnt priors: an error that readings cannot tell from another one,
     such as two shifts along one axis, has the interval of its prior.
     """
-    active = calibration.active
+    active = calibration.active_unknowns
     known = posterior_of_calibration(calibration)
     found = []
     for group in functionals(active):
@@ -119,7 +125,7 @@ def _geometry(active: ActiveUnknowns) -> Iterator[Named]:
 def _errors(active: ActiveUnknowns) -> Iterator[Named]:
     """Coefficients of the joint errors that are on."""
     unknowns = active.unknowns
-    errors = active.unknowns.errors
+    errors = active.unknowns.error_terms
     every = np.eye(active.unknowns.size)
     words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
     words += errors.coefficient_kinds[len(words) :]
@@ -187,7 +193,7 @@ RemainingErrors = tuple[list[Array], list[Array]]
 def remaining_errors(calibrated: Calibrated) -> RemainingErrors:
     """Find what the arms as drawn and as calibrated leave of the readings; zero where a target was lost."""
     state, series = calibrated.calibration.state, calibrated.series
-    drawn = align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series)
+    drawn = align_all(nominal_state(state.vjm, state.masses, state.torque_scale), series)
     before, after = (
         [residuals(arm, one)[: len(one.markers)].transpose(2, 0, 1) for one in series]
         for arm in (drawn, state)
@@ -221,7 +227,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
         steps=[_step(step, math.sqrt(numbers_per_target(series))) for step in calibration.selection.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
-        pattern=_pattern(calibration.active.unknowns),
+        pattern=_pattern(calibration.active_unknowns.unknowns),
         geometry=(geometry := _values(calibration, "geometry")),
         far_geometry=_far_geometry(calibrated, geometry),
         compliances=_compliances(calibration),
@@ -333,7 +339,7 @@ def _rejected(f: Row, before: float, after: float) -> str:
 
 def _solved(calibration: Calibration) -> Row:
     """Eigenvalues of every block of compliances, and how they were found."""
-    estimate, elastic = calibration.estimate, calibration.active.compliance_prior
+    estimate, elastic = calibration.estimate, calibration.active_unknowns.compliance_prior
     if estimate is None or elastic is None:
         return Row(blocks=[], program=None)
     blocks = [
@@ -433,9 +439,9 @@ def unread_ranges(f: Row) -> list[Row]:
 
 def _spectrum(calibration: Calibration) -> Iterator[Row]:
     """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
-    unknowns, active = calibration.active.unknowns, calibration.active
-    orders = unknowns.errors.orders
-    size = unknowns.errors.n_coefficients
+    unknowns, active = calibration.active_unknowns.unknowns, calibration.active_unknowns
+    orders = unknowns.error_terms.orders
+    size = unknowns.error_terms.n_coefficients
     first = unknowns.first_columns["errors"]
     if not orders or not np.isin(first, active.columns):
         return
@@ -492,7 +498,7 @@ def joint_curve(known: Posterior, columns: Ids, orders: Sequence[int], q: Array)
 
 def _pattern(unknowns: Unknowns) -> list[Row]:
     """Joints that share a periodic error, and how each has it, of one: f(q + turn), mirrored -f(turn - q)."""
-    if (pattern := unknowns.pattern) is None:
+    if (pattern := unknowns.shared_pattern) is None:
         return []
     joints = [unknowns.vjm.arm.joints[k].name for k in pattern.joints]
     every = zip(joints, np.degrees(pattern.shifts).tolist(), pattern.signs, strict=True)
@@ -554,7 +560,7 @@ def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[
 
 def _left_open(calibration: Calibration) -> tuple[str, ...]:
     """What readings leave open, and what hides behind what; periodic errors of high orders count as known."""
-    active, unknowns = calibration.active, calibration.active.unknowns
+    active, unknowns = calibration.active_unknowns, calibration.active_unknowns.unknowns
     few, columns = _slow(active)
     deviation = np.zeros(unknowns.size)
     deviation[active.columns[: active.n_rigid]] = calibration.selection.error_scales.deviation[
@@ -565,18 +571,14 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
     if active.compliance_prior is not None:
         L = WIDE_PRIOR.relative * active.compliance_prior.L
         prior[-len(L) :, -len(L) :] = L @ L.T
-    state = replace(
-        calibration.state,
-        errors=few.errors,
-        n=np.zeros((len(calibration.state.n), few.errors.n_coefficients)),
-    )
+    state = with_error_terms(calibration.state, few.error_terms)
     information = calibration.information[np.ix_(columns, columns)]
     return unobservable(few, information, prior, further_information(few, state, calibration.series))
 
 
 def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     """The unknowns without periodic errors of higher orders, and where they stand among all."""
-    unknowns, errors = active.unknowns, active.unknowns.errors
+    unknowns, errors = active.unknowns, active.unknowns.error_terms
     few = JointErrorTerms(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
     k, m = len(errors.orders), len(few.orders)
     of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.n_coefficients)]
@@ -592,7 +594,8 @@ def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     structure = unknowns.structure
     if active.compliance_prior is not None:
         structure, after = active.compliance_prior.structure, active.columns[active.n_rigid :]
-    return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
+    columns = np.concatenate([before, at.ravel(), after])
+    return replace(unknowns, error_terms=few, structure=structure), columns
 
 
 def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:
@@ -668,7 +671,7 @@ def write_model(
         doubts: Warnings that go with the model.
         folder: The folder.
     """
-    vjm = calibration.active.unknowns.vjm
+    vjm = calibration.active_unknowns.unknowns.vjm
     kept = [step.name for step in calibration.selection.steps if step.kept]
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"
     loads = np.concatenate([loads_about_tool(vjm, series) for series in calibration.series])

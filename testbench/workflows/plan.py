@@ -47,7 +47,12 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_type
 from testbench.identify.absolute.align import stated_frame
 from testbench.identify.absolute.posterior import further_information
-from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
+from testbench.identify.absolute.state import (
+    Mount,
+    nominal_state,
+    unknowns_of,
+    with_error_terms,
+)
 from testbench.identify.posterior import ArmModel
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import MIN_POSES, Frame
@@ -460,12 +465,11 @@ def absolute_setup(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
     unknowns = unknowns_of(
         vjm, every, JointErrorTerms(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
     )
-    prior, n = cad_prior(cell.arm), cell.arm.n_joints
+    prior = cad_prior(cell.arm)
+    nominal = nominal_state(vjm, read_body_masses(cell.arm), np.ones(cell.arm.n_joints))
     state = replace(
-        nominal_state(vjm, read_body_masses(cell.arm), np.ones(n)),
+        with_error_terms(nominal, unknowns.error_terms),
         C_theta=prior.C_theta,
-        errors=unknowns.errors,
-        n=np.zeros((n, unknowns.errors.n_coefficients)),
         frames={one.frame: stated_frame(one) for one in every},
         mounts={MOUNT: Mount(marker_positions(vjm, pose.markers), np.eye(3), pose.markers)},
     )
@@ -519,7 +523,7 @@ def absolute_setup_after_readings(given: ArmModel, settings: PlanSettings) -> Ab
         float(f * math.hypot(settings.sigma_um / UM, s)) for f, s in zip(noise.factor, open_, strict=False)
     )
     pose = replace(pose, sigma=sigma, sigma_rotation=turn if settings.orientations else None)
-    unknowns = unknowns_of(given.vjm, (pose,), given.state.errors, given.structure)
+    unknowns = unknowns_of(given.vjm, (pose,), given.state.error_terms, given.structure)
     state = replace(given.state, frames={FRAME: Frame(np.eye(3), np.zeros(3))}, mounts={MOUNT: mount})
     first, root = unknowns.first_columns["geometry"], given.posterior.root
     L = np.zeros((unknowns.size, first + len(root)))

@@ -16,7 +16,7 @@ from testbench.identify.absolute.align import (
     align_all,
     combine_rows,
     estimate_model_error,
-    mean_variances,
+    mean_stated_variances,
     repeated_rows,
     single_reading_noise,
     whitening_matrices,
@@ -100,7 +100,9 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
 def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
     one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
-    found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), *mean_variances([one]))
+    found = single_reading_noise(
+        Noise(S, S, np.array([factor, factor, 1.0, 1.0])), *mean_stated_variances([one])
+    )
     for kind, (own, opened) in enumerate(
         ((SIGMA, found.position_model_error), (TURN, found.rotation_model_error))
     ):
@@ -118,8 +120,10 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     vjm = kr500.vjm
     n = 1e-3 * (1 + np.arange(6.0))
     bare = nominal_state(vjm, read_body_masses(kr500.arm), np.full(6, 1000.0))
-    light = replace(bare.weights, mass=np.zeros_like(bare.weights.mass))
-    state = replace(bare, weights=light, errors=JointErrorTerms(**{kind: True}), n=n[:, None])
+    light = replace(bare.masses, mass=np.zeros_like(bare.masses.mass))
+    state = replace(
+        bare, masses=light, error_terms=JointErrorTerms(**{kind: True}), error_coefficients=n[:, None]
+    )
     q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
     wrench = np.concatenate([rng.normal(0, 2e3, (1, 3)), np.zeros((1, 3))], axis=1)
     step = 1e-6 * np.eye(6)
@@ -140,7 +144,7 @@ def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_t
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
     # Or nothing would tell it from its square.
     assert np.abs(found.selection.error_scales.noise_factor - 1).max() > 0.02
-    own, root = found.active, posterior_of_calibration(found).root
+    own, root = found.active_unknowns, posterior_of_calibration(found).root
     precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
@@ -216,7 +220,7 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     unknowns = SimpleNamespace(
         prior_groups=groups,
         size=count,
-        undetermined=frozenset(),
+        undetermined_frames=frozenset(),
         frame_deviations={},
         first_columns={"geometry": free},
     )

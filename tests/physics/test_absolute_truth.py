@@ -133,7 +133,7 @@ def off(cell, disturbances, mass):
     if (gears := truth.gears) is not None:
         orders = tuple(range(1, len(gears.sine) + 1))
         n = np.concatenate([gears.sine, gears.cosine, gears.ratio[None]]).T
-        state = replace(state, errors=JointErrorTerms(orders=orders, ratio=True), n=n)
+        state = replace(state, error_terms=JointErrorTerms(orders=orders, ratio=True), error_coefficients=n)
     tool = series_equilibrium(state, series).chain
     points = truth.markers @ mount.rotation.T + mount.position
     seen = tool.tool_points_in_world(points) @ station.rotation.T + station.position
@@ -144,7 +144,7 @@ def off(cell, disturbances, mass):
 def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, monkeypatch):
     """Half the compliance leaves a quarter of the error of loads on the straight arm, then 1/8 and 1/16."""
     cell = request.getfixturevalue(name)
-    monkeypatch.setattr(absolute, "LOAD_STEPS", steps)
+    monkeypatch.setattr(absolute, "EQUILIBRIUM_STEPS", steps)
     mass = cell.arm.payload or 20.0
     whole, half = (off(softer(cell, links=scale, joints=scale), WEIGHT, mass).mean() for scale in (4.0, 2.0))
     assert whole / half == pytest.approx(2 ** (2 + steps), rel=0.01)
@@ -170,7 +170,7 @@ def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_k
     assert {"joint springs", "joint errors"} <= {step.name for step in rigid.selection.steps if step.kept}
     steps = {step.name: step.kept for step in found.selection.steps}
     assert (steps["joint errors"], steps["links"]) == (False, True)
-    assert not found.state.n.any()
+    assert not found.state.error_coefficients.any()
 
 
 @pytest.mark.study

@@ -284,7 +284,7 @@ def test_the_score_test_is_a_bayes_factor_and_the_chance_of_a_step_that_of_fishe
         wide, narrow = (multivariate_normal(np.zeros(20), C).logpdf(e[k]) for C in (S, np.eye(20)))
         assert found.log_bayes_factor[k] == pytest.approx(wide - narrow)
         np.testing.assert_allclose(found.expected_size[k], Z[k].T @ np.linalg.solve(S, e[k]))
-    step = Issue("tracker_moved", size=np.zeros(3), numbers={"free": 40.0}, log_likelihood_gain=6.0)
+    step = Issue("tracker_moved", size=np.zeros(3), details={"free": 40.0}, log_likelihood_gain=6.0)
     assert p_value(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 

@@ -41,7 +41,7 @@ def planted(arm, rng, *, ends=False):
         nominal_state(vjm, read_body_masses(arm), np.full(n, 50.0)),
     )
     gears = rng.uniform(-1e-4, 1e-4, (n, errors.n_coefficients))
-    return replace(state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=gears)
+    return replace(state, theta_0=theta, C_theta=arm.C_theta, error_terms=errors, error_coefficients=gears)
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +80,8 @@ def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     q, names = random_joints(state.vjm)[:30], [joint.name for joint in ur10.joints]
     found, model = poses_by_mujoco(out.read_text(), "tool", names, q)
     np.testing.assert_allclose(found, tool_poses(state.vjm, q, state.theta_0), rtol=0, atol=1e-10)
-    np.testing.assert_allclose(model.body_mass[1:], state.weights.mass)
-    np.testing.assert_allclose(model.body_ipos[1:], state.weights.centre_of_mass, atol=1e-12)
+    np.testing.assert_allclose(model.body_mass[1:], state.masses.mass)
+    np.testing.assert_allclose(model.body_ipos[1:], state.masses.centre_of_mass, atol=1e-12)
     np.testing.assert_allclose(model.jnt_range, ur10.limits.T, atol=1e-10)
 
 
@@ -154,8 +154,10 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
         turn = np.concatenate([np.zeros(3), axis / np.linalg.norm(axis)])
         moved += J @ turn * joint["compliance"] * (turn @ u)
     np.testing.assert_allclose(moved, where.J_theta[:3, :, 0] @ state.C_theta @ load, rtol=1e-8)
-    np.testing.assert_allclose([j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.n)
-    bodies = zip(links, said["weights"], where.body_frames, state.weights.centre_of_mass, strict=False)
+    np.testing.assert_allclose(
+        [j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.error_coefficients
+    )
+    bodies = zip(links, said["weights"], where.body_frames, state.masses.centre_of_mass, strict=False)
     for link, weight, (p, R), centre in bodies:
         found = at[link] @ [*weight["centre_m"], 1]
         np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)
@@ -329,7 +331,7 @@ def test_offsets_of_joints_in_a_controllers_file_are_the_model(ur10, rng, tmp_pa
     theta = np.zeros(ur10.n_theta)
     theta[-6:] = o
     state = replace(planted(ur10, rng), theta_0=theta, C_theta=np.zeros_like(ur10.C_theta))
-    state = replace(state, n=np.zeros_like(state.n))
+    state = replace(state, error_coefficients=np.zeros_like(state.error_coefficients))
     (file := tmp_path / "in.txt").write_bytes(text.encode("latin-1"))
     gears = COUPLED.ravel() if text is MOC else ()
     best, off = export_offsets(state, file, tmp_path / "out.txt", gears)

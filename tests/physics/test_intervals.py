@@ -192,7 +192,7 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     at = own.active.columns.tolist().index(own.active.unknowns.first_columns["geometry"] + 13 - 6)
     assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of_calibration(own).root[:, at]))
     turned = by_name["joint errors", "joint_3 cos 2"]
-    assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.n[2, 5]))
+    assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.error_coefficients[2, 5]))
     assert all(one.half > 0 for one in by_name.values())
 
 

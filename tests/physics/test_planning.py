@@ -322,9 +322,13 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
         }
         theta_0 = union.state.theta_0.copy()
         theta_0[unknowns.geometry_slice] += way[unknowns.columns("geometry")]
-        n = union.state.n + way[unknowns.columns("errors")].reshape(union.state.n.shape)
+        n = union.state.error_coefficients + way[unknowns.columns("errors")].reshape(
+            union.state.error_coefficients.shape
+        )
         C = union.state.C_theta + unknowns.structure.matrix(way[unknowns.columns("elastic")])
-        state = replace(union.state, theta_0=theta_0, n=n, C_theta=C, frames=frames, mounts=mounts)
+        state = replace(
+            union.state, theta_0=theta_0, error_coefficients=n, C_theta=C, frames=frames, mounts=mounts
+        )
         parts = []
         for one in readers:
             series = absolute.series_in_poses(one, q)

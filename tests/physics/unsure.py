@@ -38,7 +38,9 @@ def unsure(cell):
 def unsure_everywhere(cell):
     """The same that knows geometry and joint errors too, by a tenth of a millimetre and a milliradian."""
     known, errors = unsure(cell), JointErrorTerms(orders=(1,), play=True, stiffening=True)
-    state = replace(known.state, errors=errors, n=np.full((6, 4), 1e-4), torque_scale=SCALE)
+    state = replace(
+        known.state, error_terms=errors, error_coefficients=np.full((6, 4), 1e-4), torque_scale=SCALE
+    )
     model = replace(known, state=state, noise=Noise())
     sizes = np.concatenate([np.tile([1e-4] * 6, 5), np.full(24, 5e-5)])
     root = np.zeros((RIGID + 153, RIGID + 153))
@@ -61,6 +63,6 @@ def state_of(model, x):
     unknowns = model.unknowns
     theta = model.state.theta_0.copy()
     theta[unknowns.geometry_slice] = x[unknowns.columns("geometry")]
-    n = x[unknowns.columns("errors")].reshape(model.state.n.shape)
+    n = x[unknowns.columns("errors")].reshape(model.state.error_coefficients.shape)
     C = model.structure.matrix(x[unknowns.columns("elastic")])
-    return replace(model.state, theta_0=theta, C_theta=C, n=n)
+    return replace(model.state, theta_0=theta, C_theta=C, error_coefficients=n)

@@ -17,7 +17,7 @@ from strangers import write_stl
 import testbench as tb
 from testbench.arm.folder import load_arm
 from testbench.identify.absolute.align import align_all, residuals
-from testbench.identify.absolute.posterior import RegisteredSeries, predict_series, without_series
+from testbench.identify.absolute.posterior import RegisteredSeries, predict_series, without_frame_and_mount
 from testbench.identify.absolute.state import nominal_state, unknowns_of
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
@@ -99,13 +99,13 @@ def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, rep
     state = read_model(made[0]).state
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
     after = distances(state, series)
-    before = distances(align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series), series)
+    before = distances(align_all(nominal_state(state.vjm, state.masses, state.torque_scale), series), series)
     for key, size in (("total_before", before), ("total_after", after)):
         known = (len(size), size.mean(), np.sqrt((size**2).mean()), np.percentile(size, 95), size.max())
         assert list(report[key].values()) == pytest.approx(known, rel=1e-6)
     assert sum(row["n"] for row in report["places"]) == 6 * len(after)  # every joint has every position
-    orders = len(state.errors.orders)
-    sine, cosine = state.n[:, :orders], state.n[:, orders : 2 * orders]
+    orders = len(state.error_terms.orders)
+    sine, cosine = state.error_coefficients[:, :orders], state.error_coefficients[:, orders : 2 * orders]
     found = [[one["amplitude_urad"] for one in row["orders"]] for row in report["spectrum"]]
     np.testing.assert_allclose(found, 1e6 * np.hypot(sine, cosine), rtol=1e-9, atol=1e-6)
     links = 6 * len(state.vjm.arm.links)
@@ -233,12 +233,12 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     """Positions are linear in what is open: their covariance is that of `predict` but for the scatter."""
     model = read_model(made[0])
     [one], _ = read_all(list(map(File, readings[2:])), model.arm)
-    held = align_all(without_series(model.state, one), (one,))
+    held = align_all(without_frame_and_mount(model.state, one), (one,))
     root = np.hstack([np.zeros((len(model.columns), 6 + 3 * len(one.markers))), model.posterior.root])
     placed = RegisteredSeries(held, np.zeros(0, int), Posterior.normal(np.zeros(root.shape[1]), root))
     calm = replace(model, noise=replace(model.noise, factor=1e-9 * model.noise.factor))
     wanted = np.einsum("rmkk->rmk", predict_series(calm, placed, one)[1])
-    unknowns = unknowns_of(model.vjm, (one,), held.errors, model.structure)
+    unknowns = unknowns_of(model.vjm, (one,), held.error_terms, model.structure)
     first = unknowns.first_columns["geometry"]
     rows = series_equations(unknowns, held, one)[: len(one.markers), :, first + model.columns]
     found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
@@ -298,7 +298,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     [group], [times, *_] = drawn["scene"]["groups"], times_of(drawn["scene"]["title"])
     state = read_model(made[0]).state
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
-    straight = align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series)
+    straight = align_all(nominal_state(state.vjm, state.masses, state.torque_scale), series)
     at = {one.name: one for one in series}
     for name, own in (("calibrated arm", state), ("nominal arm", straight)):
         left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}

@@ -88,7 +88,7 @@ def calibration(kr500):
 
 def test_the_rms_of_a_joints_error_over_a_turn_is_that_of_its_waves(calibration):
     """By the angles themselves: a wave of amplitude a has a / sqrt 2."""
-    errors, n = calibration.state.errors, calibration.state.n
+    errors, n = calibration.state.error_terms, calibration.state.error_coefficients
     rows = list(calibration_numbers._spectrum(calibration))
     assert rows
     q = np.linspace(0, 2 * np.pi, 720, endpoint=False)

@@ -18,7 +18,7 @@ import numpy as np
 from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import (
-    ROWS_IN_MEMORY,
+    MAX_ROWS_IN_MEMORY,
     ArmState,
     Mount,
     fit_upright_frame,
@@ -53,7 +53,7 @@ EQUATION_KINDS = ("position", "orientation", "position within a pose", "orientat
 POSITION_KINDS = (0, 2)
 """Indices of the kinds of equations that are positions."""
 
-DISTANCE_TO_POSITION_SQUARES = 0.9991 / 2.986
+MEAN_CLIPPED_SQUARE_RATIO = 0.9991 / 2.986
 """Mean of min(|z|, 3.5)^2 for a standard normal number z, over that for a standard normal 3-vector [1]."""
 
 
@@ -90,44 +90,44 @@ def equation_kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
     )
 
 
-def combine_rows(groups: Sequence[Ids], rows: Array) -> Array:
+def combine_rows(row_groups: Sequence[Ids], values: Array) -> Array:
     """Replace repeated readings by their mean and differences (Helmert's transformation).
 
     Args:
-        groups: Indices of repeated rows, from `repeated_rows`.
-        rows: Values of all rows, (..., rows).
+        row_groups: Indices of repeated rows, from `repeated_rows`.
+        values: Values of all rows, (..., rows).
 
     Returns:
         The combined values, (..., rows). The first row of a group of k rows holds sqrt(k) times their mean,
         the others hold k - 1 differences.
     """
-    if groups:
+    if row_groups:
         from scipy.linalg import helmert  # here: it takes long to import, and few readings are repeated
 
-        rows = rows.copy()
-    for group in groups:
-        rows[..., group] = rows[..., group] @ helmert(group.shape[1], full=True).T
-    return rows
+        values = values.copy()
+    for group in row_groups:
+        values[..., group] = values[..., group] @ helmert(group.shape[1], full=True).T
+    return values
 
 
-def multiplicity(groups: Sequence[Ids], rows: int) -> Ids:
+def readings_per_row(row_groups: Sequence[Ids], n_rows: int) -> Ids:
     """Count the readings of which each combined row is the mean.
 
     Args:
-        groups: Indices of repeated rows, from `repeated_rows`.
-        rows: Number of rows.
+        row_groups: Indices of repeated rows, from `repeated_rows`.
+        n_rows: Number of rows.
 
     Returns:
         k for a mean of k readings, 1 for a single reading, 0 for a difference, (rows,).
     """
-    count = np.ones(rows, dtype=int)
-    for group in groups:
+    count = np.ones(n_rows, dtype=int)
+    for group in row_groups:
         count[group[:, 0]], count[group[:, 1:]] = group.shape[1], 0
     return count
 
 
 def whitening_matrices(
-    series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()
+    series: Series, noise: Noise, rotation: Array, row_groups: Sequence[Ids] = ()
 ) -> tuple[Array, Ids]:
     """Compute matrices W = (covariance)^-1/2 that scale residuals to unit variance, and kinds of equations.
 
@@ -137,12 +137,12 @@ def whitening_matrices(
         series: The readings: s vectors per row, positions of the targets, then an orientation if read.
         noise: Noise of the readings.
         rotation: Tracker from base, (3, 3).
-        groups: Indices of repeated rows that are combined; empty for single readings.
+        row_groups: Indices of repeated rows that are combined; empty for single readings.
 
     Returns:
         W in base axes, (s, rows, 3, 3) [1/m, 1/rad], and indices into `EQUATION_KINDS`, (s, rows).
     """
-    m, times = len(series.markers), multiplicity(groups, series.rows)
+    m, times = len(series.markers), readings_per_row(row_groups, series.rows)
     s = m + (series.rotation is not None)
     W = np.zeros((s, series.rows, 3, 3))
     kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
@@ -154,7 +154,7 @@ def whitening_matrices(
     else:
         covariance = np.linalg.inv(np.where(series.seen[..., None, None], series.precision, np.eye(3)))
         covariance = rotation.T @ covariance @ rotation
-        for group in groups:
+        for group in row_groups:
             covariance[group] = covariance[group].mean(axis=1, keepdims=True)
         covariance = covariance + model_variance[:, None, None, None] * np.eye(3)
         W[:m] = np.linalg.inv(np.linalg.cholesky(covariance)).swapaxes(0, 1)
@@ -194,8 +194,8 @@ def residuals(state: ArmState, series: Series) -> Array:
     Returns:
         Residuals in base axes, (s, 3, rows) [m, rad]; zero where nothing was read.
     """
-    starts = range(0, max(series.rows, 1), ROWS_IN_MEMORY)
-    parts = (select_rows(series, np.arange(k, min(k + ROWS_IN_MEMORY, series.rows))) for k in starts)
+    starts = range(0, max(series.rows, 1), MAX_ROWS_IN_MEMORY)
+    parts = (select_rows(series, np.arange(k, min(k + MAX_ROWS_IN_MEMORY, series.rows))) for k in starts)
     return np.concatenate(
         [series_residuals(state, part, series_equilibrium(state, part)) for part in parts], axis=2
     )
@@ -244,14 +244,14 @@ def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: f
     # A distance is one number: its squares are smaller than those of a position.
     every = sum(int(readings.seen.sum()) for readings in series)
     lines = sum(int(readings.seen.sum()) for readings in series if readings.distance is not None)
-    mean = 1.0 - (1.0 - DISTANCE_TO_POSITION_SQUARES) * lines / max(every, 1)
+    mean = 1.0 - (1.0 - MEAN_CLIPPED_SQUARE_RATIO) * lines / max(every, 1)
     for kind, size in ((position, mean), (rotation, 1.0)):
         length, variances = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
         errors.append(READING_LOSS.extra_noise(length, variances, dof_ratio * size))
     return Noise(errors[0], errors[1])
 
 
-def single_reading_noise(noise: Noise, variance: Array, repetitions: float) -> Noise:
+def single_reading_noise(noise: Noise, stated_variances: Array, repetitions: float) -> Noise:
     """Convert the noise of combined readings to that of a single reading in its pose.
 
     A factor below 1 was estimated from means of k readings, whose variance is factor^2 (sigma^2 + k s^2). It
@@ -259,47 +259,47 @@ def single_reading_noise(noise: Noise, variance: Array, repetitions: float) -> N
 
     Args:
         noise: Noise of the combined readings.
-        variance: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
+        stated_variances: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
         repetitions: Mean number k of readings that are combined [1].
 
     Returns:
         Noise of a single reading, with the same variance of the mean of k readings.
     """
     factor, model_error = noise.factor.copy(), [noise.position_model_error, noise.rotation_model_error]
-    for kind in np.flatnonzero((factor[:2] < 1) & (variance > 0)):
-        whole = factor[kind] ** 2 * (variance[kind] + repetitions * model_error[kind] ** 2)
-        model_error[kind] = float(np.sqrt(max(0.0, whole - variance[kind]) / repetitions))
-        factor[kind] = np.sqrt(whole / (variance[kind] + repetitions * model_error[kind] ** 2))
+    for kind in np.flatnonzero((factor[:2] < 1) & (stated_variances > 0)):
+        whole = factor[kind] ** 2 * (stated_variances[kind] + repetitions * model_error[kind] ** 2)
+        model_error[kind] = float(np.sqrt(max(0.0, whole - stated_variances[kind]) / repetitions))
+        factor[kind] = np.sqrt(whole / (stated_variances[kind] + repetitions * model_error[kind] ** 2))
     return Noise(model_error[0], model_error[1], factor)
 
 
-def mean_variances(series: Sequence[Series]) -> tuple[Array, float]:
+def mean_stated_variances(series: Sequence[Series]) -> tuple[Array, float]:
     """Average the stated variances of the readings, and the number of repeated readings that are combined.
 
     Returns:
         Variances of positions and orientations, (2,) [m^2, rad^2], and the mean number of readings in a
         combined row [1].
     """
-    count = [multiplicity(repeated_rows(readings), readings.rows) for readings in series]
+    count = [readings_per_row(repeated_rows(readings), readings.rows) for readings in series]
     position = np.mean([readings.sigma**2 for readings in series])
     turns = [readings.sigma_rotation**2 for readings in series if readings.sigma_rotation is not None]
     k = float(np.concatenate([x[x > 0] for x in count]).mean())
     return np.array([position, np.mean(turns) if turns else 0.0]), k
 
 
-def equation_deviations(noise: Noise, variance: Array, repetitions: float) -> Array:
+def equation_deviations(noise: Noise, stated_variances: Array, repetitions: float) -> Array:
     """Compute the expected standard deviation of each kind of equations, sqrt(sigma^2 + k s^2) or sigma.
 
     Args:
         noise: Noise with the model error s.
-        variance: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
+        stated_variances: Mean stated variances sigma^2 of positions and orientations, (2,) [m^2, rad^2].
         repetitions: Mean number k of readings that are combined [1].
 
     Returns:
         Standard deviations for each of EQUATION_KINDS, (kinds,) [m, rad].
     """
     model_error = np.array([noise.position_model_error, noise.rotation_model_error])
-    return np.asarray(np.sqrt(np.r_[variance + repetitions * model_error**2, variance]))
+    return np.asarray(np.sqrt(np.r_[stated_variances + repetitions * model_error**2, stated_variances]))
 
 
 OUTLIER_WEIGHT = 0.5
@@ -311,25 +311,27 @@ class Outliers:
     """Count the positions with a robust weight below `OUTLIER_WEIGHT`, and describe the worst one."""
 
     count: int  #: Number of outliers.
-    readings: int  #: Number of positions that were read.
-    series: str  #: Series of the worst outlier.
-    row: int  #: Identifier of the reading's row.
-    distance: float  #: Distance of the reading from the model [m].
+    n_readings: int  #: Number of positions that were read.
+    worst_series: str  #: Series of the worst outlier.
+    worst_row: int  #: Identifier of the reading's row.
+    worst_distance: float  #: Distance of the reading from the model [m].
 
 
-def find_outliers(state: ArmState, series: Sequence[Series], weights: Sequence[Array]) -> Outliers | None:
+def find_outliers(
+    state: ArmState, series: Sequence[Series], robust_weights: Sequence[Array]
+) -> Outliers | None:
     """Find measured positions with a robust weight below `OUTLIER_WEIGHT`.
 
     Args:
         state: The calibrated arm.
         series: The readings.
-        weights: Robust weights of all readings, (s, rows) [1] per series.
+        robust_weights: Robust weights of all readings, (s, rows) [1] per series.
 
     Returns:
         The number of outliers and the worst one; None if there are none.
     """
     farthest, count = [], 0
-    for readings, counts in zip(series, weights, strict=True):
+    for readings, counts in zip(series, robust_weights, strict=True):
         m = len(readings.markers)
         wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.seen
         far = np.where(wild, np.linalg.norm(residuals(state, readings)[:m], axis=1).T, 0.0).max(axis=1)
@@ -355,7 +357,7 @@ frame counts as undetermined."""
 FITTED_SHARE, MAX_FITTED_DISTANCE = 0.9, 5e-3
 """Share of the readings, the nearest, that must fit, and their largest RMS distance from the arm with fitted
 geometry and springs, over its reach [1]. For heavy arms with gear errors and soft links it is 0.001."""
-UNNAMED_DEVIATION = 1.0
+UNNAMED_TARGET_DEVIATION = 1.0
 """Standard deviation of an unnamed target from the tool's origin, along each axis [m]."""
 MAX_POINT_DEVIATIONS = 5.0
 """Largest distance of a fixed point from its stated position, over its stated standard deviation [1]."""
@@ -494,7 +496,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     # Unknowns: steps of the frame, then of the targets, in base axes; a deviation of 0 fixes one.
     targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
     named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
-    of_target = NOMINAL_TARGET_DEVIATION if named else UNNAMED_DEVIATION
+    of_target = NOMINAL_TARGET_DEVIATION if named else UNNAMED_TARGET_DEVIATION
     deviation = np.r_[series.frame_deviation, np.full(targets.size, of_target)]
     free, f = deviation > 0, len(series.frame_deviation)
     tools = [tool_poses(state.vjm, part.q) for part in parts]
@@ -544,7 +546,7 @@ def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, po
 
 
 def stated_frame(series: Series) -> Frame:
-    """Return the frame (from base) of a series whose fixed point or plane is exactly where the user states it.
+    """Return the frame of a series whose fixed point or plane is exactly where the user states it.
 
     The frame of distances has its origin in the fixed point and the axes of the base. The frame of heights
     is that of the base.
@@ -787,9 +789,9 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
 
 
 def distance_from_known_frame(state: ArmState, series: Series) -> float:
-    """Compute the distance of a series from the model with its known frame and mount: a percentile of residuals.
+    """Compute how far a series is from the model with its known frame and mount.
 
-    It is the 25th percentile, because a quarter may still fit if targets or tracker moved in mid-series.
+    This is the 25th percentile of the residuals: a quarter may fit even if targets or tracker moved.
 
     Args:
         state: The arm with the frame and the mount of the series.

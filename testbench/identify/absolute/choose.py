@@ -22,7 +22,7 @@ from scipy.linalg import cho_factor, cho_solve
 from testbench.data.dataset import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.evidence import (
-    GEOMETRY,
+    GEOMETRY_ERROR_KINDS,
     WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
@@ -55,9 +55,9 @@ MAX_HELD_OUT_INCREASE = 0.01
 REFIT_VARIANCE_RATIO = 100.0
 """Variance of a frame or mount without the held-out readings, over that with them, above which the held-out
 readings fit it anew [1]."""
-INDIVIDUAL_WAVE_SHARE = 0.2
+INDIVIDUAL_VARIANCE_RATIO = 0.2
 """Share of the variance of periodic errors that is individual to each joint while a pattern is sought [1]."""
-MIN_EQUATIONS_SHARE = 0.2
+MIN_REMAINING_EQUATION_RATIO = 0.2
 """Least share of all equations that must remain when a series is held out [1]."""
 LOAD_WEIGHT_IN_BLOCKS = 2.0
 """Distance between the largest load and no load in the space of sines and cosines of the joints, in which
@@ -83,7 +83,7 @@ class SelectionStep:
 class SelectedModel:
     """Hold the unknowns that a calibration estimates, selected by `select_errors` or stated by the user."""
 
-    active: ActiveUnknowns  #: The selected unknowns.
+    active_unknowns: ActiveUnknowns  #: The selected unknowns.
     error_scales: ErrorScales  #: Their prior deviations, and noise factors.
     reduced: ReducedReadings  #: The reduced equations, in the basis of these unknowns.
     error_kinds: frozenset[str]  #: Kinds of errors among the unknowns.
@@ -100,7 +100,7 @@ class ErrorCandidate:
     """Describe one kind of error that `select_errors` tries."""
 
     name: str  #: Name in reports and in `CalibrationOptions`.
-    kinds: frozenset[str] = frozenset()  #: Kinds of unknowns that it adds.
+    error_kinds: frozenset[str] = frozenset()  #: Kinds of unknowns that it adds.
     #: Prior of the compliances that it adds, in place of the earlier ones; None if it adds none.
     compliance_prior: PriorScaling | None = None
     always_kept: bool = False  #: Whether it is kept without a trial, because every arm has this error.
@@ -168,7 +168,7 @@ def select_errors(
     Returns:
         The selected unknowns with the sizes of their errors, and all trials.
     """
-    kinds, compliance_prior = GEOMETRY, None
+    kinds, compliance_prior = GEOMETRY_ERROR_KINDS, None
     tried = _evaluate(
         activate_unknowns(unknowns, kinds, compliance_prior),
         reduced,
@@ -179,7 +179,7 @@ def select_errors(
     steps: dict[str, SelectionStep] = {}
     simpler_trials = {"geometry": tried}
     for candidate in stepwise(candidates, "trying errors"):
-        more = kinds | candidate.kinds, candidate.compliance_prior or compliance_prior
+        more = kinds | candidate.error_kinds, candidate.compliance_prior or compliance_prior
         shared = (
             with_shared_pattern(tried.active, kinds, tried.scales, reduced)
             if candidate.searches_pattern
@@ -201,16 +201,16 @@ def select_errors(
     kept = [tested for tested in candidates if tested.name in steps and steps[tested.name].kept]
     for candidate in kept[:-1]:  # the next one that was kept may explain the same
         if (
-            candidate.kinds
+            candidate.error_kinds
             and not candidate.always_kept
-            and not ("pattern" in kinds and candidate.kinds & {"harmonics", "pattern"})
+            and not ("pattern" in kinds and candidate.error_kinds & {"harmonics", "pattern"})
         ):
-            fewer = activate_unknowns(unknowns, kinds - candidate.kinds, compliance_prior)
+            fewer = activate_unknowns(unknowns, kinds - candidate.error_kinds, compliance_prior)
             other = _evaluate(fewer, reduced, tried.scales, rules)
             again = _selection_step(candidate, other, tried)
             if not again.kept:
                 tried = other
-                kinds = kinds - candidate.kinds
+                kinds = kinds - candidate.error_kinds
                 steps[candidate.name] = again
     # Held-out errors of the simpler model, for comparison.
     simpler = {name: trial for name, trial in simpler_trials.items() if trial is not tried} or simpler_trials
@@ -220,13 +220,16 @@ def select_errors(
 
 
 def with_shared_pattern(
-    active: ActiveUnknowns, kinds: frozenset[str], scales: ErrorScales, reduced: ReducedReadings
+    active_unknowns: ActiveUnknowns,
+    error_kinds: frozenset[str],
+    scales: ErrorScales,
+    reduced: ReducedReadings,
 ) -> tuple[ActiveUnknowns, ReducedReadings] | None:
     """Add an error pattern that several joints share to the unknowns, if the readings show one.
 
     Args:
-        active: The selected unknowns, periodic joint errors among them.
-        kinds: Kinds of errors among the unknowns.
+        active_unknowns: The selected unknowns, periodic joint errors among them.
+        error_kinds: Kinds of errors among the unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
         reduced: The reduced equations of all unknowns.
 
@@ -234,31 +237,31 @@ def with_shared_pattern(
         The unknowns with the pattern, and the equations in their basis; None if no two joints share a
         pattern.
     """
-    unknowns = active.unknowns
-    errors = active.unknowns.errors
-    joints = active.unknowns.vjm.arm.joints
+    unknowns = active_unknowns.unknowns
+    errors = active_unknowns.unknowns.error_terms
+    joints = active_unknowns.unknowns.vjm.arm.joints
     waves = pattern_coefficients(errors)
-    if "harmonics" not in kinds or not len(waves):
+    if "harmonics" not in error_kinds or not len(waves):
         return None
     at = unknowns.first_columns["errors"] + errors.n_coefficients * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
-    gram = gram_of_active(active, reduced.total_gram_matrices)
-    solved, joint_information = solve_active_unknowns(active, gram, scales, WIDE_PRIOR), []
+    gram = gram_of_active(active_unknowns, reduced.total_gram_matrices)
+    solved, joint_information = solve_active_unknowns(active_unknowns, gram, scales, WIDE_PRIOR), []
     V = solved.covariance
-    for joint, j in zip(joints, np.searchsorted(active.columns, at), strict=True):
+    for joint, j in zip(joints, np.searchsorted(active_unknowns.columns, at), strict=True):
         precision = np.asarray(np.linalg.inv(V[np.ix_(j, j)]), dtype=float)
         known = float(not joint.prismatic)
         joint_information.append(
             (known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j])))
         )
-    individual = INDIVIDUAL_WAVE_SHARE * whole
+    individual = INDIVIDUAL_VARIANCE_RATIO * whole
     unknowns = replace(
-        unknowns, pattern=find_pattern(joint_information, individual, whole - individual, orders)
+        unknowns, shared_pattern=find_pattern(joint_information, individual, whole - individual, orders)
     )
     if unknowns.equation_basis is None:
         return None
-    with_pattern = activate_unknowns(unknowns, kinds | {"pattern"}, active.compliance_prior)
+    with_pattern = activate_unknowns(unknowns, error_kinds | {"pattern"}, active_unknowns.compliance_prior)
     return with_pattern, reduced.in_basis(unknowns.equation_basis)
 
 
@@ -281,7 +284,7 @@ def _evaluate(
     """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
     scales = learn_error_scales(active, reduced, start, rules.constraint)
     every = _by_series(reduced)
-    most = (1 - MIN_EQUATIONS_SHARE) * reduced.n_equations.sum()
+    most = (1 - MIN_REMAINING_EQUATION_RATIO) * reduced.n_equations.sum()
     # A face is no repetition of the others: only its own heights show motion along its normal.
     repeated = [parts for parts in every if len(every) > 1 and not any(part.is_plane_face for part in parts)]
     fair = [parts for parts in repeated if sum(part.n_equations.sum() for part in parts) <= most]
@@ -324,29 +327,29 @@ def _held_out_sums(
 
 
 def with_final_prior(
-    chosen: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
+    selected: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
 ) -> SelectedModel:
     """Compute the held-out errors of a selected model again, with the prior of the final compliances.
 
     Args:
-        chosen: The selection; its held-out errors are those under the prior of the comparison.
+        selected: The selection; its held-out errors are those under the prior of the comparison.
         rules: Settings of the comparison.
         weighted_prior: Prior of the final compliances; None for a rigid arm.
 
     Returns:
         The selection with the new held-out errors; unchanged if no block can be held out.
     """
-    plain, every = chosen.held_out_rms
+    plain, every = selected.held_out_rms
     if weighted_prior is None or not len(every):
-        return chosen
+        return selected
     active, rules = (
-        replace(chosen.active, compliance_prior=weighted_prior.scaling),
+        replace(selected.active_unknowns, compliance_prior=weighted_prior.scaling),
         replace(rules, prior_uncertainty=weighted_prior.uncertainty),
     )
     blocks = _held_out_sums(
-        active, chosen.reduced, chosen.error_scales, rules, _blocks_to_hold_out(chosen.reduced)
+        active, selected.reduced, selected.error_scales, rules, _blocks_to_hold_out(selected.reduced)
     )
-    return replace(chosen, held_out_rms=(plain, _by_block(blocks)))
+    return replace(selected, held_out_rms=(plain, _by_block(blocks)))
 
 
 def _held_out(
@@ -398,7 +401,7 @@ def _held_out(
     return np.asarray(T @ v @ v), deviance
 
 
-def predictive_deviance(G: Array, v: Array, others: NormalEquationsSolution) -> float:
+def predictive_deviance(G: Array, v: Array, posterior: NormalEquationsSolution) -> float:
     """Compute -2 times the log predictive density of held-out readings, up to a constant.
 
     Mathematics: `abs-16`.
@@ -406,15 +409,15 @@ def predictive_deviance(G: Array, v: Array, others: NormalEquationsSolution) -> 
     Args:
         G: Gram matrix [A | y]^T [A | y] of the whitened held-out equations, (c + 1, c + 1).
         v: Most probable unknowns by the other readings, then -1, (c + 1,).
-        others: Posterior of the unknowns by the other readings.
+        posterior: Posterior of the unknowns by the other readings.
 
     Returns:
         The deviance [1].
     """
-    left, U = G @ v, np.triu(others.precision_root[0]) * others.precision_scale
+    left, U = G @ v, np.triu(posterior.precision_root[0]) * posterior.precision_scale
     both = cho_factor(U.T @ U + G[:-1, :-1])  # precision by all readings
     squares = float(v @ left - left[:-1] @ cho_solve(both, left[:-1]))
-    return squares + 2 * float(np.log(np.diag(both[0])).sum()) - others.log_determinant
+    return squares + 2 * float(np.log(np.diag(both[0])).sum()) - posterior.log_determinant
 
 
 def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> SelectionStep:
@@ -454,22 +457,22 @@ MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to that of
 CENTRE_DEVIATION = 0.1  #: Prior standard deviation of each coordinate of a centre of mass [m].
 MAX_MASS_DEVIATIONS = 3.0
 """Bound on each parameter of the masses, in prior standard deviations [1]: no mass falls below a tenth."""
-MAX_UNEXPLAINED_TORQUE = 0.3
+MAX_UNEXPLAINED_TORQUE_RATIO = 0.3
 """Largest residual of the torques, over their standard deviation, with which fitted masses are used [1]."""
 HUBER_THRESHOLD = 1.345
 """Threshold of Huber's loss in standard deviations [1]: 95 % efficiency for normal errors."""
-MIN_TORQUE_NOISE_SHARE = 1e-4
+MIN_TORQUE_NOISE_RATIO = 1e-4
 """Least noise of the torques of a joint, over their standard deviation [1]."""
 REWEIGHTINGS = 10  #: Reweighted solutions of the robust least squares.
-POSES_AT_ONCE = 1000  #: Most poses whose columns of all virtual joints are in memory together.
+MAX_POSES_IN_MEMORY = 1000  #: Most poses whose columns of all virtual joints are in memory together.
 
 
 @dataclass(frozen=True)
 class MassFit:
     """Hold link masses fitted to measured joint torques, and how well they explain the torques."""
 
-    weights: BodyMasses  #: Fitted masses; the nominal ones if gravity does not explain the torques.
-    poses: int  #: Number of poses with measured torques.
+    masses: BodyMasses  #: Fitted masses; the nominal ones if gravity does not explain the torques.
+    n_poses: int  #: Number of poses with measured torques.
     nominal_residual: float  #: RMS residual of the torques with the nominal masses [N m, N].
     residual: float  #: RMS residual of the torques with the fitted masses [N m, N].
     torque_deviation: (
@@ -480,12 +483,12 @@ class MassFit:
     motor_torques: bool = False
 
     @property
-    def explained(self) -> bool:
+    def explains_torques(self) -> bool:
         """Tell whether gravity with the fitted masses explains the measured torques."""
-        return self.residual <= MAX_UNEXPLAINED_TORQUE * self.torque_deviation
+        return self.residual <= MAX_UNEXPLAINED_TORQUE_RATIO * self.torque_deviation
 
 
-def fit_link_masses(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -> MassFit | None:
+def fit_link_masses(vjm: Vjm, nominal_masses: BodyMasses, series: tuple[Series, ...]) -> MassFit | None:
     """Fit the masses of the links to the measured joint torques of absolute readings.
 
     Torques may have either sign, and each joint a constant offset.
@@ -494,7 +497,7 @@ def fit_link_masses(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -
 
     Args:
         vjm: The arm's virtual joint model.
-        weights: Nominal masses of the links; bodies without mass stay massless.
+        nominal_masses: Nominal masses of the links; bodies without mass stay massless.
         series: The readings, some with torques.
 
     Returns:
@@ -505,17 +508,17 @@ def fit_link_masses(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -
         return None
     A, known, torque = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
-    carries, carried = (_fit(weights, names, A, sign * torque - known) for sign in (1, -1))
+    carries, carried = (_fit(nominal_masses, names, A, sign * torque - known) for sign in (1, -1))
     best = min(carries, replace(carried, motor_torques=True), key=lambda fit: fit.residual)
-    return best if best.explained else replace(best, weights=weights, bodies_at_bound=())
+    return best if best.explains_torques else replace(best, masses=nominal_masses, bodies_at_bound=())
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
     """Compute columns, (n, runs, 4 (bodies - 1)), wrench loads and torques, (n, runs), of some poses."""
     n = vjm.arm.n_joints
     for readings, torque in ((part, part.torque) for part in series if part.torque is not None):
-        for start in range(0, readings.rows, POSES_AT_ONCE):
-            rows = slice(start, start + POSES_AT_ONCE)
+        for start in range(0, readings.rows, MAX_POSES_IN_MEMORY):
+            rows = slice(start, start + MAX_POSES_IN_MEMORY)
             where = evaluate_chain(vjm, readings.q[rows])
             columns = own_weight_matrix(where)[-n:, :, 1:]
             known = generalised_load(where, readings.wrench[rows], readings.point[rows])[-n:]
@@ -538,7 +541,7 @@ def _fit(weights: BodyMasses, names: Sequence[str], A: Array, y: Array) -> MassF
     spread, left = _scatter(_off_mean(y, ones)), _off_mean(y_0, ones)
     before, x = _scatter(left), np.zeros_like(sd)
     for _ in range(REWEIGHTINGS):
-        sigma = np.maximum(_scatter(left), MIN_TORQUE_NOISE_SHARE * spread)[:, None]
+        sigma = np.maximum(_scatter(left), MIN_TORQUE_NOISE_RATIO * spread)[:, None]
         sigma = np.where(sigma > 0, sigma, 1.0)  # a joint without torques
         w = np.minimum(1, HUBER_THRESHOLD * sigma / np.maximum(np.abs(left), 1e-300)) / sigma**2
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
@@ -546,8 +549,8 @@ def _fit(weights: BodyMasses, names: Sequence[str], A: Array, y: Array) -> MassF
     at_bound = (np.abs(x) > MAX_MASS_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
     p = np.vstack([weights.inertial_parameters[:1], (prior + sd * x).reshape(-1, 4)])
     return MassFit(
-        weights=BodyMasses(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
-        poses=y.shape[1],
+        masses=BodyMasses(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
+        n_poses=y.shape[1],
         nominal_residual=_rms(before),
         residual=_rms(_scatter(left)),
         torque_deviation=_rms(spread),

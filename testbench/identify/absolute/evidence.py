@@ -70,7 +70,7 @@ DEFAULT_ERROR_SCALES: Mapping[str, float] = {
     "stiffening": 3e-5,
 }
 """Usual standard deviations of the unknowns of each kind [m, rad; rad per rad for the ratio]."""
-WAVE_KINDS = ("harmonics", "pattern")
+PERIODIC_ERROR_KINDS = ("harmonics", "pattern")
 """Kinds of periodic joint errors, in bands of orders: of each joint, and of a pattern that joints share."""
 MAX_SCALE_FACTOR = 10.0
 """Largest prior deviation over the usual one [1]; a larger one would stand for errors the model lacks."""
@@ -108,20 +108,20 @@ class ActiveUnknowns:
 
 
 def activate_unknowns(
-    unknowns: Unknowns, kinds: frozenset[str], compliance_prior: PriorScaling | None
+    unknowns: Unknowns, error_kinds: frozenset[str], compliance_prior: PriorScaling | None
 ) -> ActiveUnknowns:
     """Select unknowns: all frames and mounts, some kinds of errors, and the compliances of a prior.
 
     Args:
         unknowns: All unknowns of a calibration.
-        kinds: Names of the kinds of errors, as in `DEFAULT_ERROR_SCALES`.
+        error_kinds: Names of the kinds of errors, as in `DEFAULT_ERROR_SCALES`.
         compliance_prior: Prior of the compliances; None for a rigid arm.
 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
     """
     placed = np.setdiff1d(np.arange(unknowns.first_columns["geometry"]), unknowns.unused_rotations)
-    on = [placed, *(c for kind, c in unknowns.prior_groups if kind in kinds)]
+    on = [placed, *(c for kind, c in unknowns.prior_groups if kind in error_kinds)]
     rigid = np.sort(np.concatenate(on))
     if compliance_prior is None:
         return ActiveUnknowns(unknowns, rigid, None)
@@ -153,7 +153,7 @@ def default_error_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
         Prior deviations from `DEFAULT_ERROR_SCALES`, and noise factors of 1.
     """
     deviation = np.full(unknowns.size, np.inf)
-    for name in unknowns.undetermined:
+    for name in unknowns.undetermined_frames:
         kind, _, of = name.partition(" ")
         first = unknowns.first_columns[name]
         if kind == "frame":
@@ -167,50 +167,53 @@ def default_error_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
     return ErrorScales(deviation, np.ones(n_kinds))
 
 
-def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
+def gram_of_active(active_unknowns: ActiveUnknowns, gram: Array) -> Array:
     """Compute the Gram matrices of the selected unknowns, with compliances in units of their prior.
 
     Args:
-        active: The selected unknowns, c of them.
+        active_unknowns: The selected unknowns, c of them.
         gram: Gram matrices [A | y]^T [A | y] of all unknowns, (kinds, size + 1, size + 1).
 
     Returns:
         Gram matrices for each kind of equations, (kinds, c + 1, c + 1).
     """
-    columns = np.r_[active.columns, gram.shape[1] - 1]
+    columns = np.r_[active_unknowns.columns, gram.shape[1] - 1]
     selected = gram[np.ix_(range(len(gram)), columns, columns)]
-    if active.compliance_prior is not None:
-        e, L = slice(active.n_rigid, -1), active.compliance_prior.L
+    if active_unknowns.compliance_prior is not None:
+        e, L = slice(active_unknowns.n_rigid, -1), active_unknowns.compliance_prior.L
         selected[:, :, e] = selected[:, :, e] @ L
         selected[:, e, :] = L.T @ selected[:, e, :]
     return np.asarray(selected)
 
 
 def prior_precision(
-    active: ActiveUnknowns, scales: ErrorScales, uncertainty: PriorUncertainty
+    active_unknowns: ActiveUnknowns, scales: ErrorScales, uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
     """Compute the prior precision P of the selected unknowns, and its product with the prior mean.
 
     Args:
-        active: The selected unknowns, c of them.
+        active_unknowns: The selected unknowns, c of them.
         scales: Prior deviations of the unknowns.
         uncertainty: Relative uncertainty of the expected compliances.
 
     Returns:
         P, (c, c), and P times the prior mean, (c,), compliances in units of their prior.
     """
-    c = len(active.columns)
+    c = len(active_unknowns.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
-    held = np.arange(active.n_rigid)
-    P[held, held] = scales.deviation[active.columns[: active.n_rigid]] ** -2.0
-    if active.compliance_prior is not None:
-        B, towards = prior_rows(active.compliance_prior, uncertainty)
-        P[active.n_rigid :, active.n_rigid :], b[active.n_rigid :] = B.T @ B, B.T @ towards
+    held = np.arange(active_unknowns.n_rigid)
+    P[held, held] = scales.deviation[active_unknowns.columns[: active_unknowns.n_rigid]] ** -2.0
+    if active_unknowns.compliance_prior is not None:
+        B, towards = prior_rows(active_unknowns.compliance_prior, uncertainty)
+        P[active_unknowns.n_rigid :, active_unknowns.n_rigid :], b[active_unknowns.n_rigid :] = (
+            B.T @ B,
+            B.T @ towards,
+        )
     return P, b
 
 
 def solve_active_unknowns(
-    active: ActiveUnknowns,
+    active_unknowns: ActiveUnknowns,
     gram: Array,
     scales: ErrorScales,
     uncertainty: PriorUncertainty,
@@ -221,7 +224,7 @@ def solve_active_unknowns(
     They minimise the sum of |A x - y|^2 / factor^2 over the kinds of equations, plus the prior's squares.
 
     Args:
-        active: The selected unknowns, c of them.
+        active_unknowns: The selected unknowns, c of them.
         gram: Gram matrices [A | y]^T [A | y] of the equations A x = y of each kind, (kinds, c + 1, c + 1).
         scales: Prior deviations of the unknowns, and noise factors.
         uncertainty: Relative uncertainty of the expected compliances.
@@ -233,13 +236,16 @@ def solve_active_unknowns(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    H, (P, b) = np.tensordot(scales.noise_factor**-2.0, gram, 1), prior_precision(active, scales, uncertainty)
+    H, (P, b) = (
+        np.tensordot(scales.noise_factor**-2.0, gram, 1),
+        prior_precision(active_unknowns, scales, uncertainty),
+    )
     H[:-1, :-1] += P
     H[:-1, -1] += b
     optimum = solve_normal_equations(H)
-    if active.compliance_prior is None or constraint == "none":
+    if active_unknowns.compliance_prior is None or constraint == "none":
         return optimum
-    return replace(optimum, x=_in_cone(optimum, active.n_rigid, active.compliance_prior))
+    return replace(optimum, x=_in_cone(optimum, active_unknowns.n_rigid, active_unknowns.compliance_prior))
 
 
 def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: PriorScaling) -> Array:
@@ -267,7 +273,10 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: Pri
 
 
 def learn_error_scales(
-    active: ActiveUnknowns, reduced: ReducedReadings, initial: ErrorScales, constraint: Constraint = "none"
+    active_unknowns: ActiveUnknowns,
+    reduced: ReducedReadings,
+    initial: ErrorScales,
+    constraint: Constraint = "none",
 ) -> ErrorScales:
     """Learn the prior deviations of the unknowns and the noise factors by maximum evidence.
 
@@ -277,7 +286,7 @@ def learn_error_scales(
     Mathematics: `abs-9`.
 
     Args:
-        active: The selected unknowns.
+        active_unknowns: The selected unknowns.
         reduced: The reduced equations of all unknowns.
         initial: Prior deviations and noise factors from which the search starts.
         constraint: "psd" keeps every block of compliances positive semi-definite.
@@ -288,13 +297,13 @@ def learn_error_scales(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    gram, equation_counts = gram_of_active(active, reduced.total_gram_matrices), reduced.n_equations
-    scales = _maximise_scales(active, gram, equation_counts, initial)
-    if active.compliance_prior is None or constraint == "none":
+    gram, equation_counts = gram_of_active(active_unknowns, reduced.total_gram_matrices), reduced.n_equations
+    scales = _maximise_scales(active_unknowns, gram, equation_counts, initial)
+    if active_unknowns.compliance_prior is None or constraint == "none":
         return scales
     for _ in range(MAX_NOISE_FACTOR_ROUNDS):
-        free = solve_active_unknowns(active, gram, scales, WIDE_PRIOR)
-        x = _in_cone(free, active.n_rigid, active.compliance_prior)
+        free = solve_active_unknowns(active_unknowns, gram, scales, WIDE_PRIOR)
+        x = _in_cone(free, active_unknowns.n_rigid, active_unknowns.compliance_prior)
         if x is free.x:
             return scales
         # Noise factors where the evidence has no slope, with PSEUDO_EQUATIONS pseudo-equations.
@@ -330,7 +339,7 @@ def _maximise_scales(
     first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
     placed = active.columns[:first]  # frames and mounts
     known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
-    times = MAX_SCALE_FACTOR_UNDETERMINED if active.unknowns.undetermined else MAX_SCALE_FACTOR
+    times = MAX_SCALE_FACTOR_UNDETERMINED if active.unknowns.undetermined_frames else MAX_SCALE_FACTOR
     most = [times * DEFAULT_ERROR_SCALES[kind] for kind, _ in groups] + [np.inf] * len(equation_counts)
     problem = EvidenceModel(
         gram=gram,
@@ -363,7 +372,9 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 
-    bands = [np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in WAVE_KINDS]
+    bands = [
+        np.eye(m)[[k for k, (name, _) in enumerate(groups) if name == kind]] for kind in PERIODIC_ERROR_KINDS
+    ]
     neighbours = np.concatenate([band[1:] - band[:-1] for band in bands]) / STUDENT_SCALE
     return (
         Hyperprior(np.eye(m), np.log(usual_), pseudo_observations),
@@ -373,8 +384,8 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
 
 # --- Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated ---------------
 
-GEOMETRY = frozenset({"geometry shift", "geometry turn"})  #: Kinds of errors of the geometry.
-MIN_INDEPENDENT_SHARE = 1e-10
+GEOMETRY_ERROR_KINDS = frozenset({"geometry shift", "geometry turn"})  #: Kinds of errors of the geometry.
+COLLINEARITY_TOLERANCE = 1e-10
 """Least share of a column that is linearly independent of all others [1]; below it, it is undetermined."""
 
 
@@ -392,7 +403,7 @@ class StepSolution:
 
 
 def solve_step(
-    active: ActiveUnknowns,
+    active_unknowns: ActiveUnknowns,
     reduced: ReducedReadings,
     scales: ErrorScales,
     constraint: Constraint = "psd",
@@ -406,7 +417,7 @@ def solve_step(
     Mathematics: `abs-8`.
 
     Args:
-        active: The selected unknowns.
+        active_unknowns: The selected unknowns.
         reduced: The reduced equations, in the basis of the unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
@@ -419,23 +430,23 @@ def solve_step(
         BenchError: If the readings leave a frame or a target undetermined.
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
-    T = triangular_factor(active, reduced, scales)
-    r, c = active.n_rigid, len(active.columns)
-    if active.compliance_prior is None:
+    T = triangular_factor_with_priors(active_unknowns, reduced, scales)
+    r, c = active_unknowns.n_rigid, len(active_unknowns.columns)
+    if active_unknowns.compliance_prior is None:
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
         step = _solve_compliances(
-            T, active.compliance_prior, int(reduced.n_equations.sum()), constraint, uncertainty
+            T, active_unknowns.compliance_prior, int(reduced.n_equations.sum()), constraint, uncertainty
         )
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse = solve_triangular(step.precision_root[:r, :r], np.eye(r))
-    deviation = scales.deviation[active.columns[:r]]
+    deviation = scales.deviation[active_unknowns.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     step = replace(step, degrees_of_freedom=float(np.maximum(known, 0).sum() + (~held).sum() + c - r))
-    if (basis := active.unknowns.equation_basis) is not None:
+    if (basis := active_unknowns.unknowns.equation_basis) is not None:
         # From the basis of a shared pattern back to the joints.
-        B = basis[active.columns][:, active.columns].toarray()  # its columns are orthogonal
+        B = basis[active_unknowns.columns][:, active_unknowns.columns].toarray()  # its columns are orthogonal
         root = np.asarray(np.linalg.qr(step.precision_root / (B**2).sum(axis=0) @ B.T, mode="r"))
         step = replace(step, x=B @ step.x, precision_root=root)
     return step
@@ -482,16 +493,16 @@ def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estima
     return mine - free
 
 
-def compliance_equations(T: Array, compliance_prior: PriorScaling, equations: int) -> Regression:
+def compliance_equations(T: Array, compliance_prior: PriorScaling, n_equations: int) -> Regression:
     """Return the equations of the compliances, with all other unknowns eliminated.
 
     Args:
         T: Triangular factor of the equations of all unknowns, compliances last, (c + 1, c + 1).
         compliance_prior: Prior of the compliances.
-        equations: Number of equations of the readings.
+        n_equations: Number of equations of the readings.
     """
     r = len(T) - 1 - len(compliance_prior.expected_x)
-    term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
+    term = term_from_triangle(T[r:, r:] / np.sqrt(n_equations / 3), 0.0, n_equations)
     return regression_from_terms(compliance_prior.structure, (term,))
 
 
@@ -517,11 +528,13 @@ def _add_covariance(root: Array, moves: Array) -> Array:
     return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
 
 
-def triangular_factor(active: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales) -> Array:
+def triangular_factor_with_priors(
+    active_unknowns: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales
+) -> Array:
     """Compute the triangular factor of [A | y]: all equations, and all priors except that of the compliances.
 
     Args:
-        active: The selected unknowns, c of them.
+        active_unknowns: The selected unknowns, c of them.
         reduced: The reduced equations of all unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
 
@@ -531,9 +544,9 @@ def triangular_factor(active: ActiveUnknowns, reduced: ReducedReadings, scales: 
     Raises:
         BenchError: If the readings do not determine a frame or a target.
     """
-    columns = np.r_[active.columns, active.unknowns.size]
+    columns = np.r_[active_unknowns.columns, active_unknowns.unknowns.size]
     # Rows of the priors.
-    deviation = scales.deviation[active.columns[: active.n_rigid]]
+    deviation = scales.deviation[active_unknowns.columns[: active_unknowns.n_rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
@@ -541,8 +554,8 @@ def triangular_factor(active: ActiveUnknowns, reduced: ReducedReadings, scales: 
     factors = zip(reduced.factors.values(), scales.noise_factor, strict=True)
     lines = [R[:, columns] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
-    free = np.abs(np.diag(T))[: active.n_rigid]
-    if not (free > MIN_INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.n_rigid], axis=0)).all():
+    free = np.abs(np.diag(T))[: active_unknowns.n_rigid]
+    if not (free > COLLINEARITY_TOLERANCE * np.linalg.norm(T[:, : active_unknowns.n_rigid], axis=0)).all():
         raise BenchError("calibration: the readings do not determine a frame or target; expected more poses")
     return T
 
@@ -556,22 +569,22 @@ def _scaled_prior(regression: Regression, compliance_prior: PriorScaling) -> Wei
     return hierarchy.learn_prior(regression, compliance_prior)
 
 
-def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
+def apply_step(state: ArmState, active_unknowns: ActiveUnknowns, x: Array) -> ArmState:
     """Set the unknowns of an arm to the solution of a Gauss-Newton step.
 
     Frames and mounts move by their steps; all other unknowns are replaced, and are zero if not selected.
 
     Args:
         state: The arm before the step.
-        active: The selected unknowns, c of them.
+        active_unknowns: The selected unknowns, c of them.
         x: Their values, (c,), in SI units.
 
     Returns:
         The arm after the step.
     """
-    unknowns = active.unknowns
+    unknowns = active_unknowns.unknowns
     every = np.zeros(unknowns.size)
-    every[active.columns] = x
+    every[active_unknowns.columns] = x
     # Geometry, frames and mounts move; compliances and joint errors are replaced.
     theta_0 = state.theta_0.copy()
     theta_0[unknowns.geometry_slice] = every[unknowns.columns("geometry")]
@@ -585,8 +598,10 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
         state,
         theta_0=theta_0,
         C_theta=unknowns.structure.matrix(every[unknowns.columns("elastic")]),
-        errors=unknowns.errors,
-        n=every[unknowns.columns("errors")].reshape(state.vjm.arm.n_joints, unknowns.errors.n_coefficients),
+        error_terms=unknowns.error_terms,
+        error_coefficients=every[unknowns.columns("errors")].reshape(
+            state.vjm.arm.n_joints, unknowns.error_terms.n_coefficients
+        ),
         frames=frames,
         mounts=mounts,
     )
@@ -607,7 +622,7 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
 
 
 def gauss_newton_step(
-    active: ActiveUnknowns,
+    active_unknowns: ActiveUnknowns,
     series: tuple[Series, ...],
     linearisation_point: tuple[ArmState, Noise],
     constraint: Constraint,
@@ -615,7 +630,7 @@ def gauss_newton_step(
     """Fit the selected unknowns to absolute readings by one Gauss-Newton step.
 
     Args:
-        active: The selected unknowns.
+        active_unknowns: The selected unknowns.
         series: The readings.
         linearisation_point: The arm before the step, and noise of the readings about it.
         constraint: "psd" for GCO, "none" for least squares.
@@ -624,12 +639,12 @@ def gauss_newton_step(
         The arm after the step, and the degrees of freedom of the residuals over the number of equations [1].
     """
     state, noise = linearisation_point
-    reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
-    initial = default_error_scales(active.unknowns, len(reduced.kinds))
-    scales = learn_error_scales(active, reduced, initial, constraint)
-    solved = solve_step(active, reduced, scales, constraint)
+    reduced = reduce_series(Linearisation(active_unknowns.unknowns, state, noise), series)
+    initial = default_error_scales(active_unknowns.unknowns, len(reduced.kinds))
+    scales = learn_error_scales(active_unknowns, reduced, initial, constraint)
+    solved = solve_step(active_unknowns, reduced, scales, constraint)
     dof_ratio = max(0.1, 1 - solved.degrees_of_freedom / reduced.n_equations.sum())
-    return apply_step(state, active, solved.x), dof_ratio
+    return apply_step(state, active_unknowns, solved.x), dof_ratio
 
 
 def fit_geometry_and_springs(
@@ -647,7 +662,10 @@ def fit_geometry_and_springs(
         The fitted arm, and the noise of the readings about it.
     """
     first = unknowns_of(state.vjm, series, JointErrorTerms(), joint_prior.structure)
-    active, noise = activate_unknowns(first, GEOMETRY, joint_prior), estimate_model_error(state, series, 1.0)
+    active, noise = (
+        activate_unknowns(first, GEOMETRY_ERROR_KINDS, joint_prior),
+        estimate_model_error(state, series, 1.0),
+    )
     for _ in range(2):
         state, dof_ratio = gauss_newton_step(active, series, (state, noise), constraint)
         noise = estimate_model_error(state, series, dof_ratio)

@@ -21,7 +21,7 @@ from testbench.identify.absolute.align import (
     check_fitted_distances,
     equation_deviations,
     estimate_model_error,
-    mean_variances,
+    mean_stated_variances,
     robust_weights,
     single_reading_noise,
     with_common_targets,
@@ -36,9 +36,8 @@ from testbench.identify.absolute.choose import (
     with_shared_pattern,
 )
 from testbench.identify.absolute.evidence import (
-    GEOMETRY,
+    GEOMETRY_ERROR_KINDS,
     ActiveUnknowns,
-    ErrorScales,
     activate_unknowns,
     apply_step,
     default_error_scales,
@@ -48,7 +47,14 @@ from testbench.identify.absolute.evidence import (
     solve_step,
 )
 from testbench.identify.absolute.posterior import covariance_root
-from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
+from testbench.identify.absolute.state import (
+    ArmState,
+    Unknowns,
+    nominal_state,
+    torque_scale,
+    unknowns_of,
+    with_error_terms,
+)
 from testbench.identify.diagnosis.kinematics import (
     MAX_COMPARED_ROWS,
     Issue,
@@ -100,7 +106,7 @@ class CalibrationOptions:
             )
 
     @property
-    def selectable(self) -> frozenset[str]:
+    def selectable_errors(self) -> frozenset[str]:
         """Return the names of the errors that are tried, or used without a trial."""
         names = SELECTABLE_ERRORS if self.used_errors is None else self.used_errors
         return frozenset(names) - self.excluded_errors
@@ -111,7 +117,7 @@ class Calibration(Displayed):
     """Hold a calibrated arm with the uncertainty of its unknowns, the noise and the selection of errors."""
 
     state: ArmState  #: The calibrated arm, with the frames and mounts of all series.
-    active: ActiveUnknowns  #: The c unknowns that were estimated.
+    active_unknowns: ActiveUnknowns  #: The c unknowns that were estimated.
     #: Information of the readings about all candidate unknowns, without prior, (size, size), SI units.
     information: Array
     #: Upper triangular root R of the posterior precision R^T R, compliances in units of the prior, (c, c).
@@ -130,14 +136,14 @@ class Calibration(Displayed):
         return {
             "arm": self.state.vjm.arm.name,
             "rows": sum(series.rows for series in self.series),
-            "unknowns": len(self.active.columns),
+            "unknowns": len(self.active_unknowns.columns),
             "kept": " ".join(step.name.replace(" ", "_") for step in self.selection.steps if step.kept),
             "model_error_um": f"{1e6 * self.noise.position_model_error:.3g}",
         }
 
     def model(self) -> ArmModel:
         """Make the model of the arm with its uncertainty, without the frames and mounts of the series."""
-        active = self.active
+        active = self.active_unknowns
         state = self.state
         known = posterior_of_calibration(self)
         first = active.unknowns.first_columns["geometry"]
@@ -160,7 +166,7 @@ def posterior_of_calibration(calibration: "Calibration") -> Posterior:
 
     Mathematics: `abs-13`.
     """
-    active = calibration.active
+    active = calibration.active_unknowns
     L = np.zeros((0, 0)) if active.compliance_prior is None else active.compliance_prior.L
     x = active.unknowns.values(calibration.state)[active.columns]
     return Posterior.normal(x, covariance_root(calibration.precision_root, L))
@@ -184,7 +190,7 @@ def calibrate(
     series: Sequence[Series],
     prior: Prior,
     options: CalibrationOptions | None = None,
-    weights: BodyMasses | None = None,
+    masses: BodyMasses | None = None,
 ) -> Calibration:
     """Calibrate an arm from absolute readings: geometry, joint errors and compliances.
 
@@ -197,7 +203,7 @@ def calibrate(
         series: All absolute readings: joint angles, loads, target positions [m].
         prior: Expected compliances, such as `cad_prior(arm)`.
         options: Method and errors that are tried; None for GCO with all errors.
-        weights: Weights of the links; None for those of the arm's rigid.xml.
+        masses: Weights of the links; None for those of the arm's rigid.xml.
 
     Returns:
         The calibrated arm with its uncertainty, the noise, and the errors that were kept.
@@ -213,7 +219,7 @@ def calibrate(
         raise BenchError("series: expected one or more, got none")
     _check_points(series)
     options = options or CalibrationOptions()
-    return select_and_solve(linearise_readings(vjm, series, prior, options, weights), options)
+    return select_and_solve(linearise_readings(vjm, series, prior, options, masses), options)
 
 
 def _check_points(series: Sequence[Series]) -> None:
@@ -244,7 +250,7 @@ def linearise_readings(
     series: Sequence[Series],
     prior: Prior,
     options: CalibrationOptions,
-    weights: BodyMasses | None = None,
+    masses: BodyMasses | None = None,
 ) -> LinearisedReadings:
     """Fit geometry and springs to absolute readings, and reduce their equations for any selection of errors.
 
@@ -255,7 +261,7 @@ def linearise_readings(
         series: The readings.
         prior: Expected compliances.
         options: Method and errors that may be tried.
-        weights: Weights of the links; None for those of the arm's rigid.xml.
+        masses: Weights of the links; None for those of the arm's rigid.xml.
 
     Returns:
         The reduced equations, and the fitted arm at which they are linearised.
@@ -263,8 +269,8 @@ def linearise_readings(
     # Check the readings, and start from the rigid nominal arm.
     series, lost = with_common_targets(series)
     check_row_order(vjm, series)
-    weights = weights or read_body_masses(vjm.arm)
-    bare = nominal_state(vjm, weights, torque_scale(vjm, weights, series))
+    masses = masses or read_body_masses(vjm.arm)
+    bare = nominal_state(vjm, masses, torque_scale(vjm, masses, series))
     joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
 
     def fit_series(parts: tuple[Series, ...]) -> tuple[ArmState, Noise]:
@@ -282,13 +288,18 @@ def linearise_readings(
     highest_order = max(
         1, min(options.max_order, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
     )
-    orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable else ()
-    errors = JointErrorTerms(orders, **{name: name in options.selectable for name in JOINT_ERROR_KINDS[1:]})
-    most = all153 if "links" in options.selectable else joints_only
+    orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable_errors else ()
+    errors = JointErrorTerms(
+        orders, **{name: name in options.selectable_errors for name in JOINT_ERROR_KINDS[1:]}
+    )
+    most = all153 if "links" in options.selectable_errors else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
-    state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.n_coefficients)))
+    state = with_error_terms(first, errors)
     # One step with periodic errors, for the noise and the point of linearisation.
-    active, few = activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, joints), thin_series(series)
+    active, few = (
+        activate_unknowns(unknowns, GEOMETRY_ERROR_KINDS | {"harmonics"}, joints),
+        thin_series(series),
+    )
     state, dof_ratio = gauss_newton_step(active, few, (state, noise), options.constraint)
     noise = estimate_model_error(state, series, dof_ratio)
     # Reduce all equations once, by blocks of joint space if errors are selected.
@@ -362,16 +373,20 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
             compliances that the reduced equations lack.
     """
     series, reduced = linearised_readings.series, linearised_readings.reduced
-    variance, repetitions = mean_variances(series)
+    variance, repetitions = mean_stated_variances(series)
     deviations = equation_deviations(linearised_readings.noise, variance, repetitions)
     rules = SelectionRules(deviations[list(reduced.kinds)], options.constraint)
     # Select the errors, then solve for the selected unknowns.
     chosen = _select_errors(linearised_readings, options, rules)
     solved = solve_step(
-        chosen.active, chosen.reduced, chosen.error_scales, options.constraint, options.prior_uncertainty
+        chosen.active_unknowns,
+        chosen.reduced,
+        chosen.error_scales,
+        options.constraint,
+        options.prior_uncertainty,
     )
     chosen = with_final_prior(chosen, rules, solved.weighted_prior)
-    after = apply_step(linearised_readings.state, chosen.active, solved.x)
+    after = apply_step(linearised_readings.state, chosen.active_unknowns, solved.x)
     # Noise of single readings about the result.
     factor = linearised_readings.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.error_scales.noise_factor
@@ -379,7 +394,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     noise = single_reading_noise(combined, variance, repetitions)
     return Calibration(
         state=after,
-        active=chosen.active,
+        active_unknowns=chosen.active_unknowns,
         information=np.tensordot(chosen.error_scales.noise_factor**-2.0, reduced.total_gram_matrices, 1)[
             :-1, :-1
         ],
@@ -411,17 +426,17 @@ def _select_errors(
         COMMON_PATTERN: ErrorCandidate(COMMON_PATTERN, frozenset({"pattern"}), searches_pattern=True),
         "links": ErrorCandidate("links", compliance_prior=links),
     } | {name: ErrorCandidate(name, frozenset({name})) for name in JOINT_ERROR_KINDS[1:]}
-    on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable]
+    on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable_errors]
     if options.used_errors is None:
         return select_errors(unknowns, reduced, on, rules)
     # Chosen by hand: all of them at once, and then the pattern if joints share one.
-    kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
+    kinds = GEOMETRY_ERROR_KINDS.union(*(candidate.error_kinds for candidate in on))
     priors = [candidate.compliance_prior for candidate in on if candidate.compliance_prior is not None]
     active = activate_unknowns(unknowns, kinds - {"pattern"}, priors[-1] if priors else None)
 
     scales = default_error_scales(unknowns, len(reduced.kinds))
     scales = learn_error_scales(active, reduced, scales, options.constraint)
-    if COMMON_PATTERN in options.selectable and (
+    if COMMON_PATTERN in options.selectable_errors and (
         shared := with_shared_pattern(active, kinds, scales, reduced)
     ):
         active, reduced = shared

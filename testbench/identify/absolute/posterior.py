@@ -26,7 +26,7 @@ from testbench.identify.absolute.align import (
     whitening_matrices,
 )
 from testbench.identify.absolute.evidence import default_error_scales, moved_mount
-from testbench.identify.absolute.state import ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame, unknowns_of
+from testbench.identify.absolute.state import MAX_ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame, unknowns_of
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import ArmModel, Posterior
 
@@ -77,7 +77,7 @@ def fit_frame_and_mount(model: ArmModel, series: Series, rows: Ids) -> Registere
         BenchError: If these rows do not determine frame and mount.
     """
     sample = select_rows(series, rows)
-    state = align_all(without_series(model.state, sample), (sample,))
+    state = align_all(without_frame_and_mount(model.state, sample), (sample,))
     # Gauss-Newton on frame and mount: normal equations by the triangular factor.
     for _ in range(MAX_STEPS):
         F, M, y = _whitened(model, state, sample)
@@ -101,21 +101,21 @@ def register_with_known_frame(model: ArmModel, series: Series) -> RegisteredSeri
 
     Args:
         model: The calibrated arm, with the frame and the mount.
-        series: Readings with this frame and mount; up to `ROWS_IN_MEMORY` of them, evenly spaced, give the
-            uncertainty of frame and mount for a known arm.
+        series: Readings with this frame and mount. Up to `MAX_ROWS_IN_MEMORY` of them, evenly spaced, give
+            the uncertainty of frame and mount for a known arm.
 
     Returns:
         Frame and mount, with the joint posterior of these and the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    sample = select_rows(series, seen[evenly_spaced(len(seen), ROWS_IN_MEMORY)])
+    sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS_IN_MEMORY)])
     F, M, _ = _whitened(model, model.state, sample)
     return RegisteredSeries(
         model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, sample), F.T @ M)
     )
 
 
-def without_series(state: ArmState, series: Series) -> ArmState:
+def without_frame_and_mount(state: ArmState, series: Series) -> ArmState:
     """Remove the frame and the mount of a series from the model of an arm.
 
     Args:
@@ -127,12 +127,14 @@ def without_series(state: ArmState, series: Series) -> ArmState:
     return replace(state, frames=frames, mounts=mounts)
 
 
-def predict_series(model: ArmModel, registered: RegisteredSeries, series: Series) -> tuple[Array, Array]:
+def predict_series(
+    model: ArmModel, registered_series: RegisteredSeries, series: Series
+) -> tuple[Array, Array]:
     """Predict the positions of a series: compute its residuals and their covariances.
 
     Args:
         model: The calibrated arm.
-        registered: The arm with the frame and the mount of the series.
+        registered_series: The arm with the frame and the mount of the series.
         series: The readings of m targets.
 
     Returns:
@@ -142,32 +144,36 @@ def predict_series(model: ArmModel, registered: RegisteredSeries, series: Series
     m, a = len(series.markers), len(model.columns)
     f = _frame_columns(series) + 3 * m
     columns = np.r_[:f, -a:0]  # positions do not depend on the turn of a target
-    posterior = Posterior.normal(registered.posterior.x[columns], registered.posterior.root[:, columns])
+    posterior = Posterior.normal(
+        registered_series.posterior.x[columns], registered_series.posterior.root[:, columns]
+    )
     root = np.linalg.inv(
-        whitening_matrices(series, _noise(model), registered.state.frame(series).rotation)[0][:m]
+        whitening_matrices(series, _noise(model), registered_series.state.frame(series).rotation)[0][:m]
     )
     covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
-    for first in range(0, series.rows, ROWS_IN_MEMORY):
-        rows = np.arange(first, min(first + ROWS_IN_MEMORY, series.rows))
-        A = _columns(model, registered.state, select_rows(series, rows))[0][:m]
+    for first in range(0, series.rows, MAX_ROWS_IN_MEMORY):
+        rows = np.arange(first, min(first + MAX_ROWS_IN_MEMORY, series.rows))
+        A = _columns(model, registered_series.state, select_rows(series, rows))[0][:m]
         A = np.delete(A, np.s_[f : A.shape[2] - a], axis=2)
         covariance[rows] += posterior.covariance(A.transpose(3, 0, 1, 2))
-    return residuals(registered.state, series)[:m].transpose(2, 0, 1), covariance
+    return residuals(registered_series.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_SQUARED_95) -> Array:
+def inside_ellipsoid(
+    residual: Array, covariance: Array, chi_squared_quantile: float = CHI_SQUARED_95
+) -> Array:
     """Tell which measured positions lie in their confidence ellipsoid, r^T C^-1 r <= quantile.
 
     Args:
         residual: Residuals r, (rows, m, 3) [m].
         covariance: Covariances C of the residuals, (rows, m, 3, 3) [m^2].
-        quantile: Quantile of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
+        chi_squared_quantile: Quantile of chi squared [1]; 3 degrees of freedom for positions, 1 for lines.
 
     Returns:
         Whether each position lies in its ellipsoid, (rows, m).
     """
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
-    return np.asarray((residual * solved).sum(axis=-1) <= quantile)
+    return np.asarray((residual * solved).sum(axis=-1) <= chi_squared_quantile)
 
 
 def _frame_columns(series: Series) -> int:
@@ -189,7 +195,7 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
 
 def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array]:
     """Compute columns of frame, mount and arm, (s, 3, f + a, rows), and residuals, (s, 3, rows)."""
-    unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
+    unknowns = unknowns_of(model.vjm, (series,), state.error_terms, model.structure)
     rows, f = series_equations(unknowns, state, series), unknowns.first_columns["geometry"]
     return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
@@ -207,7 +213,7 @@ def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, 
 
 def _root(model: ArmModel, F: Array, series: Series) -> Array:
     """Factorise the columns of frame and mount, with their prior where these rows leave them undetermined."""
-    unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
+    unknowns = unknowns_of(model.vjm, (series,), model.state.error_terms, model.structure)
     usual = default_error_scales(unknowns, len(EQUATION_KINDS))
     B = np.diag(1 / usual.deviation[: unknowns.first_columns["geometry"]])
     B = B[B.any(axis=1) & (not underdetermined_reason(model.vjm, series))]
@@ -230,14 +236,14 @@ POSES_PER_TURNED_JOINT = 40
 """Number of further rows in which one joint is turned through its range."""
 EQUATIONS_PER_UNKNOWN = 2
 """Number of equations of poses in the whole joint space, over the number of unknowns [1]."""
-STRUCTURAL_INFORMATION = 1e-3
+MAX_STRUCTURAL_INFORMATION = 1e-3
 """Information from poses in the whole joint space, over that of the prior, below which a direction is
 structural [1]."""
-ZERO_INFORMATION = 1e-10
+MIN_INFORMATION_EIGENVALUE = 1e-10
 """Eigenvalue of an information matrix with unit diagonal below which it counts as zero [1]."""
 INFORMATION_OF_FIXED_UNKNOWNS = 1.0
 """Information assumed for unknowns without prior deviation, so that they are not structural [1]."""
-MIN_SINGULAR_VALUE = 0.1
+MIN_COMMON_SINGULAR_VALUE = 0.1
 """Singular value of two joined sets of directions below which a direction counts as common to both [1]."""
 
 
@@ -246,11 +252,11 @@ class AddedInformation:
     """Hold information matrices of further readings about the unknowns of a calibration, SI units."""
 
     #: Of the poses of the series with joint j turned through its range, for each joint, (n, size, size).
-    by_joint: Array
+    by_turned_joint: Array
     #: Of poses in the whole joint space, with more equations than unknowns, (size, size).
-    whole_space: Array
+    whole_joint_space: Array
     #: Of the same poses for the rigid nominal arm, which shows structural directions exactly, (size, size).
-    whole_space_rigid: Array
+    whole_joint_space_rigid: Array
 
 
 def further_information(
@@ -295,8 +301,13 @@ def further_information(
         count = -(-EQUATIONS_PER_UNKNOWN * unknowns.size // (numbers * len(series)))
         q = arm.draw_poses(rng, count)
         everywhere.append(_series_in_poses(readings, np.arange(count) % readings.rows, q))
-    none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
-    rigid = [information_of_series(unknowns, replace(state, **none), readings) for readings in everywhere]
+    nominal = replace(
+        state,
+        theta_0=0 * state.theta_0,
+        C_theta=0 * state.C_theta,
+        error_coefficients=0 * state.error_coefficients,
+    )
+    rigid = [information_of_series(unknowns, nominal, readings) for readings in everywhere]
     every = np.stack([information_of_turned_joint(j) for j in range(len(lower))])
     return AddedInformation(
         every, np.sum([information_for(readings) for readings in everywhere], axis=0), np.sum(rigid, axis=0)
@@ -335,10 +346,10 @@ class StructuralDirections:
 
     directions: Array  #: Orthonormal directions, unknowns in units of the prior, (size, k).
     n_geometry: int  #: Number of directions of geometry, frames and mounts.
-    between_links: tuple[int, ...]  #: Number of directions that the two links at each joint share, n.
+    n_shared_by_links: tuple[int, ...]  #: Number of directions that the two links at each joint share, n.
     #: Indices of joints whose errors move no target, such as the last one with a target on its axis.
     inactive_joints: tuple[int, ...]
-    n_elastic: int  #: Number of compliance directions that the given loads do not show.
+    n_compliance: int  #: Number of compliance directions that the given loads do not show.
 
 
 def structural_directions(
@@ -356,29 +367,31 @@ def structural_directions(
     """
     # Directions with hardly any information, in units of the prior.
     of_fixed = np.diag(np.where(np.diag(L) > 0, 0.0, INFORMATION_OF_FIXED_UNKNOWNS))
-    M = L.T @ added_information.whole_space @ L + of_fixed
-    drawn = L.T @ added_information.whole_space_rigid @ L + of_fixed
+    M = L.T @ added_information.whole_joint_space @ L + of_fixed
+    drawn = L.T @ added_information.whole_joint_space_rigid @ L + of_fixed
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.first_columns["errors"])
     # Structural directions of geometry, exactly, by the rigid nominal arm.
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
-    U, s, _ = np.linalg.svd(np.hstack([V[:, values < STRUCTURAL_INFORMATION], never]), full_matrices=False)
+    U, s, _ = np.linalg.svd(
+        np.hstack([V[:, values < MAX_STRUCTURAL_INFORMATION], never]), full_matrices=False
+    )
     # How these directions divide over joints.
     joints, first = range(unknowns.vjm.arm.n_joints), unknowns.first_columns["elastic"]
     around = [_link_columns(unknowns, k) for k in range(len(joints) + 1)]
     unseen_of_link = [_dimension(drawn, columns) for columns in around]
-    size = unknowns.errors.n_coefficients
+    size = unknowns.error_terms.n_coefficients
     of_joint = [unknowns.first_columns["errors"] + j * size + np.arange(size) for j in joints]
     return StructuralDirections(
-        directions=U[:, s > MIN_SINGULAR_VALUE],
+        directions=U[:, s > MIN_COMMON_SINGULAR_VALUE],
         n_geometry=never.shape[1],
-        between_links=tuple(
+        n_shared_by_links=tuple(
             _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(unseen_of_link[j : j + 2])
             for j in joints
         ),
         inactive_joints=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
-        n_elastic=int((np.linalg.eigvalsh(M[first:, first:]) < STRUCTURAL_INFORMATION).sum()),
+        n_compliance=int((np.linalg.eigvalsh(M[first:, first:]) < MAX_STRUCTURAL_INFORMATION).sum()),
     )
 
 
@@ -386,9 +399,9 @@ def _dimension(M: Array, columns: Ids) -> int:
     """Count the directions of some columns without information."""
     block = M[np.ix_(columns, columns)]
     size = np.sqrt(np.diag(block))
-    informed = size > ZERO_INFORMATION * size.max(initial=0.0)
+    informed = size > MIN_INFORMATION_EIGENVALUE * size.max(initial=0.0)
     unit = block[np.ix_(informed, informed)] / np.outer(size[informed], size[informed])
-    return int((~informed).sum() + (np.linalg.eigvalsh(unit) < ZERO_INFORMATION).sum())
+    return int((~informed).sum() + (np.linalg.eigvalsh(unit) < MIN_INFORMATION_EIGENVALUE).sum())
 
 
 def _link_columns(unknowns: Unknowns, k: int) -> Ids:

@@ -54,13 +54,13 @@ if TYPE_CHECKING:  # scipy takes long to import, and few arms have a pattern
 
 # --- State of a calibrated arm, and its static equilibrium --------------------------------------------------
 
-ROWS_IN_MEMORY = 500
+MAX_ROWS_IN_MEMORY = 500
 """Most rows whose Jacobians are in memory together."""
 EQUILIBRIUM_TOLERANCE = 1e-11
 """Largest step of a virtual joint at which the equilibrium has converged [m, rad]."""
 MAX_EQUILIBRIUM_STEPS = 100
 """Most fixed-point steps to the equilibrium."""
-LOAD_STEPS = 2
+EQUILIBRIUM_STEPS = 2
 """Fixed-point steps to the equilibrium in a calibration; each reduces the error at least a hundredfold."""
 
 
@@ -81,11 +81,11 @@ class ArmState(Displayed):
     """
 
     vjm: Vjm  #: Nominal virtual joint model.
-    weights: BodyMasses  #: Masses of the links.
+    masses: BodyMasses  #: Masses of the links.
     theta_0: Array  #: Constants of the virtual joints, the errors of geometry, (n_theta,) [m, rad].
     C_theta: Array  #: Compliances of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m)].
-    errors: JointErrorTerms  #: Kinds of joint errors: the functions Phi(q).
-    n: Array  #: Coefficients n of the joint errors, k per joint, (joints, k) [rad, m].
+    error_terms: JointErrorTerms  #: Kinds of joint errors: the functions Phi(q).
+    error_coefficients: Array  #: Coefficients n of the joint errors, k per joint, (joints, k) [rad, m].
     torque_scale: Array  #: RMS torque of every joint, (joints,) [N m, N].
     frames: Mapping[str, Frame] = field(default_factory=dict)  #: Frames (tracker from base) by name.
     mounts: Mapping[str, Mount] = field(default_factory=dict)  #: Mounts (targets on the tool) by name.
@@ -123,17 +123,31 @@ class ArmState(Displayed):
         return replace(mount, points=mount.points[at], markers=series.markers)
 
 
-def nominal_state(vjm: Vjm, weights: BodyMasses, torque_scale: Array) -> ArmState:
+def nominal_state(vjm: Vjm, masses: BodyMasses, torque_scale: Array) -> ArmState:
     """Make the model of the nominal arm: rigid, without errors, frames and mounts.
 
     Args:
         vjm: The arm's virtual joint model.
-        weights: Weights of the links.
+        masses: Weights of the links.
         torque_scale: RMS torque of every joint, (n,) [N m, N].
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
-    return ArmState(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrorTerms(), empty, torque_scale)
+    return ArmState(vjm, masses, np.zeros(n), np.zeros((n, n)), JointErrorTerms(), empty, torque_scale)
+
+
+def with_error_terms(state: ArmState, error_terms: JointErrorTerms) -> ArmState:
+    """Give the model of an arm other kinds of joint errors, with coefficients of zero.
+
+    Args:
+        state: The model of the arm.
+        error_terms: Kinds of joint errors.
+
+    Returns:
+        The model without joint errors.
+    """
+    coefficients = np.zeros((state.vjm.arm.n_joints, error_terms.n_coefficients))
+    return replace(state, error_terms=error_terms, error_coefficients=coefficients)
 
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
@@ -159,11 +173,11 @@ class JointEquilibrium:
     theta: Array  #: Virtual joints at rest, (runs, n_theta) [m, rad].
     chain: ChainState  #: The extended chain at rest, with tool pose and Jacobian.
     u: Array  #: Generalised load of every virtual joint at rest, (n_theta, runs) [N, N m].
-    phi: Array  #: Functions Phi(q) of the joint errors, k per joint, (joints, k, runs).
+    error_basis: Array  #: Functions Phi(q) of the joint errors, k per joint, (joints, k, runs).
 
 
 def joint_equilibrium(
-    state: ArmState, q: Array, loads: Sequence[Load] = (), steps: int | None = None
+    state: ArmState, q: Array, loads: Sequence[Load] = (), n_steps: int | None = None
 ) -> JointEquilibrium:
     """Solve for the static equilibrium of an arm under own weight and loads, by fixed-point steps.
 
@@ -176,7 +190,7 @@ def joint_equilibrium(
         state: The model of the arm.
         q: Commanded joint positions, (runs, n) [rad, m].
         loads: Loads that act together, each with one row per run.
-        steps: Number of steps; None to iterate to convergence.
+        n_steps: Number of steps; None to iterate to convergence.
 
     Returns:
         The equilibrium in every pose.
@@ -187,7 +201,7 @@ def joint_equilibrium(
     start, u, phi = _unsprung(state, q, loads)
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
     # theta <- theta_0 + Phi(q) n + C_theta u(q, theta), until the step is at rounding.
-    for _ in range(MAX_EQUILIBRIUM_STEPS if steps is None else steps):
+    for _ in range(MAX_EQUILIBRIUM_STEPS if n_steps is None else n_steps):
         where = evaluate_chain(state.vjm, q, theta)
         u = generalised_loads_at(state, where, loads)
         bent = start + (state.C_theta @ u).T
@@ -195,7 +209,7 @@ def joint_equilibrium(
         theta = bent
         if (step <= EQUILIBRIUM_TOLERANCE).all():  # not of NaN
             return JointEquilibrium(theta, where, u, phi)
-    if steps is None:
+    if n_steps is None:
         words = state.vjm.arm.pose_text(q[np.argmin(step <= EQUILIBRIUM_TOLERANCE)])
         raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
     return JointEquilibrium(theta, evaluate_chain(state.vjm, q, theta), u, phi)
@@ -208,8 +222,8 @@ def _unsprung(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, 
         generalised_loads_at(state, evaluate_chain(state.vjm, q, theta), loads),
         slice(6 * len(arm.links), arm.n_theta),
     )
-    phi = joint_error_basis(state.errors, arm, q, u[joints], state.torque_scale)
-    theta[:, joints] += np.einsum("jkr,jk->rj", phi, state.n)
+    phi = joint_error_basis(state.error_terms, arm, q, u[joints], state.torque_scale)
+    theta[:, joints] += np.einsum("jkr,jk->rj", phi, state.error_coefficients)
     return theta, u, phi
 
 
@@ -224,7 +238,7 @@ def generalised_loads_at(state: ArmState, chain: ChainState, loads: Sequence[Loa
     Returns:
         u, (n_theta, runs) [N, N m].
     """
-    return own_weight_load(chain, state.weights) + sum_generalised_loads(chain, loads)
+    return own_weight_load(chain, state.masses) + sum_generalised_loads(chain, loads)
 
 
 def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
@@ -238,13 +252,13 @@ def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> A
     Returns:
         theta, (runs, n_theta) [m, rad].
     """
-    if not state.errors.n_coefficients:
+    if not state.error_terms.n_coefficients:
         return np.tile(state.theta_0, (len(q), 1))
     return _unsprung(state, q, loads)[0]
 
 
 def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
-    """Compute the static equilibrium of an arm in every row of a series, by `LOAD_STEPS` fixed-point steps.
+    """Compute the static equilibrium of an arm in every row of a series, by two fixed-point steps.
 
     Mathematics: `abs-1`.
 
@@ -256,15 +270,15 @@ def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
         The equilibrium in every row, in base axes.
     """
     loads = [Load(series.wrench, series.point)] if series.wrench.any() else []
-    return joint_equilibrium(state, series.q, loads, LOAD_STEPS)
+    return joint_equilibrium(state, series.q, loads, EQUILIBRIUM_STEPS)
 
 
-def torque_scale(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -> Array:
+def torque_scale(vjm: Vjm, masses: BodyMasses, series: tuple[Series, ...]) -> Array:
     """Compute the RMS torque of every joint by own weight and loads, over all rows of some series.
 
     Args:
         vjm: The arm's virtual joint model.
-        weights: Weights of the links.
+        masses: Weights of the links.
         series: The readings, which give poses and loads.
 
     Returns:
@@ -272,10 +286,10 @@ def torque_scale(vjm: Vjm, weights: BodyMasses, series: tuple[Series, ...]) -> A
     """
     total = np.zeros(vjm.arm.n_joints)
     for readings in series:
-        for first in range(0, readings.rows, ROWS_IN_MEMORY):
-            part = slice(first, first + ROWS_IN_MEMORY)
+        for first in range(0, readings.rows, MAX_ROWS_IN_MEMORY):
+            part = slice(first, first + MAX_ROWS_IN_MEMORY)
             where = evaluate_chain(vjm, readings.q[part])
-            u = own_weight_load(where, weights) + sum_generalised_loads(
+            u = own_weight_load(where, masses) + sum_generalised_loads(
                 where, [Load(readings.wrench[part], readings.point[part])]
             )
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)
@@ -421,9 +435,9 @@ class ErrorPattern:
     signs: tuple[int, ...]  #: Sign s of each of these joints, 1 or -1.
 
 
-def pattern_coefficients(errors: JointErrorTerms) -> Ids:
+def pattern_coefficients(error_terms: JointErrorTerms) -> Ids:
     """List the indices of a joint's Fourier coefficients that a pattern may have, k sines first, (2 k,)."""
-    return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
+    return np.flatnonzero(np.tile(error_terms.orders, 2) >= MIN_PATTERN_ORDER)
 
 
 def shift_fourier_coefficients(coefficients: Array, shift: Array | float, sign: int, orders: Ids) -> Array:
@@ -446,7 +460,7 @@ def shift_fourier_coefficients(coefficients: Array, shift: Array | float, sign: 
 
 
 def pattern_basis(
-    pattern: ErrorPattern, errors: JointErrorTerms, first_column: int, n_unknowns: int
+    pattern: ErrorPattern, error_terms: JointErrorTerms, first_column: int, n_unknowns: int
 ) -> "csr_array":
     """Make the basis in which periodic errors of some joints are a shared pattern and differences from it.
 
@@ -454,7 +468,7 @@ def pattern_basis(
 
     Args:
         pattern: The pattern.
-        errors: Kinds of joint errors.
+        error_terms: Kinds of joint errors.
         first_column: Column of the first joint error among all unknowns.
         n_unknowns: Number of unknowns.
 
@@ -465,15 +479,15 @@ def pattern_basis(
     from scipy.sparse import coo_array, csr_array
 
     n = len(pattern.joints)
-    waves = pattern_coefficients(errors)
-    k = len(pattern_coefficients(errors)) // 2
+    waves = pattern_coefficients(error_terms)
+    k = len(waves) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
-    at = first_column + errors.n_coefficients * np.array(pattern.joints)[:, None] + waves
+    at = first_column + error_terms.n_coefficients * np.array(pattern.joints)[:, None] + waves
     where = np.concatenate([np.setdiff1d(np.arange(n_unknowns), at)] * 2).reshape(2, -1)
     entries, places = [np.ones(where.shape[1])], [where]
-    orders = np.array(errors.orders)[waves[:k]]
+    orders = np.array(error_terms.orders)[waves[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
         R = shift_fourier_coefficients(np.eye(2 * k), pattern.shifts[i], pattern.signs[i], orders).T
@@ -652,17 +666,17 @@ class Unknowns:
     frames: tuple[str, ...]  #: Names of the frames (tracker from base).
     #: Number of targets of every mount, and whether one of them has an orientation.
     mounts: Mapping[str, tuple[int, bool]]
-    errors: JointErrorTerms  #: Kinds of joint errors.
+    error_terms: JointErrorTerms  #: Kinds of joint errors.
     structure: Structure  #: Structure of the compliances.
     has_geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined, so that a prior determines them.
-    undetermined: frozenset[str] = frozenset()
+    undetermined_frames: frozenset[str] = frozenset()
     #: Prior deviations of the frames of distances and heights, from `Series.frame_deviation`.
     frame_deviations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     #: Normals of the plane faces of each frame of heights.
     plane_normals: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
     #: Periodic error that joints share; their columns are then in the basis `equation_basis`.
-    pattern: ErrorPattern | None = None
+    shared_pattern: ErrorPattern | None = None
 
     @cached_property
     def geometry_slice(self) -> slice:
@@ -679,7 +693,7 @@ class Unknowns:
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
         sizes |= {
-            "errors": self.vjm.arm.n_joints * self.errors.n_coefficients,
+            "errors": self.vjm.arm.n_joints * self.error_terms.n_coefficients,
             "elastic": self.structure.n_parameters,
             "end": 0,
         }
@@ -723,12 +737,14 @@ class Unknowns:
             ("geometry turn", geometry[:, 3:].ravel()),
         ]
         first = self.first_columns["errors"]
-        of = first + np.arange(self.vjm.arm.n_joints * self.errors.n_coefficients).reshape(
-            self.vjm.arm.n_joints, self.errors.n_coefficients
+        of = first + np.arange(self.vjm.arm.n_joints * self.error_terms.n_coefficients).reshape(
+            self.vjm.arm.n_joints, self.error_terms.n_coefficients
         )
-        kinds, bands = np.array(self.errors.coefficient_kinds), self.errors.coefficient_bands
-        alike = np.full(len(of), self.pattern is not None)  # where the pattern is, and waves as large as it
-        alike[list(self.pattern.joints[1:]) if self.pattern else []] = False
+        kinds, bands = np.array(self.error_terms.coefficient_kinds), self.error_terms.coefficient_bands
+        alike = np.full(
+            len(of), self.shared_pattern is not None
+        )  # where the pattern is, and waves as large as it
+        alike[list(self.shared_pattern.joints[1:]) if self.shared_pattern else []] = False
         for kind, of_kind in (("harmonics", ~alike), ("pattern", alike)):
             for band in np.unique(bands[bands >= 0]):
                 these = (
@@ -744,9 +760,9 @@ class Unknowns:
     @cached_property
     def equation_basis(self) -> "csr_array | None":
         """Return the basis B of the equations, (size, size): unknowns x = B y in SI units; None if x = y."""
-        if self.pattern is None:
+        if self.shared_pattern is None:
             return None
-        return pattern_basis(self.pattern, self.errors, self.first_columns["errors"], self.size)
+        return pattern_basis(self.shared_pattern, self.error_terms, self.first_columns["errors"], self.size)
 
     def values(self, state: ArmState) -> Array:
         """Return the values of all unknowns in a model of an arm; frames and mounts are steps, thus zero.
@@ -759,20 +775,20 @@ class Unknowns:
         """
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.geometry_slice]
-        x[self.columns("errors")] = state.n.ravel()
+        x[self.columns("errors")] = state.error_coefficients.ravel()
         x[self.columns("elastic")] = self.structure.entries(state.C_theta)
         return x
 
 
 def unknowns_of(
-    vjm: Vjm, series: tuple[Series, ...], errors: JointErrorTerms, structure: Structure
+    vjm: Vjm, series: tuple[Series, ...], error_terms: JointErrorTerms, structure: Structure
 ) -> Unknowns:
     """List all unknowns of a calibration from given series.
 
     Args:
         vjm: The arm's virtual joint model.
         series: The readings, which determine the frames and mounts.
-        errors: Kinds of joint errors.
+        error_terms: Kinds of joint errors.
         structure: Structure of the compliances.
     """
     mounts: dict[str, tuple[int, bool]] = {}
@@ -792,9 +808,9 @@ def unknowns_of(
         vjm,
         frames,
         mounts,
-        errors,
+        error_terms,
         structure,
-        undetermined=held,
+        undetermined_frames=held,
         frame_deviations=fixed,
         plane_normals=normals,
     )

@@ -65,7 +65,7 @@ MAX_NOISE_MISFIT, MIN_NOISE_SHARE = 8.0, 0.005
 Model errors explain smaller ones."""
 MAX_MISFIT_RATIO, MIN_RUNS_TO_LEAVE_ONE_OUT = 0.5, 5
 """Misfit without a run over that with it, below which that run alone is wrong [1]; fewest runs to tell."""
-MIN_RIVAL_SHARE = 0.8
+MIN_RIVAL_GAIN_RATIO = 0.8
 """Gain of a wrong mounting, over the largest gain of the other mistakes, above which it is preferred [1]."""
 SINGLE_RUN_WEIGHT = 0.5  #: Weight of the gain of a mistake in one run when mistakes are ranked [1].
 MAX_DEFLECTION_SCALE, LIGHT_LOAD_SCALE, LIGHT_LOAD_SHARE = 5.0, 4.5, 0.35
@@ -121,12 +121,12 @@ class ResidualModel:
             The issue, with its expected size in SI units.
         """
         assert correction.jacobian is not None
-        Z, rows = correction.jacobian, slice(*(correction.equations or (None,)))
+        Z, rows = correction.jacobian, slice(*(correction.equation_range or (None,)))
         half = self.U[rows].T @ Z
         M = Z.T @ Z / self.misfit**2 - half.T @ half
         score = score_test(Z.T @ self.weighted_residual[rows], M)
         size = correction.prior_deviation * score.expected_size
-        return Issue(name, correction.where, size, correction.numbers, float(score.log_bayes_factor))
+        return Issue(name, correction.where, size, correction.details, float(score.log_bayes_factor))
 
 
 @dataclass(frozen=True)
@@ -253,11 +253,10 @@ def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structur
     """
     state, first = undeflected_arm(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
     turn = np.diag(structure.matrix(pi))[first:, None] * state.u[first:]
-    state = replace(
-        state, phi=np.stack([USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn)], axis=1)
-    )
+    motions = [USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn)]
+    state = replace(state, error_basis=np.stack(motions, axis=1))
     unknowns = replace(
-        compliance_unknowns(vjm, structure), errors=JointErrorTerms(play=True, stiffening=True)
+        compliance_unknowns(vjm, structure), error_terms=JointErrorTerms(play=True, stiffening=True)
     )
     points, read = marker_positions(vjm, data.markers), data.sigma_rotation is not None
     A = jacobian(unknowns, state, points, rotations=read)[:, :, unknowns.columns("errors")]
@@ -284,7 +283,9 @@ LoadHypotheses = Sequence[Hypothesis[LoadedRuns]]
 """Hypotheses about all loads, or about single runs."""
 
 
-def load_issues(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHypotheses) -> list[Issue]:
+def find_load_issues(
+    loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHypotheses
+) -> list[Issue]:
     """Find the mistakes in loads and deflections whose correction makes the readings fit the prior best.
 
     If gravity certainly acts in another direction, the mounting is the only issue. Otherwise, single wrong
@@ -319,7 +320,7 @@ def load_issues(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadH
     # A wrong mounting, if it rivals the best other mistake; weights have no force offset.
     hung = _refitted(mountings, loads)
     rival = max((_gain(issue) for issue in best if issue.name != "force_offset"), default=0.0)
-    if hung and (hung[0].numbers["tracker_agrees"] or _gain(hung[0]) > MIN_RIVAL_SHARE * rival):
+    if hung and (hung[0].details["tracker_agrees"] or _gain(hung[0]) > MIN_RIVAL_GAIN_RATIO * rival):
         return [*hung, *(issue for issue in (*issues, *best) if issue.name in kinds)]
     issues += best
     # Mistakes without a size, if the model does not explain the readings well.
@@ -331,7 +332,7 @@ def load_issues(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadH
     typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
     noisy = model.misfit > MAX_NOISE_MISFIT and model.misfit * data.sigma > MIN_NOISE_SHARE * typical
     if not issues and noisy:
-        issues.append(Issue("noise", numbers={"factor": model.misfit, "sigma": data.sigma}))
+        issues.append(Issue("noise", details={"factor": model.misfit, "sigma": data.sigma}))
     return issues
 
 
@@ -400,8 +401,8 @@ def _refitted(hypotheses: LoadHypotheses, loads: LoadedRuns) -> list[Issue]:
             except BenchError:  # moves against the force
                 continue
             gain = None if before is None else before.loss - refit.loss
-            issue = Issue(hypothesis.name, correction.where, correction.size, correction.numbers, gain)
-            confirmed = correction.numbers.get("tracker_agrees")
+            issue = Issue(hypothesis.name, correction.where, correction.size, correction.details, gain)
+            confirmed = correction.details.get("tracker_agrees")
             tried.append((refit, issue, MIN_GAIN if confirmed else hypothesis.min_gain))
     if not tried:
         return []
@@ -425,7 +426,7 @@ def _wild_reading(data: Dataset, factor: float) -> Issue:
     size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
     numbers = {"factor": factor, "largest": float(size[i, k]), "median": median}
-    return Issue("scale", (data.markers[k], str(data.run[i])), numbers=numbers)
+    return Issue("scale", (data.markers[k], str(data.run[i])), details=numbers)
 
 
 def _scale_issue(loads: LoadedRuns, factor: float) -> list[Issue]:
@@ -435,4 +436,4 @@ def _scale_issue(loads: LoadedRuns, factor: float) -> list[Issue]:
     light = payload is not None and LIGHT_LOAD_SHARE * payload < force < LIGHT_LOAD_SHARE * payload * GRAVITY
     if size <= math.log(MAX_DEFLECTION_SCALE) and not (light and factor > LIGHT_LOAD_SCALE):
         return []
-    return [Issue("scale", numbers={"factor": factor, "force": force}, log_likelihood_gain=size**2 / 2)]
+    return [Issue("scale", details={"factor": factor, "force": force}, log_likelihood_gain=size**2 / 2)]

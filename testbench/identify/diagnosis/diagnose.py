@@ -16,7 +16,7 @@ from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.evidence import fit_geometry_and_springs
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.base_frame import RegisteredDataset
-from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, load_issues
+from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scale, find_load_issues
 from testbench.identify.diagnosis.gravity import (
     DOWN,
     MIN_REVERSED_ANGLE,
@@ -42,7 +42,7 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.diagnosis.moves import (
     candidate_rows,
-    most_significant_step,
+    most_significant_steps,
     nuisance_model,
     p_value,
     with_rms_shift,
@@ -80,7 +80,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     Raises:
         BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
     """
-    registered = submission.registered
+    registered = submission.registered_runs
     data, vjm = registered.data, registered.vjm
     check_runs(vjm, data)
     certain = issues_without_fit(submission, hypotheses.without_fit)
@@ -105,7 +105,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     # Single poses; the loads are tested without them.
     wrong_poses = issues_without_fit(fitted, hypotheses.single_poses)
     issues += wrong_poses
-    wrong = [issue.numbers["pose"] for issue in wrong_poses]
+    wrong = [issue.details["pose"] for issue in wrong_poses]
     loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if wrong else data)
     if not loads.data.seen.any():
         return issues
@@ -134,7 +134,7 @@ def _kinematic_issues(
     submission: Submission, hypotheses: Hypotheses
 ) -> tuple[list[Issue], FittedObservations]:
     """Find mistakes in frame, targets and kinematics; return them, and the fitted unloaded readings."""
-    registered = submission.registered
+    registered = submission.registered_runs
     if registered.frame == "base" or not submission.frame_stated:
         # The readings as they are, in the base's frame.
         observations = _observations(submission.nominal_model, submission.data, submission.data.before)
@@ -214,12 +214,12 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
     parts = max(1, -(-data.runs // max(1, min(MAX_RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run))))
     subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
-    issues = load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
+    issues = find_load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
     runs = {row.name for row in hypotheses.single_runs}
     if any(issue.name not in runs for issue in issues):
         return issues
     for subset in stepwise(subsets[1:], "looking for mistakes"):
-        more = load_issues(replace(loads, data=subset), hypotheses.all_loads, hypotheses.single_runs)
+        more = find_load_issues(replace(loads, data=subset), hypotheses.all_loads, hypotheses.single_runs)
         issues += [issue for issue in more if issue.name in runs]
     return sorted(issues, key=lambda issue: -(issue.log_likelihood_gain or 0))
 
@@ -249,9 +249,9 @@ def _observations(
         position=position[runs],
         seen=data.seen[runs],
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
-        names=data.markers,
-        runs=data.run[runs],
-        poses=data.pose[runs],
+        target_names=data.markers,
+        run_ids=data.run[runs],
+        pose_ids=data.pose[runs],
         free_parameters=free,
     )
 
@@ -300,10 +300,10 @@ def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
     clear = MAX_P_VALUE / (2 * sum(map(len, steps)))
     moves = [
         with_rms_shift(nuisance, readings, step)
-        for readings, step in most_significant_step(nuisance, series, steps)
+        for readings, step in most_significant_steps(nuisance, series, steps)
         if p_value(step) < clear
     ]
-    moves = [replace(step, numbers={**step.numbers, "pairs": True}) for step in moves]
+    moves = [replace(step, details={**step.details, "pairs": True}) for step in moves]
     return sorted(moves, key=lambda step: step.name)
 
 

@@ -99,14 +99,14 @@ def angle_between(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def gravity_by_tracker(registered: RegisteredDataset) -> Array | None:
+def gravity_by_tracker(registered_runs: RegisteredDataset) -> Array | None:
     """Find gravity in the nominal world frame, a unit vector, (3,), from a tracker that stands level.
 
     The result is None without a registration, or when stations disagree.
     """
-    if registered.frame != "tracker" or registered.registration is None:
+    if registered_runs.frame != "tracker" or registered_runs.registration is None:
         return None
-    return mean_gravity(registered.registration.frames.values())
+    return mean_gravity(registered_runs.registration.frames.values())
 
 
 def mean_gravity(frames: Iterable[Frame]) -> Array | None:
@@ -128,7 +128,7 @@ class GravityDirection:
     #: Gravity by the z axis of a level tracker, (3,) [1]; None if unknown.
     tracker_gravity: Array | None = None
     #: Share of the typical deflection that the prior explains with this gravity [1].
-    explained_share: float = 0.0
+    explained_deflection_share: float = 0.0
 
     @property
     def confirmed_by_tracker(self) -> bool:
@@ -143,7 +143,10 @@ class GravityDirection:
 
         Its angle from -z is above MIN_CERTAIN_ANGLE, and it explains over MIN_EXPLAINED_SHARE of the sag.
         """
-        return angle_between(self.g, DOWN) > MIN_CERTAIN_ANGLE and self.explained_share > MIN_EXPLAINED_SHARE
+        return (
+            angle_between(self.g, DOWN) > MIN_CERTAIN_ANGLE
+            and self.explained_deflection_share > MIN_EXPLAINED_SHARE
+        )
 
 
 def loads_are_weights(data: Dataset) -> bool:
@@ -247,10 +250,10 @@ def mounting_issue(vjm: Vjm, gravity: GravityDirection, log_likelihood_gain: flo
 
 
 MAX_ROWS_PER_SERIES = 150  #: Most rows of a series that are fitted, evenly spaced.
-MIN_CARRYING_COMPLIANCE = 0.05
+MIN_COMPLIANCE_RATIO = 0.05
 """Fitted over nominal compliance below which a joint that carries weight is held at the bound of zero [1]."""
 #: Typical torque of a joint that carries weight, over the largest torque of all joints, at least [1].
-MIN_TORQUE_SHARE = 0.05
+MIN_TORQUE_RATIO = 0.05
 MAX_SCATTER = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
 MIN_HANGING_GAIN, NEAREST_SHARE = 8.0, 0.8
 """Least log-likelihood gain of a hanging arm [nats]; share of the readings that count, the nearest [1]."""
@@ -309,14 +312,14 @@ def _springs_at_zero(state: ArmState) -> bool:
     """Tell whether the compliances of joints that carry weight are held at zero."""
     compliance, joints = np.diag(state.C_theta)[state.vjm.joint_spring_slice], state.vjm.arm.joints
     nominal = np.array([joint.compliance for joint in joints])
-    carries = state.torque_scale > MIN_TORQUE_SHARE * state.torque_scale.max(initial=0)
-    return bool((carries & (compliance < MIN_CARRYING_COMPLIANCE * nominal)).any())
+    carries = state.torque_scale > MIN_TORQUE_RATIO * state.torque_scale.max(initial=0)
+    return bool((carries & (compliance < MIN_COMPLIANCE_RATIO * nominal)).any())
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
     """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite if none fits."""
     vjm, every = with_base_rotated(state.vjm, g), tuple(series)
-    bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
+    bare = nominal_state(vjm, state.masses, torque_scale(vjm, state.masses, every))
     try:
         noise = fit_geometry_and_springs(
             align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm))

@@ -56,7 +56,7 @@ UNIT_FACTORS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """Factors that correct positions in a wrong unit, each with the end of its sentence."""
-CHOICE_PARAMETERS = 2  #: Number of free parameters that a choice among many alternatives counts as.
+CHOICE_PARAMETER_COUNT = 2  #: Number of free parameters that a choice among many alternatives counts as.
 MIN_FRAME_TURN, MIN_FRAME_SHIFT, MIN_TARGET_SHIFT = np.deg2rad(0.3), 15e-3, 25e-3
 """Least rotation of a frame [rad], shift of a frame or link [m], and shift of a target [m] of an issue."""
 #: Differences between usual conventions of the zero of a revolute joint [rad].
@@ -73,7 +73,7 @@ MIN_OUTLIER_RATIO = 8.0
 #: Largest distance of a load point from the tool, over the arm's reach [1]; beyond it the unit is wrong.
 MAX_LOAD_POINT_DISTANCE = 1.0
 #: Share of loaded readings equal to unloaded ones above which the sentence lists no runs [1].
-MIN_UNMOVED_SHARE = 0.5
+MAX_LISTED_EQUAL_SHARE = 0.5
 MIN_AGAINST_FORCE_SHARE = 0.8  #: Least share of runs whose targets move against the force [1].
 PRIOR_FORCE_OFFSET_SHARE, MIN_FORCE_OFFSET_SHARE = 0.1, 0.045
 """Prior deviation, and least size, of a constant force that is missing in all loads, over the largest [1]."""
@@ -112,8 +112,12 @@ def _equal(submission: Submission) -> Iterator[Correction[Submission]]:
     loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.seen
     still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
     if still.any():
-        runs = [] if still.sum() > MIN_UNMOVED_SHARE * loaded.sum() else data.run[still.any(axis=1)].tolist()
-        yield Correction(tuple(map(str, runs)), numbers={"count": int(still.sum()), "of": int(loaded.sum())})
+        runs = (
+            []
+            if still.sum() > MAX_LISTED_EQUAL_SHARE * loaded.sum()
+            else data.run[still.any(axis=1)].tolist()
+        )
+        yield Correction(tuple(map(str, runs)), details={"count": int(still.sum()), "of": int(loaded.sum())})
 
 
 def _equal_sentence(issue: Issue, _: Arm) -> str:
@@ -125,7 +129,7 @@ def _equal_sentence(issue: Issue, _: Arm) -> str:
 
 
 def _count_text(issue: Issue) -> str:
-    return "{count} of {of}".format(**issue.numbers)
+    return "{count} of {of}".format(**issue.details)
 
 
 def _repeated(submission: Submission) -> Iterator[Correction[Submission]]:
@@ -141,7 +145,7 @@ def _repeated(submission: Submission) -> Iterator[Correction[Submission]]:
 def _far_load(submission: Submission) -> Iterator[Correction[Submission]]:
     away, reach = float(np.linalg.norm(submission.data.point, axis=1).max()), submission.vjm.reach
     if away > MAX_LOAD_POINT_DISTANCE * reach:
-        yield Correction(numbers={"away": away, "reach": reach})
+        yield Correction(details={"away": away, "reach": reach})
 
 
 def _against(data: Dataset) -> Iterator[Correction[Dataset]]:
@@ -152,12 +156,12 @@ def _against(data: Dataset) -> Iterator[Correction[Dataset]]:
     if against and against >= MIN_AGAINST_FORCE_SHARE * pushed:
         along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
         upwards = bool((force[:, 2] > 0).mean() > 1 / 2 and along)
-        yield Correction(numbers={"count": against, "of": pushed, "upwards": upwards})
+        yield Correction(details={"count": against, "of": pushed, "upwards": upwards})
 
 
 def _against_sentence(issue: Issue, _: Arm) -> str:
     hint = "are before and after exchanged, or is the force's sign wrong?"
-    hint = "the force points up: is its sign wrong?" if issue.numbers["upwards"] else hint
+    hint = "the force points up: is its sign wrong?" if issue.details["upwards"] else hint
     return f"in {_count_text(issue)} runs the targets move against the force: {hint}"
 
 
@@ -166,8 +170,8 @@ def _against_sentence(issue: Issue, _: Arm) -> str:
 
 def _near_frame(submission: Submission) -> Iterator[Correction[Submission]]:
     """Find a frame of a tracker that is too near the base."""
-    registration = submission.registered.registration
-    if registration is None or submission.registered.frame != "tracker" or submission.frame_stated:
+    registration = submission.registered_runs.registration
+    if registration is None or submission.registered_runs.frame != "tracker" or submission.frame_stated:
         return
     near = [f for f in registration.frames.values() if np.linalg.norm(f.translation) < MIN_TRACKER_DISTANCE]
     for frame in near[:1]:
@@ -176,7 +180,7 @@ def _near_frame(submission: Submission) -> Iterator[Correction[Submission]]:
 
 def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Correction[Submission]]:
     """Find targets that are far from their nominal places, or at the nominal places of others."""
-    registration = submission.registered.registration
+    registration = submission.registered_runs.registration
     if registration is None:
         return
     targets, nominal = registration.targets, registration.nominal_targets
@@ -212,7 +216,7 @@ def _frame_sentence(issue: Issue, _: Arm) -> str:
     angle = float(np.linalg.norm(turn))
     words = f"are in a frame turned by {np.rad2deg(angle):.3g} deg about "
     words += f"({_vector_text(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
-    if issue.readings is not None:
+    if issue.reading_kind is not None:
         return words
     how = "where no tracker can stand; the fitted frame is used, unless --frame states another"
     return f"the readings {words}, {how}"
@@ -231,7 +235,7 @@ def _targets(observations: Observations) -> KinematicCorrections:
 def _targets_sentence(issue: Issue, _: Arm) -> str:
     [name] = issue.where
     off = f"{MM * np.linalg.norm(issue.size):.0f} mm from where the arm's folder has it on the tool"
-    return f"{name} is {off}" if issue.readings is None else f"have {name} {off}"
+    return f"{name} is {off}" if issue.reading_kind is None else f"have {name} {off}"
 
 
 def _mirrored(observations: Observations) -> KinematicCorrections:
@@ -274,7 +278,10 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
         for turn in () if joint.prismatic else ZERO_CONVENTIONS:
             corrected = replace(observations, q=observations.q + turn * np.eye(len(joints))[k])
             yield Correction(
-                (joint.name,), np.array([turn]), corrected=corrected, parameter_count=CHOICE_PARAMETERS + 1
+                (joint.name,),
+                np.array([turn]),
+                corrected=corrected,
+                parameter_count=CHOICE_PARAMETER_COUNT + 1,
             )
 
 
@@ -291,11 +298,11 @@ def _markers(observations: Observations) -> KinematicCorrections:
         return
     orders = list(permutations(range(m)))[1:] if m <= MAX_PERMUTED_TARGETS else [_best_exchange(observations)]
     for order in orders:
-        wrong = tuple(observations.names[k] for k, other in enumerate(order) if k != other)
+        wrong = tuple(observations.target_names[k] for k, other in enumerate(order) if k != other)
         corrected = replace(
             observations, position=observations.position[:, order], seen=observations.seen[:, order]
         )
-        yield Correction(wrong, corrected=corrected, parameter_count=CHOICE_PARAMETERS)
+        yield Correction(wrong, corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
 
 
 def _best_exchange(observations: Observations) -> tuple[int, ...]:
@@ -320,7 +327,7 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
 
 def _markers_sentence(issue: Issue, _: Arm) -> str:
     names = ", ".join(issue.where)
-    if issue.readings is None:
+    if issue.reading_kind is None:
         return f"targets {names} are at each other's places: are their names exchanged?"
     return f"fit if the names of {names} are exchanged"
 
@@ -328,14 +335,14 @@ def _markers_sentence(issue: Issue, _: Arm) -> str:
 def _unit(observations: Observations) -> KinematicCorrections:
     for factor in UNIT_FACTORS:
         corrected = replace(observations, position=factor * observations.position)
-        yield Correction(size=np.array([factor]), corrected=corrected, parameter_count=CHOICE_PARAMETERS)
+        yield Correction(size=np.array([factor]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
 
 
 def _angle_unit(observations: Observations) -> KinematicCorrections:
     hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
         corrected = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
-        yield Correction(size=np.array([factor]), corrected=corrected, parameter_count=CHOICE_PARAMETERS)
+        yield Correction(size=np.array([factor]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
 
 
 def _angle_unit_sentence(issue: Issue, _: Arm) -> str:
@@ -348,16 +355,16 @@ def _order(observations: Observations) -> KinematicCorrections:
     """Try the readings of the pose before or after, from the first row on or from a later one."""
     for shift in (1, -1):
         corrected = replace(observations, q=np.roll(observations.q, shift, axis=0))
-        yield Correction(size=np.array([shift]), corrected=corrected, parameter_count=CHOICE_PARAMETERS)
+        yield Correction(size=np.array([shift]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
     if slip := find_row_shift(observations):
-        first, corrected = str(observations.runs[slip.first_row]), replace(observations, q=slip.q)
+        first, corrected = str(observations.run_ids[slip.first_row]), replace(observations, q=slip.q)
         yield Correction(
-            (first,), np.array([slip.shift]), corrected=corrected, parameter_count=CHOICE_PARAMETERS + 1
+            (first,), np.array([slip.shift]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT + 1
         )
 
 
 def _order_sentence(issue: Issue, _: Arm) -> str:
-    row = "row" if issue.readings == "all" else "run"
+    row = "row" if issue.reading_kind == "all" else "run"
     since = f" from {row} {issue.where[0]} on" if issue.where else ""
     return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
 
@@ -368,7 +375,7 @@ def _joint_sign(observations: Observations) -> KinematicCorrections:
         yield Correction(
             (joint.name,),
             corrected=replace(observations, q=observations.q * sign),
-            parameter_count=CHOICE_PARAMETERS,
+            parameter_count=CHOICE_PARAMETER_COUNT,
         )
 
 
@@ -393,7 +400,7 @@ def _joint_coupling(observations: Observations) -> KinematicCorrections:
                 q[:, j] += sign * observations.q[:, i]
                 where += [joints[j].name, "+" if sign > 0 else "-", joints[i].name]
             yield Correction(
-                tuple(where), corrected=replace(observations, q=q), parameter_count=CHOICE_PARAMETERS
+                tuple(where), corrected=replace(observations, q=q), parameter_count=CHOICE_PARAMETER_COUNT
             )
 
 
@@ -411,7 +418,7 @@ def _joint_order(observations: Observations) -> KinematicCorrections:
         yield Correction(
             where,
             corrected=replace(observations, q=observations.q[:, order]),
-            parameter_count=CHOICE_PARAMETERS,
+            parameter_count=CHOICE_PARAMETER_COUNT,
         )
 
 
@@ -429,17 +436,17 @@ def _axes(observations: Observations) -> KinematicCorrections:
     """Try positions with one axis reversed, or two exchanged; only orientations can show it."""
     if observations.rotation is None:
         return
-    position = observations.position[:, : len(observations.names)]
+    position = observations.position[:, : len(observations.target_names)]
     for k, name in enumerate("xyz"):
         flipped = observations.with_orientations(
             position * np.where(np.arange(3) == k, -1.0, 1.0), observations.rotation
         )
-        yield Correction((name,), corrected=flipped, parameter_count=CHOICE_PARAMETERS)
+        yield Correction((name,), corrected=flipped, parameter_count=CHOICE_PARAMETER_COUNT)
     for i, j in combinations(range(3), 2):
         order = np.arange(3)
         order[[i, j]] = j, i
         exchanged = observations.with_orientations(position[..., order], observations.rotation)
-        yield Correction(("xyz"[i], "xyz"[j]), corrected=exchanged, parameter_count=CHOICE_PARAMETERS)
+        yield Correction(("xyz"[i], "xyz"[j]), corrected=exchanged, parameter_count=CHOICE_PARAMETER_COUNT)
 
 
 def _axes_sentence(issue: Issue, _: Arm) -> str:
@@ -454,7 +461,7 @@ def _notation(observations: Observations) -> KinematicCorrections:
         return
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    position, rotations = observations.position[:, : len(observations.names)], observations.rotation
+    position, rotations = observations.position[:, : len(observations.target_names)], observations.rotation
     rotations = np.where(np.isfinite(rotations).all(axis=(1, 2), keepdims=True), rotations, np.eye(3))
     R, by_rotation = Rotation.from_matrix(rotations), dict[bytes, tuple[tuple[str, ...], Array]]()
     for (read, axes), (meant, order) in product(ORIENTATION_NOTATIONS.items(), ORIENTATION_NOTATIONS.items()):
@@ -471,7 +478,7 @@ def _notation(observations: Observations) -> KinematicCorrections:
         yield Correction(
             names,
             corrected=observations.with_orientations(position, rotation),
-            parameter_count=CHOICE_PARAMETERS,
+            parameter_count=CHOICE_PARAMETER_COUNT,
         )
 
 
@@ -490,8 +497,8 @@ def _off_poses(placed: FittedObservations, *, whole_poses: bool) -> Iterator[Cor
     observations, far = placed.observations, MIN_OUTLIER_RATIO * placed.observations.expected_distance
     off = np.linalg.norm(placed.fit.residual, axis=2)
     for row in np.flatnonzero((off > far).any(axis=1)).tolist():
-        run, typical = str(observations.runs[row]), float(np.median(off[row][observations.seen[row]]))
-        numbers = {"pose": int(observations.poses[row])}
+        run, typical = str(observations.run_ids[row]), float(np.median(off[row][observations.seen[row]]))
+        numbers = {"pose": int(observations.pose_ids[row])}
         if (typical > far / 2) != whole_poses:
             continue
         if whole_poses:
@@ -499,7 +506,9 @@ def _off_poses(placed: FittedObservations, *, whole_poses: bool) -> Iterator[Cor
             yield Correction((run, *where), size, {"off": typical, **numbers})
         else:
             k = int(np.argmax(off[row]))
-            yield Correction((run, observations.names[k]), numbers={"off": float(off[row, k]), **numbers})
+            yield Correction(
+                (run, observations.target_names[k]), details={"off": float(off[row, k]), **numbers}
+            )
 
 
 def _explain_pose(placed: FittedObservations, row: int, far: float) -> tuple[tuple[str, ...], Array]:
@@ -532,7 +541,7 @@ def _pose_sentence(issue: Issue, arm: Arm) -> str:
         words = f"they fit if {names[0]} is {_angle_text(arm, names[0], issue.size[0])} larger"
     elif names:
         words = f"they fit if the names of {', '.join(names)} are exchanged"
-    return f"run {run}: its unloaded readings lie {length_text(issue.numbers['off'])} off: {words}"
+    return f"run {run}: its unloaded readings lie {length_text(issue.details['off'])} off: {words}"
 
 
 # --- Loads and deflections ----------------------------------------------------------------------------------
@@ -542,7 +551,7 @@ def _mounting(loads: LoadedRuns) -> LoadCorrections:
     if loads.gravity is not None:
         issue = mounting_issue(loads.vjm, loads.gravity)
         data = with_gravity_along(loads.data, loads.gravity.g)
-        yield Correction(issue.where, issue.size, issue.numbers, corrected=replace(loads, data=data))
+        yield Correction(issue.where, issue.size, issue.details, corrected=replace(loads, data=data))
 
 
 def _mounting_sentence(issue: Issue, _: Arm) -> str:
@@ -555,7 +564,7 @@ def _mounting_sentence(issue: Issue, _: Arm) -> str:
         how = f"the base is tilted by {tilt:.0f} deg"
         along = f"gravity along ({_vector_text(down, 1, 2)}) of its axes"
     known = "the sag in the unloaded readings agrees" * (tilt > 120)  # weights pull upwards
-    known = "the level tracker agrees" if issue.numbers["tracker_agrees"] else known
+    known = "the level tracker agrees" if issue.details["tracker_agrees"] else known
     quat = " ".join(f"{round(float(x), 4) + 0.0:g}" for x in turn)
     state = f'state it as quat="{quat}" of the body {issue.where[0]} in rigid.xml'
     return f"the readings fit if {how}: {along}{f' ({known})' * bool(known)}; {state}"
@@ -584,12 +593,12 @@ def _load_point(loads: LoadedRuns) -> LoadCorrections:
 
 
 def _load_point_sentence(issue: Issue, _: Arm) -> str:
-    if "reach" in issue.numbers:
+    if "reach" in issue.details:
         words = (
             "the load acts {away:.3g} m from the tool, but the arm reaches {reach:.3g} m: is it in "
             "millimetres?"
         )
-        return words.format(**issue.numbers)
+        return words.format(**issue.details)
     return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
 
@@ -615,7 +624,7 @@ def _level(loads: LoadedRuns) -> LoadCorrections:
         force = float(np.linalg.norm(data.wrench[level, :3], axis=1).mean())
         corrected = replace(data, wrench=data.wrench * (1 + PRIOR_LOAD_ERROR * level)[:, None])
         correction = _sized_correction(loads, PRIOR_LOAD_ERROR, MIN_LEVEL_ERROR, [corrected])
-        yield replace(correction, numbers={"force": force})
+        yield replace(correction, details={"force": force})
 
 
 def _force_axes(loads: LoadedRuns) -> LoadCorrections:
@@ -671,7 +680,7 @@ def _run_load(loads: LoadedRuns) -> LoadCorrections:
         yield Correction(
             (name,),
             jacobian=PRIOR_LOAD_ERROR * deflections[slice(*equations), None],
-            equations=equations,
+            equation_range=equations,
             prior_deviation=PRIOR_LOAD_ERROR,
             is_large=any_above(MIN_RUN_LOAD_ERROR),
         )
@@ -694,7 +703,7 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
             yield Correction(
                 (name, *label),
                 jacobian=np.diag(size[slice(*equations)]),
-                equations=equations,
+                equation_range=equations,
                 prior_deviation=PRIOR_TARGET_SHIFT,
                 is_large=is_large,
             )
@@ -702,8 +711,8 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
 
 def _reading_sentence(issue: Issue, _: Arm) -> str:
     run, target = (*issue.where, "the tool's turn")[:2]
-    if "off" in issue.numbers:
-        return f"run {run}: {target} was read {length_text(issue.numbers['off'])} off, the others were not"
+    if "off" in issue.details:
+        return f"run {run}: {target} was read {length_text(issue.details['off'])} off, the others were not"
     off = f"{target} is {_distance(issue):.2g} mm from where the other readings place it"
     return f"run {run}: {off}: was it touched, or read wrongly?"
 
@@ -724,7 +733,7 @@ def _distance(issue: Issue) -> float:
 
 def _moved_sentence(issue: Issue, _: Arm) -> str:
     """Describe a tracker that moved between the readings of every run, or a move between two rows."""
-    size, b = issue.numbers, issue.size
+    size, b = issue.details, issue.size
     if not size:
         which = f"the loaded readings of station {issue.where[0]}" if issue.where else "all loaded readings"
         turn = f"({_vector_text(b[3:], MM, 2)}) mrad"
@@ -765,7 +774,7 @@ class Hypotheses:
 
     @property
     def sentences(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
-        """Return the sentence function and the remedy of each hypothesis, by its name."""
+        """Return the sentence function and the question of each hypothesis, by its name."""
         parts = (
             self.single_runs,
             self.all_loads,
@@ -775,7 +784,7 @@ class Hypotheses:
             self.registration,
             self.without_fit,
         )
-        return {row.name: (row.sentence, row.remedy) for part in parts for row in part}
+        return {row.name: (row.sentence, row.question) for part in parts for row in part}
 
 
 HYPOTHESES = Hypotheses(
@@ -848,7 +857,7 @@ HYPOTHESES = Hypotheses(
             "level",
             _level,
             lambda issue, _: (
-                f"compared with the other loads, the load of {issue.numbers['force']:.4g} N acts as if it "
+                f"compared with the other loads, the load of {issue.details['force']:.4g} N acts as if it "
                 f"were {1 + issue.size[0]:.2f} times as large"
             ),
             "is its mass right?",
@@ -889,9 +898,9 @@ HYPOTHESES = Hypotheses(
 
 def _scale_sentence(issue: Issue, arm: Arm) -> str:
     """Describe a factor between prior and readings, or name a single reading where no compliance fits."""
-    factor = issue.numbers["factor"]
+    factor = issue.details["factor"]
     if issue.where:
-        largest, median = MM * issue.numbers["largest"], MM * issue.numbers["median"]
+        largest, median = MM * issue.details["largest"], MM * issue.details["median"]
         return (
             f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest "
             f"is {largest:.3g} mm, {issue.where[0]} in run {issue.where[1]}, the median {median:.3g} mm: "
@@ -903,20 +912,20 @@ def _scale_sentence(issue: Issue, arm: Arm) -> str:
     times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
     stated = "" if arm.payload is None else f" (payload {arm.payload:.4g} kg)"
     words = f"the readings are {times} times what the arm's folder predicts under loads up to "
-    return f"{words}{issue.numbers['force']:,.5g} N{stated}: {hint}"
+    return f"{words}{issue.details['force']:,.5g} N{stated}: {hint}"
 
 
 SENTENCES_WITHOUT_HYPOTHESIS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda issue, _: (
-        f"the {_readings_text(issue)} lie {length_text(issue.numbers['now'])} (median) from the "
+        f"the {_readings_text(issue)} lie {length_text(issue.details['now'])} (median) from the "
         "arm's kinematics, and no single mistake explains that: is this the arm?"
     ),
     "scale": _scale_sentence,
     "target_moved": _moved_sentence,
     "tracker_moved": _moved_sentence,
     "noise": lambda issue, _: (
-        f"the readings scatter {issue.numbers['factor']:.2g} times as much as their noise of "
-        f"{1e6 * issue.numbers['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
+        f"the readings scatter {issue.details['factor']:.2g} times as much as their noise of "
+        f"{1e6 * issue.details['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
     ),
     "never_read": lambda issue, _: (
         f"{issue.where[0]}: targets without any reading are left out: {', '.join(issue.where[1:])}"
@@ -935,7 +944,7 @@ SENTENCES_WITHOUT_HYPOTHESIS: Mapping[str, Callable[[Issue, Arm], str]] = {
 def describe(
     issue: Issue,
     arm: Arm,
-    columns: Sequence[tuple[str, str]] = (),
+    joint_columns: Sequence[tuple[str, str]] = (),
     hypotheses: Hypotheses = HYPOTHESES,
 ) -> Doubt:
     """Describe an issue in one sentence.
@@ -943,7 +952,7 @@ def describe(
     Args:
         issue: The issue.
         arm: The arm.
-        columns: Name and unit of the file's column for every joint, in the arm's order; empty if unknown.
+        joint_columns: Name and unit of the file's column of every joint, in order; empty if unknown.
         hypotheses: The table of mistakes with which the issue was found.
 
     Returns:
@@ -956,20 +965,19 @@ def describe(
         return Doubt(
             issue.name, SENTENCES_WITHOUT_HYPOTHESIS[issue.name](issue, arm), issue.log_likelihood_gain
         )
-    sentence, remedy = hypotheses.sentences[issue.name]
-    words = sentence(issue, arm) + (f": {remedy}" if remedy else "")
-    if "was" in issue.numbers:
-        ends = length_text(issue.numbers["was"]), length_text(issue.numbers["now"])
+    sentence, question = hypotheses.sentences[issue.name]
+    words = sentence(issue, arm) + (f": {question}" if question else "")
+    if "was" in issue.details:
+        ends = length_text(issue.details["was"]), length_text(issue.details["now"])
         far = f"median distance from the arm's kinematics {ends[0]}, with this change {ends[1]}"
-        if (share := issue.numbers["share"]) > MEDIAN:
+        if (share := issue.details["share"]) > MEDIAN:
             most = f"{100 * share:.0f} % of them"
             far = f"{most} lie within {ends[0]} of the arm's kinematics, with this change within {ends[1]}"
         words = f"the {_readings_text(issue)} {words} ({far})"
-    if issue.name == "joint_order" and len(columns) == len(arm.joints):
-        joint_columns = zip(issue.where, columns, arm.joints, strict=True)
+    if issue.name == "joint_order" and len(joint_columns) == len(arm.joints):
         lines = [
             f'{name}_{unit} = "{column}"'
-            for name, (column, unit), joint in joint_columns
+            for name, (column, unit), joint in zip(issue.where, joint_columns, arm.joints, strict=True)
             if name != joint.name
         ]
         words += f"; in a map's [columns]: {', '.join(lines)}"
@@ -977,7 +985,7 @@ def describe(
 
 
 def _readings_text(issue: Issue) -> str:
-    return "readings" if issue.readings == "all" else f"{issue.readings} readings"
+    return "readings" if issue.reading_kind == "all" else f"{issue.reading_kind} readings"
 
 
 def length_text(metres: float) -> str:

@@ -76,11 +76,11 @@ class Issue:
     where: tuple[str, ...] = ()  #: Names of the joints, links, targets, runs or series with the mistake.
     size: Array = field(default_factory=_nothing)  #: Estimated size of the mistake, (k,), SI units.
     #: Other numbers of the sentence, by name, SI units.
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    details: Mapping[str, float] = field(default_factory=dict)
     #: Log-likelihood gained by correcting the mistake [nats]; None if it is certain without a fit.
     log_likelihood_gain: float | None = None
     #: Which readings do not fit the kinematics; None for mistakes of other kinds.
-    readings: ReadingKind | None = None
+    reading_kind: ReadingKind | None = None
 
 
 @dataclass(frozen=True)
@@ -93,12 +93,12 @@ class Correction(Generic[Case]):
 
     where: tuple[str, ...] = ()  #: Names of the joints, links, targets or runs, as in `Issue`.
     size: Array = field(default_factory=_nothing)  #: Size, as in `Issue`; a fit adds its free parameters.
-    numbers: Mapping[str, float] = field(default_factory=dict)  #: Other numbers, as in `Issue`.
+    details: Mapping[str, float] = field(default_factory=dict)  #: Other numbers, as in `Issue`.
     corrected: Case | None = None  #: The data without the mistake, to be fitted again.
     #: Change Z of the whitened readings per prior deviation of each of z parameters, (rows, z) [1].
     jacobian: Array | None = None
     #: First of the equations that the Jacobian covers, and the one after the last; None for all equations.
-    equations: tuple[int, int] | None = None
+    equation_range: tuple[int, int] | None = None
     prior_deviation: float = 1.0  #: Prior standard deviation of the mistake's size, SI units.
     parameter_count: int = 0  #: Number of free parameters that the choice of this correction counts as.
     #: Tells whether a size exceeds that in sound arms and readings.
@@ -113,7 +113,7 @@ class Hypothesis(Generic[Case]):
     #: Yields the ways to correct the mistake in the data.
     corrections: Callable[[Case], Iterable[Correction[Case]]]
     sentence: Callable[[Issue, Arm], str]  #: Describes an issue of this kind: the mistake and its size.
-    remedy: str = ""  #: Question that the user should answer to find the cause.
+    question: str = ""  #: Question that the user should answer to find the cause.
     min_gain: float = 0.0  #: Least log-likelihood gain of a mistake in the loads [nats].
     #: Whether it has so many parameters that any other mistake of sufficient gain is preferred.
     many_parameters: bool = False
@@ -126,14 +126,14 @@ class Submission:
     vjm: Vjm  #: Nominal model of the arm.
     data: Dataset  #: The runs as read from the file.
     #: The runs in the base's frame, with targets found from the unloaded readings.
-    registered: RegisteredDataset
+    registered_runs: RegisteredDataset
     frame_stated: bool  #: Whether the frame of the readings was stated, not guessed.
 
     @property
     def nominal_model(self) -> Vjm:
-        """Build the arm's model with the nominal targets of its folder; others keep their registered places."""
+        """Build the arm's model with the targets of its folder at their nominal places."""
         nominal = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
-        return with_markers(self.registered.vjm, nominal)
+        return with_markers(self.registered_runs.vjm, nominal)
 
 
 def issues_without_fit(data: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
@@ -147,7 +147,7 @@ def issues_without_fit(data: Case, hypotheses: Sequence[Hypothesis[Case]]) -> li
         One issue per correction, in the order of the hypotheses.
     """
     return [
-        Issue(row.name, correction.where, correction.size, correction.numbers)
+        Issue(row.name, correction.where, correction.size, correction.details)
         for row in hypotheses
         for correction in row.corrections(data)
     ]
@@ -234,7 +234,7 @@ MEDIAN, HIGH_QUANTILE = 0.5, 0.95
 """Quantiles of the distance that a sentence states [1]: the high one if half of the readings fit anyway."""
 MIN_GAIN_PER_READING, MIN_GAIN = 0.3, 20.0
 """Least log-likelihood gain of an issue, per reading and in total [nats]."""
-MIN_GAIN_SHARE = 0.9  #: Least gain of an issue, over the largest gain of all mistakes [1].
+MIN_RELATIVE_GAIN = 0.9  #: Least gain of an issue, over the largest gain of all mistakes [1].
 #: Median distance over the expected distance above which readings do not fit the arm [1].
 MAX_MEDIAN_DISTANCE = 8.0
 #: Distance of the three targets that represent an orientation from the first target [m].
@@ -263,9 +263,9 @@ class Observations:
     markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
     position: Array  #: Measured positions of the targets, (rows, m, 3) [m].
     seen: Mask  #: Tells which targets were read, (rows, m).
-    names: tuple[str, ...]  #: Names of the targets.
-    runs: Ids  #: Identifier of each row's run, (rows,).
-    poses: Ids  #: Identifier of each row's pose, (rows,).
+    target_names: tuple[str, ...]  #: Names of the targets.
+    run_ids: Ids  #: Identifier of each row's run, (rows,).
+    pose_ids: Ids  #: Identifier of each row's pose, (rows,).
     #: Typical distance of a sound reading from the kinematics [m]: the scale of Cauchy's loss.
     expected_distance: float
     free_parameters: FreeParameters = FreeParameters()  #: Parameters that a fit estimates.
@@ -285,8 +285,8 @@ class Observations:
             q=self.q[rows],
             position=self.position[rows],
             seen=self.seen[rows],
-            runs=self.runs[rows],
-            poses=self.poses[rows],
+            run_ids=self.run_ids[rows],
+            pose_ids=self.pose_ids[rows],
             rotation=rotation,
         )
 
@@ -328,9 +328,9 @@ def observations_of_series(vjm: Vjm, series: Series) -> Observations:
         markers=np.zeros((there.shape[1], 3)),
         position=series.position[:, :m],
         seen=there,
-        names=series.markers,
-        runs=series.row,
-        poses=series.pose,
+        target_names=series.markers,
+        run_ids=series.row,
+        pose_ids=series.pose,
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         free_parameters=FreeParameters(frame=True, targets=True, targets_unknown=True),
     )
@@ -366,17 +366,17 @@ class KinematicFit:
         """
         return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.seen])
 
-    def distance_quantile(self, observations: Observations, share: float = MEDIAN) -> float:
+    def distance_quantile(self, observations: Observations, quantile: float = MEDIAN) -> float:
         """Compute a quantile of the distances between measured and fitted positions.
 
         Args:
             observations: The readings that were fitted.
-            share: The quantile, 0 to 1 [1]; the median by default.
+            quantile: The quantile, 0 to 1 [1]; the median by default.
 
         Returns:
             The distance below which that share of the readings lies [m].
         """
-        return float(np.quantile(self.distances(observations), share))
+        return float(np.quantile(self.distances(observations), quantile))
 
 
 @dataclass(frozen=True)
@@ -427,7 +427,7 @@ def best_hypothesis(
     start = fit_kinematics(sample)
     typical = start.distance_quantile(sample)
     unfit = (
-        Issue("kinematics", numbers={"now": typical}, readings=reading_kind)
+        Issue("kinematics", details={"now": typical}, reading_kind=reading_kind)
         if typical > MAX_MEDIAN_DISTANCE * observations.expected_distance
         else None
     )
@@ -438,7 +438,7 @@ def best_hypothesis(
 
     # Correct every mistake; the most probable one is large, gains enough, and leaves readings that fit.
     trials = list(_trials(observations, hypotheses, start.cost))
-    needed = max(needed, MIN_GAIN_SHARE * max((trial.gain for trial in trials), default=0.0))
+    needed = max(needed, MIN_RELATIVE_GAIN * max((trial.gain for trial in trials), default=0.0))
     good = [
         trial
         for trial in trials
@@ -493,7 +493,7 @@ class _Trial:
         if free.targets and not observations.free_parameters.targets:
             shifts = self.fit.markers - observations.markers
             farthest = int(np.argmax(np.linalg.norm(shifts, axis=1)))
-            return (observations.names[farthest],), shifts[farthest]
+            return (observations.target_names[farthest],), shifts[farthest]
         if free.frame and not (observations.free_parameters.frame or free.mirrored):
             return where, np.concatenate([self.fit.frame.rotation_vector, self.fit.frame.translation])
         return where, size
@@ -632,9 +632,9 @@ def _gauss_newton_step(observations: Observations, chain: ChainState, now: Kinem
 #: Most joints of which every order is tried; of more joints, every exchange of two and the reverse order.
 MAX_PERMUTED_JOINTS = 7
 SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Most rows, evenly spaced, and first targets that screen orders.
-MAX_FITTED_ORDERS = 6  #: Number of orders that are fitted, the best ones of the screening.
+MAX_FITTED_JOINT_ORDERS = 6  #: Number of orders that are fitted, the best ones of the screening.
 REWEIGHTINGS = 3  #: Reweighted solutions of the linear form, so that an outlier does not choose the order.
-ORDERS_AT_ONCE = 720  #: Number of orders whose equations are in memory together.
+MAX_JOINT_ORDERS_IN_MEMORY = 720  #: Number of orders whose equations are in memory together.
 #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
 RELATIVE_RIDGE = 1e-9
 MIN_ROWS_OF_PART = 3  #: Fewest rows of half a file, and of the part with slipped rows.
@@ -647,8 +647,8 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
     target m. The orders with the smallest residual of this linear form are the most probable.
 
     Yields:
-        At most MAX_FITTED_ORDERS orders, (n,) each, the most probable first: joint k has the angles of column
-        order[k].
+        At most MAX_FITTED_JOINT_ORDERS orders, (n,) each, the most probable first: joint k has the angles of
+        column order[k].
     """
     n = len(observations.vjm.arm.joints)
     if n <= MAX_PERMUTED_JOINTS:
@@ -657,9 +657,9 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
     rows = np.flatnonzero(observations.seen.any(axis=1))
     rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
-    parts = np.array_split(every, -(-len(every) // ORDERS_AT_ONCE)) if len(every) else []
+    parts = np.array_split(every, -(-len(every) // MAX_JOINT_ORDERS_IN_MEMORY)) if len(every) else []
     cost = [loss for part in parts for loss in _screened(observations, rows, part)]
-    yield from every[np.argsort(cost, kind="stable")[:MAX_FITTED_ORDERS]]
+    yield from every[np.argsort(cost, kind="stable")[:MAX_FITTED_JOINT_ORDERS]]
 
 
 def _exchange(n: int, i: int, j: int) -> Ids:

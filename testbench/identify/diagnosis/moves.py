@@ -21,7 +21,7 @@ from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
 from testbench.identify.absolute.evidence import (
-    GEOMETRY,
+    GEOMETRY_ERROR_KINDS,
     WIDE_PRIOR,
     ActiveUnknowns,
     ErrorScales,
@@ -29,7 +29,7 @@ from testbench.identify.absolute.evidence import (
     default_error_scales,
     prior_precision,
 )
-from testbench.identify.absolute.state import ArmState, unknowns_of
+from testbench.identify.absolute.state import ArmState, unknowns_of, with_error_terms
 from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
 from testbench.identify.equations import series_equations
 from testbench.identify.prior import PriorScaling
@@ -50,8 +50,8 @@ MAX_AMBIGUOUS_CHI2 = 10.0
 class NuisanceModel:
     """Hold a linear model of all errors that may explain readings instead of a step, with their prior."""
 
-    active: ActiveUnknowns  #: The unknowns, c of them.
-    prior: Array  #: Prior precision of the unknowns, compliances in units of the prior, (c, c).
+    active_unknowns: ActiveUnknowns  #: The unknowns, c of them.
+    prior_precision: Array  #: Prior precision of the unknowns, compliances in units of the prior, (c, c).
     state: ArmState  #: The arm at which the equations are linearised.
     noise: Noise  #: Noise of the readings about this arm.
 
@@ -78,10 +78,10 @@ def nuisance_model(
         The unknowns with their prior precision, and the arm at which they are linearised.
     """
     errors = JointErrorTerms(tuple(range(1, max_order + 1)))
-    state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.n_coefficients)))
+    state = with_error_terms(state, errors)
     unknowns = unknowns_of(state.vjm, series, errors, compliance_prior.structure)
     active, size = (
-        activate_unknowns(unknowns, GEOMETRY | {"harmonics"}, compliance_prior),
+        activate_unknowns(unknowns, GEOMETRY_ERROR_KINDS | {"harmonics"}, compliance_prior),
         default_error_scales(unknowns, len(noise.factor)),
     )
     P, _ = prior_precision(
@@ -97,16 +97,16 @@ def p_value(step: Issue) -> float:
     P(F(z, f) > 2 L / z) by Fisher's F test.
     """
     z = len(step.size)
-    return float(fdtrc(z, step.numbers["free"], 2 * (step.log_likelihood_gain or 0.0) / z))
+    return float(fdtrc(z, step.details["free"], 2 * (step.log_likelihood_gain or 0.0) / z))
 
 
-def best_step(nuisance: NuisanceModel, series: Series, candidates: Ids) -> Issue:
+def best_step(nuisance: NuisanceModel, series: Series, candidate_steps: Ids) -> Issue:
     """Find the move of targets or tracker in a series that explains most of the residuals.
 
     Args:
         nuisance: The linear model of all other errors.
         series: The readings, in order of time.
-        candidates: Index of the first row after each candidate step, ascending, (steps,).
+        candidate_steps: Index of the first row after each candidate step, ascending, (steps,).
 
     Returns:
         The step, named "target_moved" or "tracker_moved". Its size is translation and, if six numbers,
@@ -119,14 +119,14 @@ def best_step(nuisance: NuisanceModel, series: Series, candidates: Ids) -> Issue
         - `share`: fraction of the sum of squares that the step explains [1];
         - `free`: number of independent equations less the fitted unknowns.
     """
-    sums = _sums(nuisance, series, candidates)
+    sums = _sums(nuisance, series, candidate_steps)
     return _greatest_step(
-        _unexplained(nuisance, (series,), [sums]), series, sums, candidates, with_rotation=True
+        _unexplained(nuisance, (series,), [sums]), series, sums, candidate_steps, with_rotation=True
     )
 
 
-def most_significant_step(
-    nuisance: NuisanceModel, series: Sequence[Series], candidates: Sequence[Ids]
+def most_significant_steps(
+    nuisance: NuisanceModel, series: Sequence[Series], candidate_steps: Sequence[Ids]
 ) -> Iterator[tuple[Series, Issue]]:
     """Find the step with the smallest p-value in every series, with or without a rotation.
 
@@ -135,14 +135,14 @@ def most_significant_step(
     Args:
         nuisance: The linear model of all errors other than steps.
         series: The readings, in order of time; all of them determine the arm.
-        candidates: Index of the first row after each candidate step, ascending, (steps,) per series.
+        candidate_steps: Index of the first row after each candidate step, ascending, (steps,) per series.
 
     Yields:
         A series and its step, with numbers as in `best_step`.
     """
     sums = [_sums(nuisance, readings, np.arange(1, readings.rows)) for readings in series]
     rest = _unexplained(nuisance, series, sums)
-    for readings, series_sums, steps in zip(series, sums, candidates, strict=True):
+    for readings, series_sums, steps in zip(series, sums, candidate_steps, strict=True):
         if not len(steps):
             continue
         found = (
@@ -158,7 +158,7 @@ def most_significant_step(
         alone = [
             score for Z in (series_sums.Z, together) for score in rest.score_moves(Z, with_rotation=rotated)
         ]
-        if max(score.chi2_decrease.max() for score in alone) < step.numbers["share"] * rest.before:
+        if max(score.chi2_decrease.max() for score in alone) < step.details["share"] * rest.before:
             yield readings, step
 
 
@@ -207,11 +207,11 @@ class _Unexplained:
 
 def _unexplained(nuisance: NuisanceModel, series: Sequence[Series], sums: Sequence[_Sums]) -> _Unexplained:
     """Factorise the precision of all possible errors, and project the residuals on the rest."""
-    AA, c = np.sum([part.AA for part in sums], axis=0), len(nuisance.active.columns)
-    H = AA[:c, :c] + nuisance.prior
+    AA, c = np.sum([part.AA for part in sums], axis=0), len(nuisance.active_unknowns.columns)
+    H = AA[:c, :c] + nuisance.prior_precision
     size = np.sqrt(np.diag(H))
     L = cholesky(H / size / size[:, None], lower=True)
-    spent = c - float(np.trace(cho_solve((L, True), nuisance.prior / size / size[:, None])))
+    spent = c - float(np.trace(cho_solve((L, True), nuisance.prior_precision / size / size[:, None])))
     e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(part.count for part in sums)
     poses = sum(len(np.unique(part.pose)) for part in series)
     shared = max(1.0, count / (EQUATIONS_PER_POSE * poses))
@@ -250,7 +250,7 @@ def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     """Sum the whitened equations of a series between the places of possible steps."""
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
-    numbers = 3 * series.rows * (len(series.markers) + 1) * nuisance.active.unknowns.size
+    numbers = 3 * series.rows * (len(series.markers) + 1) * nuisance.active_unknowns.unknowns.size
     batches = min(
         len(edges) - 1, 1 + numbers // MAX_NUMBERS_IN_MEMORY
     )  # of cells that are in memory together
@@ -266,7 +266,10 @@ def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
 
 def _equations(nuisance: NuisanceModel, series: Series) -> tuple[Array, Array]:
     """Whiten [A e], (c + 1, equations), and Z, (z, equations); equations are ordered by row."""
-    active, rows = nuisance.active, series_equations(nuisance.active.unknowns, nuisance.state, series)
+    active, rows = (
+        nuisance.active_unknowns,
+        series_equations(nuisance.active_unknowns.unknowns, nuisance.state, series),
+    )
     rotation = nuisance.state.frame(series).rotation
     W, weights = robust_whitening(series, nuisance.noise, rotation, rows[:, :, -1])
     W = W * np.sqrt(weights)[..., None, None]
@@ -281,22 +284,22 @@ def _equations(nuisance: NuisanceModel, series: Series) -> tuple[Array, Array]:
     return lines[: A.shape[2]], lines[A.shape[2] :]
 
 
-def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved: str) -> Array:
+def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved_object: str) -> Array:
     """Compute the columns of a rigid move of the tracker or of the targets in the equations of a series.
 
     Args:
         nuisance: The linear model, whose unknowns name the columns.
         series: The readings.
         A: Columns of all unknowns, then the residuals, (s, 3, unknowns + 1, rows) [m, rad].
-        moved: "tracker" or "target".
+        moved_object: "tracker" or "target".
 
     Returns:
         Columns of translation and rotation, (s, 3, 6, rows); of translation alone, (s, 3, 3, rows), for the
         mount of one target without orientation.
     """
-    if moved == "tracker":
-        return A[:, :, nuisance.active.unknowns.columns(f"frame {series.frame}")]
-    mount = A[:, :, nuisance.active.unknowns.columns(f"mount {series.target}")]
+    if moved_object == "tracker":
+        return A[:, :, nuisance.active_unknowns.unknowns.columns(f"frame {series.frame}")]
+    mount = A[:, :, nuisance.active_unknowns.unknowns.columns(f"mount {series.target}")]
     points = nuisance.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
     T[: 3 * len(points)] = rigid_motion_matrix(points)
@@ -317,11 +320,11 @@ def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issu
     """
     moved = step.name.removesuffix("_moved")
     Z = move_columns(
-        nuisance, series, series_equations(nuisance.active.unknowns, nuisance.state, series), moved
+        nuisance, series, series_equations(nuisance.active_unknowns.unknowns, nuisance.state, series), moved
     )
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
-    return replace(step, numbers={**step.numbers, "shift": shift})
+    return replace(step, details={**step.details, "shift": shift})
 
 
 MAX_TRIED_STEPS = 400  #: Most candidate steps of the first search, evenly spaced.
@@ -332,7 +335,7 @@ MIN_STEP_CHI2 = 80.0
 """Least decrease of chi squared by a step that divides a series. Sound simulated series reach 50, series of a
 robot whose frame drifts by 10 um reach 80."""
 #: Least share of the sum of squares that such a step explains [1]; the drift of a robot explains 1 %.
-MIN_EXPLAINED_SHARE = 0.05
+MIN_EXPLAINED_VARIANCE = 0.05
 SERIES_PART_SUFFIX = " from row "  #: Text between the name of a divided series and the first row of its part.
 SeriesParts = tuple[Series, ...]
 """Series, divided where a target or the tracker moved."""
@@ -377,7 +380,7 @@ def _clear_step(series: Series, fitted: FittedState, compliance_prior: PriorScal
     if not len(place) or not _is_sure(issue := best_step(nuisance, select_rows(ordered, thin), place)):
         return None
     if len(tried) < len(steps) or len(thin) < ordered.rows:
-        middle = np.searchsorted(tried, thin[int(issue.numbers["place"])])
+        middle = np.searchsorted(tried, thin[int(issue.details["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
         issue = best_step(nuisance, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
     return with_rms_shift(nuisance, ordered, issue) if _is_sure(issue) else None
@@ -385,7 +388,8 @@ def _clear_step(series: Series, fitted: FittedState, compliance_prior: PriorScal
 
 def _is_sure(step: Issue) -> bool:
     return (
-        2 * (step.log_likelihood_gain or 0.0) > MIN_STEP_CHI2 and step.numbers["share"] > MIN_EXPLAINED_SHARE
+        2 * (step.log_likelihood_gain or 0.0) > MIN_STEP_CHI2
+        and step.details["share"] > MIN_EXPLAINED_VARIANCE
     )
 
 
@@ -481,7 +485,7 @@ def _halves(series: Series, step: Issue | None) -> SeriesParts:
     """Divide a series at a step; without a step it stays whole."""
     if step is None:
         return (series,)
-    ordered, words = sort_by_time(series), f"{SERIES_PART_SUFFIX}{step.numbers['after']}"
-    behind = np.arange(series.rows) >= step.numbers["place"]
+    ordered, words = sort_by_time(series), f"{SERIES_PART_SUFFIX}{step.details['after']}"
+    behind = np.arange(series.rows) >= step.details["place"]
     second = _rename_moved(select_rows(ordered, behind), step, _moved_name(series, step) + words)
     return select_rows(ordered, ~behind), replace(second, name=series.name + words)

@@ -366,7 +366,7 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
         only = (
             None
             if CHOSEN in tried
-            else frozenset({SPRINGS}).union(*(LADDER[one].selectable for one in tried))
+            else frozenset({SPRINGS}).union(*(LADDER[one].selectable_errors for one in tried))
         )
         options = CalibrationOptions(used_errors=only, max_order=asked.orders)
         linearised_readings = linearise_readings(cell.vjm, train, cad_prior(cell.arm), options)
@@ -413,9 +413,9 @@ def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int)
 def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFitRow:
     """What a model is, beside readings that judge it, but those that told frame and target."""
     estimate = found.estimate
-    active = found.active
+    active = found.active_unknowns
     steps = found.selection.steps
-    K, n = 2 * len(found.state.errors.orders), found.state.vjm.arm.n_joints
+    K, n = 2 * len(found.state.error_terms.orders), found.state.vjm.arm.n_joints
     certificate, left = None if estimate is None else estimate.certificate, np.zeros(0)
     about |= Row(judged="", error=None)
     if judged:
@@ -436,7 +436,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
         min_eigenvalue=0.0 if estimate is None else float(estimate.min_eigenvalue),
         duality_gap=None if certificate is None else float(certificate.duality_gap),
         joints=tuple(np.diag(found.state.C_theta)[-n:].tolist()),
-        waves=tuple(found.state.n[:, :K].ravel().tolist()) if waves else (),
+        waves=tuple(found.state.error_coefficients[:, :K].ravel().tolist()) if waves else (),
         kept=tuple(step.name for step in steps if step.kept),
         declined=tuple(step.name for step in steps if not step.kept),
         effects=tuple((UM * effects).ravel().tolist()),

@@ -31,7 +31,11 @@ from testbench.identify.absolute.fit import (
 )
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.absolute.posterior import RegisteredSeries, inside_ellipsoid, predict_series
-from testbench.identify.absolute.state import ArmState, unknowns_of
+from testbench.identify.absolute.state import (
+    ArmState,
+    unknowns_of,
+    with_error_terms,
+)
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
@@ -96,17 +100,17 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
     gears = truth.gears
     theta[_before(vjm)[1:]] += vjm.axes_in_beam[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
     theta_0 = state.theta_0.copy()
-    n = np.zeros_like(state.n)
-    orders = np.array(state.errors.orders, dtype=int)
+    n = np.zeros_like(state.error_coefficients)
+    orders = np.array(state.error_terms.orders, dtype=int)
     inner = slice(6, 6 * vjm.arm.n_joints)
     theta_0[inner] = theta[inner]
     if gears is not None:
         there = np.flatnonzero(orders <= len(gears.sine))
         n[:, there] = gears.sine[orders[there] - 1].T
         n[:, len(orders) + there] = gears.cosine[orders[there] - 1].T
-        if state.errors.ratio:
+        if state.error_terms.ratio:
             n[:, 2 * len(orders)] = gears.ratio
-    return replace(state, theta_0=theta_0, n=n, C_theta=truth.C_theta)
+    return replace(state, theta_0=theta_0, error_coefficients=n, C_theta=truth.C_theta)
 
 
 def _before(vjm: Vjm) -> Ids:
@@ -148,7 +152,7 @@ def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part,
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
         the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    active = calibration.active
+    active = calibration.active_unknowns
     known = posterior_of_calibration(calibration)
     parts = {}
     relative = np.zeros(0)
@@ -182,12 +186,11 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     assert disturbances.geometry is not None
     errors = JointErrorTerms(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
-    kinds = evidence.GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
+    kinds = evidence.GEOMETRY_ERROR_KINDS | ({"harmonics"} if errors.orders else frozenset())
     active = activate_unknowns(
         unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure)
     )
-    nothing = np.zeros((vjm.arm.n_joints, errors.n_coefficients))
-    true = true_state(replace(found.state, errors=errors, n=nothing), truth)
+    true = true_state(with_error_terms(found.state, errors), truth)
     reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARED_LOSS), found.series)
     sizes = {
         "geometry shift": disturbances.geometry.position,
@@ -216,11 +219,14 @@ def _with_frame_of(calibration: Calibration, series: Series) -> RegisteredSeries
     `register_with_known_frame`, for a model without these, approximates it: there, repeated readings of a
     pose do not share the model error.
     """
-    unknowns, every = calibration.active.unknowns, np.arange(calibration.active.unknowns.size)
+    unknowns, every = (
+        calibration.active_unknowns.unknowns,
+        np.arange(calibration.active_unknowns.unknowns.size),
+    )
     names = f"frame {series.frame}", f"mount {series.target}"
     # all frames and mounts are selected, before the arm's unknowns
     at = np.concatenate([every[unknowns.columns(name)] for name in names])
-    at = np.r_[at, np.flatnonzero(calibration.active.columns >= unknowns.first_columns["geometry"])]
+    at = np.r_[at, np.flatnonzero(calibration.active_unknowns.columns >= unknowns.first_columns["geometry"])]
     whole = posterior_of_calibration(calibration)
     return RegisteredSeries(
         calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
@@ -530,15 +536,19 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
 
 def _known(fit: Calibration) -> Array:
     """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
-    geometry = fit.active.unknowns.columns("geometry")
-    root = posterior_of_calibration(fit).root[:, np.flatnonzero(np.isin(fit.active.columns, np.r_[geometry]))]
+    geometry = fit.active_unknowns.unknowns.columns("geometry")
+    root = posterior_of_calibration(fit).root[
+        :, np.flatnonzero(np.isin(fit.active_unknowns.columns, np.r_[geometry]))
+    ]
     values, vectors = np.linalg.eigh(root.T @ root)
     return np.asarray(vectors[:, values < KNOWN**2].T)
 
 
 def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
     """RMS error along some combinations of errors of geometry [mm, mrad]; 0 without any."""
-    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.active.unknowns.geometry_slice]
+    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[
+        fit.active_unknowns.unknowns.geometry_slice
+    ]
     return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0
 
 
