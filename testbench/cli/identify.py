@@ -160,7 +160,7 @@ def report(f: Row) -> Report:
         first = "First check the runs (see the warning below). If they are right, use"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
-    half = ". The median 95 % interval of a deflection is +- {intervals.half_width_mm:.3f} mm" if sure else ""
+    half = ". The median 95 % interval of a deflection is ± {intervals.half_width_mm:.3f} mm" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:LISTED_RUNS]
     own_laws = (
         TableColumn(name, name.replace("_", " "), law.unit_symbol.replace("1", ""), form=".3g")

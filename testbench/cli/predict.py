@@ -114,7 +114,7 @@ def report(made: Predicted) -> Report:
             "Other numbers",
         ),
     }
-    sure = "not determined by the readings" if first.half_mm is None else "+- {half_mm:.3f} mm (95 %)"
+    sure = "not determined by the readings" if first.half_mm is None else "± {half_mm:.3f} mm (95 %)"
     return Report(
         scenario="predict",
         question=say("Where does the tool of {arm} go under {loads}, and how stiff is it?", f),

@@ -286,8 +286,8 @@ def say(figure: Figure, answer: str, reading: str) -> None:
 
 
 def printed(text: str) -> str:
-    """Write micrometres and plus or minus as figures do."""
-    return MICRO.sub("µ", text).replace("+-", "±")
+    """Write micrometres as figures do."""
+    return MICRO.sub("µ", text)
 
 
 def words_height(figure: Figure) -> float:
@@ -430,7 +430,7 @@ def forest(
     sides = figure.subplots(1, len(panes), squeeze=False)[0]
     for k, (axes, key) in enumerate(zip(sides, panes, strict=True)):
         forest_pane(axes, replace(table, looks=known), columns[key], named=not k)
-    _share_scales(sides)
+    _share_scales(sides, "x")
     for axes, (key, title) in zip(sides, panes.items(), strict=True):
         beaten = [row for row in table.rows if name.cell(row) == mark]
         for row in beaten:
@@ -446,12 +446,13 @@ def forest(
     return figure
 
 
-def _share_scales(panes: Sequence[Axes]) -> None:
-    """Give panes logarithmic axes to the right; those of one quantity have the same."""
-    drawn = {axes: axes.dataLim.intervalx.copy() for axes in panes}
+def _share_scales(panes: Sequence[Axes], side: Literal["x", "y"]) -> None:
+    """Give panes logarithmic axes along a side; those of one quantity have the same."""
+    label, k = {"x": (Axes.get_xlabel, 0), "y": (Axes.get_ylabel, 1)}[side]
+    drawn = [(label(axes), axes.dataLim.get_points()[:, k].copy()) for axes in panes]
     for axes in panes:
-        ends = np.array([own for other, own in drawn.items() if other.get_xlabel() == axes.get_xlabel()])
-        log_ticks(axes, "x", float(ends.min()), float(ends.max()))
+        ends = np.array([own for quantity, own in drawn if quantity == label(axes)])
+        log_ticks(axes, side, float(ends.min()), float(ends.max()))
 
 
 def ranked(table: Table, key: str, over: Sequence[Row]) -> Table:
@@ -566,9 +567,11 @@ def sweeps(
         alone = k % across == 0 and k == len(panes) - 1
         axes = part.add_subplot(grid[k // across, slice(None) if alone else k % across])
         _sweep(axes, table, lines, lines if bands is None else bands)
+        axes.set_title(title)
+    _share_scales(part.axes, "y")
+    for axes in part.axes:
         if proportional:
             _guide(axes, proportional)
-        axes.set_title(title)
         if not shared:
             axes.legend(
                 frameon=False,
@@ -597,7 +600,6 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
             if line in bands and any(isinstance(number, Spread) for number in numbers):
                 low, high = np.transpose([*map(ends, numbers)])
                 axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
-    log_ticks(axes, "y", *axes.dataLim.intervaly)
     swept = {middle(x.value(row)): x.cell(row) for row in table.rows}
     if max(swept) > LOG_AXIS_RATIO * min(swept) > 0:
         log_ticks(axes, "x", *axes.dataLim.intervalx)
@@ -650,7 +652,7 @@ def ranges(
         axes.set_title(title)
         axes.grid(axis="y", alpha=0.2)
         quiet(axes)
-    _share_scales(sides)
+    _share_scales(sides, "x")
     for axes in sides:
         if mark is not None:
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")

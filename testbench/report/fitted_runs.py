@@ -154,7 +154,7 @@ def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> PoseGroup:
 
 
 def _bound(mm: float) -> str:
-    return f"+- {mm:.3f} mm" if np.isfinite(mm) else NOWHERE
+    return f"± {mm:.3f} mm" if np.isfinite(mm) else NOWHERE
 
 
 def _map(f: Row, group: int) -> PlaceMap:
@@ -168,7 +168,7 @@ def _map(f: Row, group: int) -> PlaceMap:
         [_line(f, name, mm) for name, mm in half.items()],
         heading="Uncertainty at other poses",
         without="" if all(np.isfinite(mm).all() for mm in half.values()) else NOWHERE,
-        worst_is="next: +-",
+        worst_is="next: ±",
     )
 
 

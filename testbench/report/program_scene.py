@@ -24,7 +24,7 @@ BEFORE, CORRECTED = "uncorrected program", "corrected program"
 WITHIN, EXPECTED, AFTER = f"{BEFORE}, 95 %", f"{BEFORE}, expected", f"{CORRECTED}, 95 %"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
 ERROR_LENGTH, MIN_ERROR_LENGTH = 0.15, 0.3  #: Most errors over the path's size [1], its least [m].
-MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].
+MOVED = 0.15  #: Length of most deflections over the reach [1].
 TOOL = Look(GCO, 0, prior=True)
 
 
@@ -148,12 +148,10 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
     some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
     reach = made.cell.vjm.reach
     field = made.map
-    give = made.stiffness.displacement_per_force[some, :1]
     M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
-    G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
-    stretch, net = draw.ellipsoid_layer(ellipsoids, field.force)
-    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}; "
-    title += f"ellipsoids: the same in {len(ellipsoids)} poses, x {stretch:g}."
+    G, net = draw.ellipsoid_layer(ellipsoids, field.force)
+    title = f"Deflections x {M:g}. Green lines and ellipsoids: how far {field.force:,.0f} N move the loaded "
+    title += f"tool, x {G:g}."
     poses = _poses(made, some, M, G)
     poses = replace(poses, layers=[*poses.layers, net])
     size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
@@ -165,7 +163,7 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
     where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
     soft = draw.ModelLine("tool", TOOL, MM * field.worst)
     return draw.PageContent(
-        scene=draw.Scene(made.cell, title, [poses, _places(made)]),
+        scene=draw.Scene(made.cell, title, [poses, _places(made, G)]),
         map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where the arm is soft"),
         runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
     )
@@ -216,14 +214,13 @@ def _acting(cell: Cell, bent: BodyFrames, load: Load) -> list[draw.Layer]:
 
 
 def _bound(half: float) -> str:
-    return f"+- {half:.3f} mm" if np.isfinite(half) else "not determined by the data"
+    return f"± {half:.3f} mm" if np.isfinite(half) else "not determined by the data"
 
 
-def _places(made: Predicted) -> draw.PoseGroup:
-    """The arm all over the workspace, and its softest direction there."""
-    field, reach = made.map, made.cell.vjm.reach
-    way: Array = field.worst[:, None] * field.direction
-    way = (way * draw.arrow_scale(way, GIVE * reach))[:, None]
+def _places(made: Predicted, G: float) -> draw.PoseGroup:
+    """The arm all over the workspace, and how far a force moves it in its softest direction, magnified."""
+    field = made.map
+    way: Array = (G * field.worst[:, None] * field.direction)[:, None]
     at = field.position[:, None]
     sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
     words = [

@@ -248,7 +248,7 @@ def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.Remaining
         ],
         first=int(np.argmax(sizes[1])),
     )
-    title = f"Arrows: from the predicted target to the reading, x {A:g}."
+    title = f"Arrows from the predicted target to the reading x {A:g}."
     title += f" Sag of the calibrated arm x {M:g}." if soft else ""
     labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
     chart = draw.RunChart("Error in each row (mm)", 0, "row of the file", labels, marks, note=note)

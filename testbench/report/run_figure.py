@@ -187,7 +187,7 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
             bar.set_label(f"error of the path [{scale.words}]")
             _plain_numbers(bar)
         _key(next(parts).subplots(), signs, across)
-        more.append(f"{pose_group.name}: {seen.scene.title}")
+        more.append(seen.scene.title)
     for part, chart in zip(parts, charts, strict=True):
         axes = part.subplots()
         run_chart(axes, chart)

@@ -32,11 +32,11 @@ from testbench.plant.tracker import Station
 from testbench.plant.true_arms import FAMILY, FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
-from testbench.report.figure import Figure, forest, sweeps
+from testbench.report.figure import Figure, forest, headed, sweeps
 from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.report.report import Report, say
 from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
-from testbench.report.schema import TRUE_ARM_LABELS, Table, columns
+from testbench.report.schema import TRUE_ARM_LABELS, Table, TableColumn, columns
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import ends, independent, middle, span, wins
@@ -559,6 +559,16 @@ LOOKS = {
     RANDOM: Look(GREY, 0, prior=True),
 }
 """Colour and mark of every criterion, random poses dashed."""
+CRITERIA_IN_WORDS = {
+    "test": "error at the tasks (test)",
+    "I": "error over the workspace (I)",
+    "D": "confidence volume (D)",
+    "A": "mean variance (A)",
+    "E": "largest variance (E)",
+    "G": "largest error (G)",
+    RANDOM: "random poses",
+}
+"""What each criterion minimises, as the key of the figure names it."""
 
 
 def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
@@ -707,16 +717,22 @@ def _figures(found: Report) -> dict[str, Figure]:
     """Draw errors by number of poses, with and without the prior; of one number by criterion."""
     f = Row(found.numbers)
     answer = f"Errors after {f.dataset.poses} poses, planned and random"
-    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise."
+    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise. Plans by what they minimise."
+    looks = {CRITERIA_IN_WORDS[name]: look for name, look in LOOKS.items()}
+    winner = CRITERIA_IN_WORDS.get(found.winner, "")
     if len(f.study.poses) == 1:
-        note = f"{reading} {PLANNED}, plans by criterion; dotted line: random poses."
-        return {"pose_selection.png": forest(found.tables["criteria"], PLACES, answer, note, RANDOM)}
+        plan, *others = found.tables["criteria"].columns
+        in_words = (replace(plan, called=CRITERIA_IN_WORDS), *others)
+        criteria = replace(found.tables["criteria"], columns=in_words, looks=looks, bold=winner)
+        note = f"{reading} Fit: {PLANNED}. Dotted line: random poses."
+        return {"pose_selection.png": forest(criteria, PLACES, answer, note, CRITERIA_IN_WORDS[RANDOM])}
     own = [fit for fit in dict.fromkeys(row.fit for row in f.errors) if fit not in FITS]
+    plan, poses = columns("plan poses")
     panes = {
         f"{PLACES[key]}{words}": Table(
-            columns(f"plan poses {key}"),
+            (replace(plan, called=CRITERIA_IN_WORDS), poses, TableColumn(key, "RMS error", "mm")),
             [row for row in f.errors if row.fit == fit],
-            looks=LOOKS,
+            looks=looks,
         )
         for fit, key, words in (
             (PLANNED, "tasks_mm", ""),
@@ -727,14 +743,13 @@ def _figures(found: Report) -> dict[str, Figure]:
         )
     }
     seeds = len(f.seed) if isinstance(f.seed, list) else 1
-    return {
-        "pose_selection.png": sweeps(
-            panes,
-            answer,
-            f"{reading} Lines: medians of {seeds} seeds. Bands: {span(seeds)}.",
-            ("test", RANDOM),
-        )
-    }
+    figure = sweeps(
+        panes,
+        answer,
+        f"{reading} Lines: medians of {seeds} seeds. Bands: {span(seeds)}.",
+        (CRITERIA_IN_WORDS["test"], CRITERIA_IN_WORDS[RANDOM]),
+    )
+    return {"pose_selection.png": headed(figure, "", winner)}
 
 
 def _write(run: Run[PlanningSettings]) -> PageContent:

@@ -515,7 +515,7 @@ def _why(duel: ModelComparison, first: str, default: str) -> str:
     if duel.selected == first:
         return f"it is {taken}; in cross-validation no other model is significantly better"
     return (
-        f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} lower than "
+        f"in cross-validation its F_M is {-duel.difference:.2g} ± {duel.standard_error:.2g} lower than "
         f"that of {taken}, {first}"
     )
 

@@ -95,7 +95,7 @@ def sound(file, answer):
     landed = on(chunks, "typical_first")
     for origin, kind, name in views(file):
         assert [c for c in landed if f"{c.entity_path}/".startswith(f"/{origin}/")], (origin, name)
-        assert kind not in ("3D", "TimeSeries") or re.search(r"\((m|mm|um|urad|deg)[,)]", name), name
+        assert kind != "TimeSeries" or re.search(r"\((mm|um|urad|deg)[,)]", name), name
     assert max(panes(file)) <= 8
     assert len(panes(file)) <= TABS
     assert not [

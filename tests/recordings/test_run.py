@@ -96,7 +96,7 @@ def test_it_is_whole_and_every_view_has_data_where_the_reader_lands(file):
     sound(file, "It is 3.000 mm off.")
     names = {name for _, _, name in views(file)}
     assert {
-        "Runs (m): Errors x 10.",
+        "Runs. Errors x 10.",
         "Left (mm), by run, the worst first",
     } <= names
 

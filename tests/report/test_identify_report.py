@@ -135,7 +135,7 @@ def test_what_the_reason_says_is_not_said_again(f):
 def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is(f, name):
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
-    half = f"The median 95 % interval of a deflection is +- {own.intervals.half_width_mm:.3f} mm"
+    half = f"The median 95 % interval of a deflection is ± {own.intervals.half_width_mm:.3f} mm"
     error = f"its RMS error in the held-out runs is {own.check.rms_mm:.3f} mm"
     assert said.answer == f"Use {first_mention(name)}: {error}. {half}."
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]

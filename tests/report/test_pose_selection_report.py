@@ -15,6 +15,7 @@ from testbench.studies.campaigns import CampaignRow
 from testbench.studies.planning import (
     AWAY,
     BARE,
+    CRITERIA_IN_WORDS,
     FITS,
     HOME,
     INCUMBENT,
@@ -174,7 +175,10 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
     for axes, fit, key in zip(drawn["pose_selection.png"].axes, fits, keys, strict=True):
         assert unit_in(axes.get_ylabel()) == "mm"
         levels = {name: [r for r in f["errors"] if (r.fit, r.plan) == (fit, name)] for name in NAMES}
-        for name, (x, y) in curves(axes).items():
+        assert axes.get_ylim() == drawn["pose_selection.png"].axes[0].get_ylim()  # one quantity, one scale
+        in_words = {words: name for name, words in CRITERIA_IN_WORDS.items()}
+        for words, (x, y) in curves(axes).items():
+            name = in_words[words]
             assert (x.tolist(), y.tolist()) == ([8, 12], [level[key].median for level in levels[name]])
         for name, shade in zip(("test", "random"), bands(axes), strict=True):
             assert [row[1:] for row in shade] == [ends(level[key]) for level in levels[name]]

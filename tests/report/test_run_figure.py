@@ -16,7 +16,7 @@ from reports import check_forest
 from testbench.plant.shapes import corners, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
-from testbench.report.figure import SOFT, _lay_out, forest, headed, labelled, log_ticks, page, say
+from testbench.report.figure import SOFT, _lay_out, forest, headed, labelled, log_ticks, page, say, sweeps
 from testbench.report.run_figure import outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
@@ -157,11 +157,29 @@ def test_panes_of_one_quantity_have_one_scale_and_others_their_own():
     assert all(axes.get_xlim()[0] <= x <= axes.get_xlim()[1] for axes in (first, second) for x in (0.3, 50.0))
 
 
-def test_figures_write_micrometres_powers_and_both_signs_and_titles_end_without_a_stop():
+def test_sweeps_of_one_quantity_have_one_upright_scale_and_others_their_own():
+    def swept(values, unit):
+        rows = [model(m.name, m.structure, m.constraint, x, n=k) for m in MODELS[:2] for k, x in values]
+        return Table((COLUMNS[0], COLUMNS[2], TableColumn("error", "error", unit)), rows)
+
+    first, second, third = sweeps(
+        {
+            "near": swept([(1, 0.3), (2, 0.4)], "mm"),
+            "far": swept([(1, 20.0), (2, 50.0)], "mm"),
+            "time": swept([(1, 7.0), (2, 9.0)], "s"),
+        },
+        "One wins",
+        "",
+    ).axes
+    assert first.get_ylim() == second.get_ylim() != third.get_ylim()
+    assert first.get_ylim()[0] <= 0.3 < 50.0 <= first.get_ylim()[1]
+
+
+def test_figures_write_micrometres_and_powers_and_titles_end_without_a_stop():
     figure = page(2.0)
-    say(figure, "The gauge of 5 um errs by +- 3 urad.", "Bands: +- 2 um.")
-    assert figure.get_suptitle() == "The gauge of 5 µm errs by ± 3 µrad"
-    assert figure.get_supxlabel() == "Bands: ± 2 µm."
+    say(figure, "The gauge of 5 um errs by 3 urad.", "Bands: 2 um.")
+    assert figure.get_suptitle() == "The gauge of 5 µm errs by 3 µrad"
+    assert figure.get_supxlabel() == "Bands: 2 µm."
     column = TableColumn("error", "gap", form=".1e")
     table = Table((COLUMNS[0], column), [model("gauge, 5 um", "MGCO56", "psd", 3e-4)])
     [axes] = forest(table, {"error": "a"}, "Who wins", "").axes
@@ -269,8 +287,8 @@ def test_the_bent_arm_is_in_the_key_where_one_is_drawn(figure, seen):
     assert "arm, bent" not in keys(overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[own]))))
 
 
-def model(name, structure, constraint, error, *, prior=False):
-    return Row(name=name, structure=structure, constraint=constraint, prior=prior, error=error, n=3)
+def model(name, structure, constraint, error, *, prior=False, n=3):
+    return Row(name=name, structure=structure, constraint=constraint, prior=prior, error=error, n=n)
 
 
 MODELS = [

@@ -96,7 +96,7 @@ def test_the_headline_is_the_largest_deflection_and_warnings_follow(made):
     assert all(longest[row["pose"]] == pytest.approx(row["push_mm"]) for row in report["worst"])
     worst = report["worst"][0]
     assert "0 to 300 kg and 0 to 9,500 N" in said
-    assert f" {worst['deflection_mm']:.3f} mm, +- {worst['half_mm']:.3f} mm (95 %), in pose 8." in said
+    assert f" {worst['deflection_mm']:.3f} mm, ± {worst['half_mm']:.3f} mm (95 %), in pose 8." in said
     ratio = PULL / (460.3 * GRAVITY)
     assert f"Extrapolated: a force of 9,500 N is {ratio:.1f} times the largest one" in said
     assert report["force_ratio"] == pytest.approx(ratio, rel=1e-6)

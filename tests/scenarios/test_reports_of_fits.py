@@ -58,7 +58,7 @@ def test_words_of_workspace_poses_hold_the_half_width_of_the_model_to_take(kr500
     load = Load(data.wrench[k], data.point[k])
     there = predict(own, np.array(f.map.errors.q), [load], points=np.zeros((0, 3)))
     told = [
-        tuple(map(float, re.search(r"moves (\d+\.\d+) mm, \+- (\d+\.\d+) mm", words).groups()))
+        tuple(map(float, re.search(r"moves (\d+\.\d+) mm, ± (\d+\.\d+) mm", words).groups()))
         for words in drawn.words
     ]
     moved, half = np.array(told).T

@@ -746,7 +746,7 @@ def _world(scene: Scene, group: _Group, aspect: float = ASPECT) -> rrb.Spatial3D
     near = group.poses.near is not None
     return rrb.Spatial3DView(
         origin="world",
-        name=f"{group.poses.name} (m)" if near else f"{group.poses.name} (m): {scene.title}",
+        name=group.poses.name if near else f"{group.poses.name}. {scene.title}",
         contents=[f"+ $origin/{group.name}/**", *([] if near else bodies)],
         eye_controls=orbit(*_eye(group, aspect)),
         overrides={

@@ -388,7 +388,7 @@ def map_tab(
     views = [
         rrb.Spatial3DView(
             origin="world",
-            name=f"{line.words} (m): {_typical(line.values)}",
+            name=f"{line.words}: {_typical(line.values)}",
             contents=[f"+ $origin/map/{snake(line.words)}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
             eye_controls=eye,
         )
@@ -398,7 +398,7 @@ def map_tab(
         views.append(
             rrb.Spatial3DView(
                 origin="world",
-                name="Which errs less (m): colour of that model",
+                name="Which errs less: colour of that model",
                 contents=[f"+ $origin/map/{DIFFERENCE}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
                 eye_controls=eye,
             )
