@@ -43,8 +43,8 @@ def full_pose_runs(arm: Cell, seed: int) -> Dataset:
     tracker = Tracker(SIGMA, SIGMA_ROTATION)
     return Dataset(
         markers=arm.arm.markers,
-        run=np.arange(len(q)) + 1,
-        pose=np.arange(len(q)) // 6 + 1,
+        run_id=np.arange(len(q)) + 1,
+        pose_id=np.arange(len(q)) // 6 + 1,
         q=q,
         wrench=wrench,
         point=point,
@@ -120,7 +120,7 @@ def rows_of(arm: Cell) -> list[Row]:
     )
     own = np.array(solver[1:])
     both = f"GCO {spread(wall, 1e3, 0)} ms, Clarabel {spread(own, 1e3, 0)} ms"
-    size = f"{structure.n_parameters} unknowns, {data.runs} runs"
+    size = f"{structure.n_parameters} unknowns, {data.n_runs} runs"
     title = f"(c) {name}: certified GCO over Clarabel's own time, {size}"
     ratio = wall / np.median(own)
     reducing = [seconds(lambda: reduce(arm.vjm, structure, data)) for _ in range(REPEATS)]

@@ -4,7 +4,7 @@ import numpy as np
 from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, InverseStatics, equilibrium, programmed_target
+from testbench.correct.newton import Aim, InverseStaticsProblem, equilibrium, programmed_target
 from testbench.correct.newton import solve_inverse_statics as corrected
 from testbench.errors import Array
 from testbench.identify.method import gco, with_prior
@@ -32,7 +32,7 @@ def correcting_ten_thousand_points() -> list[Row]:
 
     def solve() -> None:
         target = programmed_target(state, q, "unloaded", np.zeros(3))
-        found.append(corrected(InverseStatics(state, q, [load], target, Aim(), np.ones(q.shape))))
+        found.append(corrected(InverseStaticsProblem(state, q, [load], target, Aim(), np.ones(q.shape))))
 
     own, still = interleave(REPEATS, solve, lambda: equilibrium(state, q, [load]))
     left = np.linalg.norm(found[-1].position_error, axis=1).max()

@@ -83,7 +83,7 @@ def _read(name: str, arm: Arm) -> Series:
 
 
 def _others(series: Series, rows: npt.NDArray[np.int_]) -> npt.NDArray[np.int_]:
-    return np.setdiff1d(np.arange(series.rows), rows)
+    return np.setdiff1d(np.arange(series.n_rows), rows)
 
 
 def _write(data: Path, vjm: Vjm, *parts: tuple[Series, npt.NDArray[np.int_]]) -> None:

@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dgeqrf
 from threadpoolctl import threadpool_limits
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, select_runs
 from testbench.identify import method
 from testbench.identify.method import paper_gco
 from testbench.identify.regression import reduce
@@ -70,7 +70,7 @@ def synthetic(vjm: Vjm, structure: Structure, runs: int, seed: int = 3) -> Datas
 
 def first_runs(data: Dataset, runs: int) -> Dataset:
     """The first runs of a dataset."""
-    return select(data, np.arange(data.runs) < runs)
+    return select_runs(data, np.arange(data.n_runs) < runs)
 
 
 def reducing_large_datasets() -> list[Row]:
@@ -100,7 +100,7 @@ def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
     reference = 1e6 * factorised / REFERENCE_RUNS
     speed = 2e-9 * SQUARE**3 * PRODUCTS / multiplied
     at_nominal = each[-1] * speed / NOMINAL_GFLOPS
-    name = f"reducing {data.runs} runs of {len(data.markers)} markers to {structure.n_parameters} unknowns"
+    name = f"reducing {data.n_runs} runs of {len(data.markers)} markers to {structure.n_parameters} unknowns"
     return [
         at_most(
             f"(d) {name}, on a core of {NOMINAL_GFLOPS:g} GFlop/s",
@@ -165,7 +165,7 @@ def report_memory(runs: int) -> dict[str, float]:
     data = synthetic(vjm, structure, runs)
     reduce(vjm, structure, data)
     process = peak_memory()
-    arrays = (data.run, data.q, data.wrench, data.point, data.before, data.after)
+    arrays = (data.run_id, data.q, data.wrench, data.point, data.before, data.after)
     tracemalloc.start()
     reduce(vjm, structure, data)
     own = tracemalloc.get_traced_memory()[1]
@@ -188,16 +188,16 @@ def peak_memory() -> float:
 def solve_row(vjm: Vjm, structure: Structure, data: Dataset) -> Row:
     """What GCO with a given weight costs once the dataset is reduced: many runs against few."""
     few = first_runs(data, FEW_RUNS)
-    reduced = {part.runs: reduce(vjm, structure, part) for part in (few, data)}
+    reduced = {part.n_runs: reduce(vjm, structure, part) for part in (few, data)}
 
     def solve(part: Dataset) -> None:
-        with patch.object(method, "reduce", return_value=reduced[part.runs]):
+        with patch.object(method, "reduce", return_value=reduced[part.n_runs]):
             paper_gco(vjm, structure, part)
 
     many_s, few_s = interleave(15, lambda: solve(data), lambda: solve(few))
     ratio = many_s / few_s
     return at_most(
-        f"(d) GCO's solve after {data.runs} runs over the same after {FEW_RUNS}",
+        f"(d) GCO's solve after {data.n_runs} runs over the same after {FEW_RUNS}",
         np.median(ratio),
         "x",
         1.5,

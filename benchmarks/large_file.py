@@ -47,8 +47,10 @@ def write_runs(file: Path, runs: int) -> None:
         for first in range(0, runs, BLOCK):
             data = synthetic(vjm, structure, min(BLOCK, runs - first), seed=first)
             at = tool_points(vjm, data.q, vjm.markers)
-            number = first + data.run
-            data = replace(data, run=number, pose=number, before=at + data.before, after=at + data.after)
+            number = first + data.run_id
+            data = replace(
+                data, run_id=number, pose_id=number, before=at + data.before, after=at + data.after
+            )
             write_csv(data, vjm.arm, part)
             head, _, rows = part.read_bytes().partition(b"\n")
             whole.write(rows if first else head + b"\n" + rows)

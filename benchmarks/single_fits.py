@@ -67,7 +67,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
     whole, reducing = times[0] / TIMES, times[2] / TIMES
     solver = np.reshape(own, (-1, TIMES))[1:].mean(axis=1)
     ratio = whole / solver
-    name = f"{structure.name} with prior, {data.runs} runs: fit end to end"
+    name = f"{structure.name} with prior, {data.n_runs} runs: fit end to end"
     behind = (
         f"Clarabel {spread(solver, 1e3, 2)} ms; of the fit {spread(reducing, 1e3, 2)} ms reduce the dataset"
     )

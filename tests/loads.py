@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.correct.newton import Aim, InverseStatics, equilibrium, solve_inverse_statics
+from testbench.correct.newton import Aim, InverseStaticsProblem, equilibrium, solve_inverse_statics
 from testbench.data.dataset import Dataset
 from testbench.identify.posterior import elastic_state
 from testbench.model.load import Load, massless_bodies
@@ -54,8 +54,8 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
     turned, again = noise * SIGMA_ROTATION * rng.standard_normal((2, runs, 3))
     return Dataset(
         markers=cell.arm.markers,
-        run=np.arange(runs) + 1,
-        pose=np.repeat(np.arange(poses), 6),
+        run_id=np.arange(runs) + 1,
+        pose_id=np.repeat(np.arange(poses), 6),
         q=q,
         wrench=wrench,
         point=point,
@@ -71,4 +71,6 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
 def correct(state, q, loads, target, aim=None):
     """Joints for which the loaded tool is on its target, all of them free."""
     every = [load.for_poses(len(q)) for load in loads]
-    return solve_inverse_statics(InverseStatics(state, q, every, target, aim or Aim(), np.ones(q.shape)))
+    return solve_inverse_statics(
+        InverseStaticsProblem(state, q, every, target, aim or Aim(), np.ones(q.shape))
+    )

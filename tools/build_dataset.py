@@ -176,7 +176,7 @@ def _points(cell: Cell, head: Mapping[str, object], sets: Mapping[str, Dataset])
     """A row a marker of a run, in the columns of dataset.csv, of some sets of runs."""
     return _joined(
         [
-            _repeated(data.points, {**head, "set": name})
+            _repeated(data.n_points, {**head, "set": name})
             | {key: np.asarray(cells) for key, cells in columns(data, cell.arm).items()}
             for name, data in sets.items()
         ]

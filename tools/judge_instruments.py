@@ -110,7 +110,7 @@ def judge(cell, scenario, places, kind, seed, alike):
             name: 1e3 * score(deflections(cell.vjm, found, truth), truth.deflection).rms,
             f"{name}_covered": covered.covered_percent,
             f"{name}_half": covered.half_mm,
-            f"{name}_lost": int((~data.seen).sum()),
+            f"{name}_lost": int((~data.is_measured).sum()),
             f"{name}_seconds": process_time() - start,
         }
     return row

@@ -92,7 +92,7 @@ def touches(cell, faces, seed, q):
         for _ in range(4):  # of which each leaves about a hundredth of the height
             found, _ = simulate_distances(cell, campaign, exact, seed, at)
             for own, series in zip(exact, found, strict=True):
-                rows = series.pose - 1
+                rows = series.pose_id - 1
                 at[rows] = moved_along_normal(cell, own, at[rows], series.distance[:, 0])
         parts.append(found)
     rng = trial_rng(seed, 6)
@@ -113,8 +113,8 @@ def judge(cell, seed, kind):
     found = calibrate(cell.vjm, series, wrong_prior(cell, seed), OPTIONS).model()
     unseen = CAMPAIGN.model_copy(update={"poses": CHECKED, "noise": False})
     (check,), _ = simulate_series(true, unseen, seed)
-    check = replace(check, name="check", frame="check", target="check")
-    row = {"seed": seed, "kind": kind, "numbers": sum(one.equations for one in series)}
+    check = replace(check, name="check", frame="check", mount="check")
+    row = {"seed": seed, "kind": kind, "numbers": sum(one.n_equations for one in series)}
     for load, of in (("weight", 0.0), ("loaded", 1.0)):
         rows = np.flatnonzero(check.wrench.any(axis=1) == of)
         errors = position_errors(found, [select_rows(check, rows)], PLACED)

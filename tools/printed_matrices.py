@@ -200,8 +200,8 @@ def readings(cell: Cell, campaign: FullPose, wrench: Array, twist: Array) -> Dat
     runs = len(wrench)
     return Dataset(
         markers=cell.arm.markers,
-        run=np.arange(runs) + 1,
-        pose=np.ones(runs, dtype=int),
+        run_id=np.arange(runs) + 1,
+        pose_id=np.ones(runs, dtype=int),
         q=np.empty((runs, 0)),
         wrench=wrench,
         point=np.zeros((runs, 3)),

@@ -26,7 +26,7 @@ def main(files: list[Path]) -> None:
     for file in files:
         export = read_series(file, arm, MAP)
         write_series(READINGS / f"{file.stem}.csv", arm, export.series, decimals=DECIMALS)
-        rows = sum(series.rows for series in export.series)
+        rows = sum(series.n_rows for series in export.series)
         print(f"{file.stem}: {rows} rows", *export.notes, sep="\n  ")
     size = sum(file.stat().st_size for file in READINGS.iterdir())
     if size > MOST:

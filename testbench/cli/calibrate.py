@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.data.dataset import numbers_per_target
+from testbench.data.dataset import mean_numbers_per_reading
 from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
 from testbench.identify.registration import MIN_POSES
@@ -193,7 +193,7 @@ def report(
         The report.
     """
     f, chosen = counted.numbers(found, left, more), found.calibration.selection
-    length = np.sqrt(numbers_per_target(found.series))
+    length = np.sqrt(mean_numbers_per_reading(found.series))
     plain_mm, own_mm = (MM * length * x for x in chosen.held_out_rms)
     rival = f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM
     answer = say(

@@ -48,7 +48,8 @@ class CompensateOptions:
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     program: Annotated[Path, typer.Argument(help="Table of points and loads, or a robot's program.")]
     out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Corrected program: .csv, .src, .mod, .script, .ls, .jbi.")
+        Path,
+        typer.Option(metavar="FILE", help="Corrected program: .csv, .src, .mod, .script, .ls, .jbi."),
     ]
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the report (default: beside --out).")

@@ -202,7 +202,7 @@ def propose_map(asked: MapOptions) -> None:
     console.print("\n".join([f"map        {out}", *_origin(proposal), ""]), soft_wrap=True)
     if _along_lines(proposal.map()):
         export = read_export(asked.dataset, cell.arm, out, load=asked.load)
-        _show_columns(console, export.columns, export.notes, f"{export.data.runs} runs")
+        _show_columns(console, export.columns, export.notes, f"{export.data.n_runs} runs")
         return
     _show_series(console, cell, asked.dataset, out, asked.load)
 
@@ -227,7 +227,7 @@ def _show_series(
     """Show what a map reads of a file, and how well that fits the arm."""
     export = read_series(dataset, cell.arm, mapping, load=load)
     _show_columns(
-        console, export.columns, export.notes, f"{sum(series.rows for series in export.series)} readings"
+        console, export.columns, export.notes, f"{sum(series.n_rows for series in export.series)} readings"
     )
     off = MM * kinematic_misfit(cell.vjm, export.series)
     console.print(f"The median distance of these readings from the nominal arm is {off:.3g} mm.")

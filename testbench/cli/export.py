@@ -112,7 +112,7 @@ def _export(model: ArmModel, draft: Draft, out: Path) -> None:
 
 
 def _say(model: ArmModel, lines: list[str]) -> None:
-    if not model.absolute:
+    if not model.is_absolute:
         lines.append(
             "warning    testbench identify does not change the geometry: the nominal geometry is written"
         )

@@ -144,16 +144,16 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
         for path, part, every in zip(paths, parts, files, strict=True):
             write_series(part, cell.arm, [_named(one, path.stem, alone=len(every) == 1) for one in every])
     for path, every in zip(paths, files, strict=True):
-        rows, targets = sum(one.rows for one in every), ", ".join(every[0].markers)
-        poses = len(np.unique(np.concatenate([one.pose for one in every])))
+        rows, targets = sum(one.n_rows for one in every), ", ".join(every[0].markers)
+        poses = len(np.unique(np.concatenate([one.pose_id for one in every])))
         console.print(f"{path}: {rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
 
 
 def _named(series: Series, stem: str, *, alone: bool) -> Series:
     """Name a series, its frame and its mount after the file; faces of one block share a frame."""
     if alone:
-        return replace(series, name=stem, frame=stem, target=stem)
-    return replace(series, name=f"{stem} {series.name}", frame=f"{stem} {series.frame}", target=stem)
+        return replace(series, name=stem, frame=stem, mount=stem)
+    return replace(series, name=f"{stem} {series.name}", frame=f"{stem} {series.frame}", mount=stem)
 
 
 def _files(out: Path, series: int) -> list[Path]:
@@ -213,14 +213,13 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
 
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)
-    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)[data.seen]
+    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)[data.is_measured]
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     low, high = masses.min(), masses.max()
     hung = (f"{low:g} kg" if low == high else f"{low:g} to {high:g} kg") + " and forces" * (pulls is not None)
     seen = f", read by a tracker at {' and one at '.join(asked.tracker)} m" if asked.tracker else ""
-    text = (
-        f"{asked.out}: {data.runs} runs under {hung}, deflections of {size.min():.2f} to {size.max():.2f} mm"
-    )
+    deflections = f"deflections of {size.min():.2f} to {size.max():.2f} mm"
+    text = f"{asked.out}: {data.n_runs} runs under {hung}, {deflections}"
     text += seen + (f", read by {', '.join(asked.instrument)}" if asked.instrument else "")
     console.print(text, soft_wrap=True)
 

@@ -28,7 +28,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.data.dataset import Rows, join_rows, row_arrays, select_rows
+from testbench.data.dataset import Rows, concatenate_rows, row_arrays, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import (
     ArmState,
@@ -48,53 +48,53 @@ from testbench.model.vjm import (
 )
 from testbench.progress import stepwise
 
-POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for its cache.
+POSES_PER_BATCH = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 
 
-def batches(poses: int) -> Iterator[slice]:
+def pose_slices(n_poses: int) -> Iterator[slice]:
     """Split poses into slices of at most `POSES_AT_ONCE`, with progress; one empty slice for none."""
     return stepwise(
-        [slice(k, k + POSES_AT_ONCE) for k in range(0, max(poses, 1), POSES_AT_ONCE)], "solving poses"
+        [slice(k, k + POSES_PER_BATCH) for k in range(0, max(n_poses, 1), POSES_PER_BATCH)], "solving poses"
     )
 
 
-def assign_rows(rows: Rows, places: Ids, others: Rows) -> None:
+def assign_rows(rows: Rows, indices: Ids, new_rows: Rows) -> None:
     """Overwrite some rows of arrays that belong together, in place.
 
     Args:
         rows: Dataclass of arrays with one row per pose.
-        places: Indices of the rows to overwrite, (k,).
-        others: Dataclass of the same type with k rows.
+        indices: Indices of the rows to overwrite, (k,).
+        new_rows: Dataclass of the same type with k rows.
     """
     for name, values in row_arrays(rows).items():
-        values[places] = row_arrays(others)[name]
+        values[indices] = row_arrays(new_rows)[name]
 
 
-def with_rows(rows: Rows, places: Ids, others: Rows) -> Rows:
+def replace_rows(rows: Rows, indices: Ids, new_rows: Rows) -> Rows:
     """Copy arrays that belong together, with some rows overwritten.
 
     Args:
         rows: Dataclass of arrays with one row per pose.
-        places: Indices of the rows to overwrite, (k,).
-        others: Dataclass of the same type with k rows.
+        indices: Indices of the rows to overwrite, (k,).
+        new_rows: Dataclass of the same type with k rows.
 
     Returns:
         The copy; the input is unchanged.
     """
-    copied = join_rows([rows])
-    assign_rows(copied, places, others)
+    copied = concatenate_rows([rows])
+    assign_rows(copied, indices, new_rows)
     return copied
 
 
 @dataclass(frozen=True)
-class RestPoses:
+class EquilibriumPoses:
     """Hold the equilibrium: virtual joints, and the tool's pose."""
 
     theta: Array  #: Virtual joints, (poses, n_theta) [m, rad].
     position: Array  #: Position of the tool's origin, world, (poses, 3) [m].
     rotation: Array  #: Orientation, world from tool, (poses, 3, 3) [1].
 
-    def at(self, point: Array) -> Array:
+    def position_of(self, point: Array) -> Array:
         """Compute world positions of one point of the tool.
 
         Args:
@@ -105,7 +105,7 @@ class RestPoses:
         """
         return np.asarray(self.position + np.matvec(self.rotation, point))
 
-    def points(self, points: Array) -> Array:
+    def positions_of(self, points: Array) -> Array:
         """Compute world positions of several points of the tool.
 
         Args:
@@ -117,7 +117,7 @@ class RestPoses:
         return transform_tool_points((self.position, self.rotation), points)
 
 
-def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPoses:
+def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> EquilibriumPoses:
     """Solve the static equilibrium of every pose under own weight and all loads.
 
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n, with u the generalised loads at theta, geometric
@@ -141,10 +141,10 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPo
     loads = [load.for_poses(len(q)) for load in loads]
     parts = (
         joint_equilibrium(state, q[batch], [load.select(batch) for load in loads])
-        for batch in batches(len(q))
+        for batch in pose_slices(len(q))
     )
-    return join_rows(
-        [RestPoses(part.theta, part.chain.tool_position, part.chain.tool_rotation) for part in parts]
+    return concatenate_rows(
+        [EquilibriumPoses(part.theta, part.chain.tool_position, part.chain.tool_rotation) for part in parts]
     )
 
 
@@ -159,7 +159,7 @@ There a rotation of one milliradian moves the joints by 20 mrad, more than a deg
 RANK_SHARE = 1e-7
 
 
-def newton_operator(J: Array, hold: CorrectedPart, axis: Array) -> Array:
+def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> Array:
     """Compute the operator G of a Newton step, d = G b, that meets position first and then rotation.
 
     Mathematics: `cor-4`, `cor-5`.
@@ -167,8 +167,8 @@ def newton_operator(J: Array, hold: CorrectedPart, axis: Array) -> Array:
     Args:
         J: Jacobian of the actuated joints at the tool point, translation first, world axes, (points, 6, n)
             [m, 1].
-        hold: The part of the pose to correct.
-        axis: Unit vector of the spindle in the world, (points, 3) [1].
+        corrected_part: The part of the pose to correct.
+        spindle: Unit vector of the spindle in the world, (points, 3) [1].
 
     Returns:
         G, (points, n, 6) [rad/m, rad/rad]; its columns of rotation are zero for "position" and for arms of at
@@ -182,18 +182,18 @@ def newton_operator(J: Array, hold: CorrectedPart, axis: Array) -> Array:
     position = (Vt[:, :r].swapaxes(1, 2) * inverse[:, None]) @ U[:, :, :r].swapaxes(1, 2)
     G = np.zeros((len(J), J.shape[2], 6))
     G[:, :, :3] = position
-    if hold == "position" or r == J.shape[2]:
+    if corrected_part == "position" or r == J.shape[2]:
         return G
     # rotation in the null space Z of J_p; without the component about the spindle where that is free
     Z, turns = Vt[:, r:].swapaxes(1, 2), J[:, 3:]
-    if hold == "axis":
-        turns = turns - axis[:, :, None] * (axis[:, None] @ turns)
+    if corrected_part == "axis":
+        turns = turns - spindle[:, :, None] * (spindle[:, None] @ turns)
     # z of least |J_r Z z - (b_r - J_r J_p^+ b_p)|, damped, as columns of G for b_p and b_r
     turning = Z @ _damped(turns @ Z)
     G[:, :, :3] -= turning @ (turns @ position)
     G[:, :, 3:] = turning
-    if hold == "axis":
-        G[:, :, 3:] -= (turning @ axis[:, :, None]) @ axis[:, None]
+    if corrected_part == "axis":
+        G[:, :, 3:] -= (turning @ spindle[:, :, None]) @ spindle[:, None]
     return G
 
 
@@ -207,12 +207,14 @@ def _damped(B: Array) -> Array:
 
 JointMeaning = Literal["unloaded", "drawn"]
 """Meaning of programmed joints: the pose under own weight alone, as taught; or of the nominal rigid arm."""
-TOLERANCE = 1e-10  #: Largest error of a point's position and of its equilibrium [m, rad].
+CONVERGENCE_TOLERANCE = 1e-10  #: Largest error of a point's position and of its equilibrium [m, rad].
 USUAL_STEPS, MAX_STEPS = 5, 60  #: Steps that suffice for most points, and most steps.
-HALVING_STEPS = 10  #: Number of steps after which steps are halved; after twice as many they are quartered.
-MIN_MOTION = 1e-9  #: Largest motion of the joints in the last step [rad, m].
-MAX_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
-MAX_COORDINATE, UNIT_VECTOR_TOLERANCE = 10.0, 1e-6
+STEPS_BEFORE_HALVING = (
+    10  #: Number of steps after which steps are halved; after twice as many they are quartered.
+)
+CONVERGED_JOINT_MOTION = 1e-9  #: Largest motion of the joints in the last step [rad, m].
+MAX_JOINT_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
+MAX_TOOL_POINT_COORDINATE, UNIT_VECTOR_TOLERANCE = 10.0, 1e-6
 """Largest coordinate of a tool point in the tool's frame [m], and rounding of a unit vector's length [1]."""
 DEFAULT_SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
 
@@ -229,28 +231,32 @@ class Target:
 class Aim:
     """State which part of the tool's pose is corrected, and about which point of the tool."""
 
-    hold: CorrectedPart = "pose"  #: Part of the pose to correct.
+    corrected_part: CorrectedPart = "pose"  #: Part of the pose to correct.
     #: Meaning of programmed joints; None is "drawn" for an absolute model, "unloaded" for any other.
-    reference: JointMeaning | None = None
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
+    joint_meaning: JointMeaning | None = None
+    tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
     #: Unit vector of the spindle in the tool's frame, (3,) [1].
     spindle: tuple[float, float, float] = DEFAULT_SPINDLE
 
     def __post_init__(self) -> None:
         """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
-        if self.hold not in get_args(CorrectedPart):
-            raise BenchError(f"aim.hold: expected {' or '.join(get_args(CorrectedPart))}, got {self.hold!r}")
-        if self.reference not in (None, *get_args(JointMeaning)):
+        if self.corrected_part not in get_args(CorrectedPart):
+            known = " or ".join(get_args(CorrectedPart))
+            raise BenchError(f"aim.corrected_part: expected {known}, got {self.corrected_part!r}")
+        if self.joint_meaning not in (None, *get_args(JointMeaning)):
             known = " or ".join(get_args(JointMeaning))
-            raise BenchError(f"aim.reference: expected {known} or None, got {self.reference!r}")
-        point = check_array(self.point, (3,), "aim.point [m]")
+            raise BenchError(f"aim.joint_meaning: expected {known} or None, got {self.joint_meaning!r}")
+        point = check_array(self.tool_point, (3,), "aim.tool_point [m]")
         spindle = check_array(self.spindle, (3,), "aim.spindle [1]")
-        if np.abs(point).max() > MAX_COORDINATE or abs(np.linalg.norm(spindle) - 1) > UNIT_VECTOR_TOLERANCE:
-            problem = f"a tool point within {MAX_COORDINATE:g} m and a spindle of length 1"
-            raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
+        if (
+            np.abs(point).max() > MAX_TOOL_POINT_COORDINATE
+            or abs(np.linalg.norm(spindle) - 1) > UNIT_VECTOR_TOLERANCE
+        ):
+            problem = f"a tool point within {MAX_TOOL_POINT_COORDINATE:g} m and a spindle of length 1"
+            raise BenchError(f"aim: expected {problem}, got {self.tool_point} and {self.spindle}")
 
 
-def programmed_target(state: ArmState, q: Array, reference: JointMeaning, point: Array) -> Target:
+def programmed_target(state: ArmState, q: Array, joint_meaning: JointMeaning, tool_point: Array) -> Target:
     """Compute the target poses that programmed joints ask for.
 
     Mathematics: `cor-2`.
@@ -258,10 +264,10 @@ def programmed_target(state: ArmState, q: Array, reference: JointMeaning, point:
     Args:
         state: The identified arm.
         q: Joints of the program, (points, n) [rad, m].
-        reference: "unloaded": the pose under own weight alone, so that only the effect of loads is corrected.
-            "drawn": the pose of the nominal rigid arm, so that geometry, joint errors and own weight are
-            corrected too.
-        point: Tool point in the tool's frame, (3,) [m].
+        joint_meaning: "unloaded": the pose under own weight alone, so that only deflections by loads are
+            corrected. "drawn": the pose of the nominal rigid arm, so that geometry, joint errors and own
+            weight are corrected too.
+        tool_point: Tool point in the tool's frame, (3,) [m].
 
     Returns:
         Target poses of the tool point.
@@ -269,15 +275,15 @@ def programmed_target(state: ArmState, q: Array, reference: JointMeaning, point:
     Raises:
         NoEquilibrium: When the unloaded arm has no equilibrium; the message names the pose.
     """
-    if reference == "drawn":
+    if joint_meaning == "drawn":
         position, rotation = tool_poses(state.vjm, q)
-        return Target(position + rotation @ point, rotation)
+        return Target(position + rotation @ tool_point, rotation)
     rest_poses = equilibrium(state, q)
-    return Target(rest_poses.at(point), rest_poses.rotation)
+    return Target(rest_poses.position_of(tool_point), rest_poses.rotation)
 
 
 @dataclass(frozen=True)
-class Corrected:
+class InverseStaticsSolution:
     """Hold corrected joints, and the errors that remain."""
 
     q: Array  #: Joints to command, (points, n) [rad, m].
@@ -292,11 +298,11 @@ class Corrected:
     def solved(self) -> Mask:
         """Tell which points are met within `TOLERANCE`, (points,); a damped rotation does not count."""
         far = np.maximum(np.linalg.norm(self.position_error, axis=1), self.equilibrium_residual)
-        return np.asarray(far <= TOLERANCE)
+        return np.asarray(far <= CONVERGENCE_TOLERANCE)
 
 
 @dataclass(frozen=True)
-class InverseStatics:
+class InverseStaticsProblem:
     """Describe the points to solve: start, loads, target and joints that may move."""
 
     state: ArmState  #: The arm.
@@ -306,7 +312,7 @@ class InverseStatics:
     aim: Aim  #: Tool point, and the part of its pose to correct.
     may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
-    def select(self, points: slice | Ids) -> "InverseStatics":
+    def select(self, points: slice | Ids) -> "InverseStaticsProblem":
         """Select some of the points.
 
         Args:
@@ -328,26 +334,26 @@ class _Errors:
     spring_error: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
 
 
-def _errors(points: InverseStatics, q: Array, theta: Array) -> _Errors:
+def _errors(points: InverseStaticsProblem, q: Array, theta: Array) -> _Errors:
     """Evaluate the deflected arm once."""
     state = points.state
     where = evaluate_chain(state.vjm, q, theta)
     u = generalised_loads_at(state, where, points.loads)
     springs = theta_without_springs(state, q, points.loads) + (state.C_theta @ u).T - theta
-    position = where.tool_position + where.tool_rotation @ np.array(points.aim.point)
+    position = where.tool_position + where.tool_rotation @ np.array(points.aim.tool_point)
     turned = _rotation_error(points, where.tool_rotation)
     return _Errors(where, points.target.position - position, turned, springs)
 
 
-def _rotation_error(points: InverseStatics, rotation: Array) -> Array:
+def _rotation_error(points: InverseStaticsProblem, rotation: Array) -> Array:
     """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
-    if points.aim.hold != "axis":
+    if points.aim.corrected_part != "axis":
         return rotation_vectors_between(rotation, points.target.rotation)
     spindle = np.array(points.aim.spindle)
     return rotation_vectors_between_axes(rotation @ spindle, points.target.rotation @ spindle)
 
 
-def solve_inverse_statics(points: InverseStatics) -> Corrected:
+def solve_inverse_statics(problem: InverseStaticsProblem) -> InverseStaticsSolution:
     """Find joints for which the loaded tool is on its target, without regard to joint limits.
 
     Most points converge in `USUAL_STEPS` steps of the constant operator. Late ones are solved together,
@@ -358,38 +364,44 @@ def solve_inverse_statics(points: InverseStatics) -> Corrected:
     Mathematics: `cor-1`, `cor-3`.
 
     Args:
-        points: Start, loads, target, aim and which joints may move.
+        problem: Start, loads, target, aim and which joints may move.
 
     Returns:
-        The joints and the remaining errors; `Corrected.solved` tells which points were reached.
+        The joints and the remaining errors; `InverseStaticsSolution.solved` tells which points were reached.
     """
     # most points, then the late ones together
-    corrected = _in_batches(points, USUAL_STEPS)
+    corrected = _in_batches(problem, USUAL_STEPS)
     late = np.flatnonzero(corrected.steps > USUAL_STEPS)
     if len(late):
-        assign_rows(corrected, late, _in_batches(points.select(late), MAX_STEPS))
-    alone = replace(points.aim, hold="position")
+        assign_rows(corrected, late, _in_batches(problem.select(late), MAX_STEPS))
+    alone = replace(problem.aim, corrected_part="position")
     # what is left: with a renewed operator, then position alone, with the first operator and a renewed one
-    for aim, renewed in ((points.aim, True), (alone, False), (alone, True)):
+    for aim, renewed in ((problem.aim, True), (alone, False), (alone, True)):
         bad = np.flatnonzero(~corrected.solved)
         if len(bad):
-            again = _in_batches(replace(points.select(bad), aim=aim), MAX_STEPS, renewed=renewed)
+            again = _in_batches(replace(problem.select(bad), aim=aim), MAX_STEPS, renewed=renewed)
             better = np.flatnonzero(again.solved)
             assign_rows(corrected, bad[better], select_rows(again, better))
     return corrected
 
 
-def _in_batches(points: InverseStatics, max_steps: int, *, renewed: bool = False) -> Corrected:
+def _in_batches(
+    points: InverseStaticsProblem, max_steps: int, *, renewed: bool = False
+) -> InverseStaticsSolution:
     """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
-    slices = batches(len(points.start))
-    return join_rows([_solve_batch(points.select(part), max_steps, renewed=renewed) for part in slices])
+    slices = pose_slices(len(points.start))
+    return concatenate_rows(
+        [_solve_batch(points.select(part), max_steps, renewed=renewed) for part in slices]
+    )
 
 
-def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Corrected:
+def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool) -> InverseStaticsSolution:
     """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
     q, theta = points.start.copy(), theta_without_springs(points.state, points.start, points.loads)
-    corrected = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
+    corrected = InverseStaticsSolution(
+        q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int)
+    )
     moving = np.arange(runs)
     now = points
     moves = points.state.vjm.arm.dependence_matrix
@@ -409,10 +421,10 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.chain, now.state.vjm.joint_spring_slice)
             J = (J if moves is None else J @ moves) * now.may_move[:, None]
-            G = newton_operator(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
+            G = newton_operator(J, now.aim.corrected_part, now.target.rotation @ np.array(now.aim.spindle))
         # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
-        move = _joint_step(now, off, q[moving], G, J) / 2 ** min(2, step // HALVING_STEPS)
-        still = corrected.solved[moving] & (np.abs(move).max(axis=1) <= MIN_MOTION)
+        move = _joint_step(now, off, q[moving], G, J) / 2 ** min(2, step // STEPS_BEFORE_HALVING)
+        still = corrected.solved[moving] & (np.abs(move).max(axis=1) <= CONVERGED_JOINT_MOTION)
         go = np.flatnonzero(~still & np.isfinite(off.position_error).all(axis=1))
         if not len(go):
             return corrected
@@ -430,14 +442,14 @@ def _solve_batch(points: InverseStatics, max_steps: int, *, renewed: bool) -> Co
 def _jacobian(aim: Aim, chain: ChainState, columns: slice) -> Array:
     """Compute the Jacobian of some virtual joints at the tool point, translation first, (points, 6, k)."""
     v, omega = chain.J_theta[:3, columns], chain.J_theta[3:, columns]
-    arm = (chain.tool_rotation @ np.array(aim.point)).T[:, None]
+    arm = (chain.tool_rotation @ np.array(aim.tool_point)).T[:, None]
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
-def _joint_step(points: InverseStatics, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
+def _joint_step(points: InverseStaticsProblem, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
     """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
     # the errors that remain once theta has followed its springs, to first order
-    arm = (errors.chain.tool_rotation @ np.array(points.aim.point)).T
+    arm = (errors.chain.tool_rotation @ np.array(points.aim.tool_point)).T
     v, omega = np.einsum("xtr,rt->xr", errors.chain.J_theta, errors.spring_error).reshape(2, 3, -1)
     left = np.hstack([errors.position_error - (v + cross(omega, arm)).T, errors.rotation_error - omega.T])
     # the whole motion from the start solves the start's linear equations: q = start + G (errors + J gone)
@@ -446,5 +458,5 @@ def _joint_step(points: InverseStatics, errors: _Errors, q: Array, G: Array, J: 
     if points.state.vjm.arm.dependence_matrix is not None:  # joints that follow others move as these do
         move = np.matvec(points.state.vjm.arm.dependence_matrix, move)
     return np.asarray(
-        move * np.minimum(1, MAX_MOTION / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
+        move * np.minimum(1, MAX_JOINT_MOTION / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
     )

@@ -20,18 +20,18 @@ from functools import cached_property
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.correct.newton import RestPoses, batches, equilibrium
-from testbench.data.dataset import join_rows, select_evenly, select_rows
+from testbench.correct.newton import EquilibriumPoses, equilibrium, pose_slices
+from testbench.data.dataset import concatenate_rows, select_evenly, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.equations import jacobian, undeflected_arm
 from testbench.identify.posterior import (
     CONFIDENCE,
-    CURVATURE_COUNT,
+    SECOND_ORDER_FACTOR,
     ArmModel,
     conditional_covariance,
-    quantile,
+    student_quantile,
 )
 from testbench.model.kinematics import joint_error_basis
 from testbench.model.laws import tangent_C_theta
@@ -54,7 +54,7 @@ from testbench.model.vjm import (
 
 # --- Intervals of predicted positions and deflections, and the part of a model that widens them most --------
 
-MAX_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
+MAX_SAMPLED_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
 MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].
 MIN_SHARE_RATIO = 1.2  #: Least ratio of its share to that of the next part [1].
 
@@ -68,7 +68,9 @@ class LoadedPoses:
     #: Whether own weight counts as one of the loads for a model of compliances alone: deflections are then
     #: measured from the nominal rigid arm.
     with_own_weight: bool = False
-    equilibrium: RestPoses | None = None  #: Equilibrium under these loads; None where it is not known yet.
+    equilibrium: EquilibriumPoses | None = (
+        None  #: Equilibrium under these loads; None where it is not known yet.
+    )
 
     def __post_init__(self) -> None:
         """Give every load a row a pose; BenchError where it has another number of them."""
@@ -96,7 +98,7 @@ class LoadedPoses:
         """
         return not (self.loads or self.with_own_weight) and np.array_equal(self.q, other.q)
 
-    def rest_poses(self, state: ArmState) -> RestPoses:
+    def solve_equilibrium(self, state: ArmState) -> EquilibriumPoses:
         """Return the equilibrium under these loads; solve it if it is not known.
 
         Args:
@@ -108,15 +110,17 @@ class LoadedPoses:
         return self.equilibrium or equilibrium(state, self.q, self.loads)
 
 
-def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, points: Array) -> Array:
+def motion_half_widths(
+    model: ArmModel, end_poses: LoadedPoses, start_poses: LoadedPoses | None, points: Array
+) -> Array:
     """Compute half widths of 95 % intervals of positions, or of motions from one pose to another.
 
     Mathematics: `int-8`.
 
     Args:
         model: Identified model of the arm.
-        end: Poses whose positions are predicted.
-        start: Poses from which the motion is measured, as many; None for positions in the world, by an
+        end_poses: Poses whose positions are predicted.
+        start_poses: Poses from which the motion is measured, as many; None for positions in the world, by an
             absolute model.
         points: Points in the tool's frame, (k, 3) [m].
 
@@ -128,25 +132,25 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
         BenchError: When positions are requested of a model of compliances only.
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    if start is None and not model.absolute:
+    if start_poses is None and not model.is_absolute:
         raise BenchError(
             "intervals of positions need a model of absolute readings; this one predicts deflections only"
         )
     scatter, widths = _scatter(model), []
-    for batch in batches(len(end.q)):
-        before = None if start is None else start.select(batch)
+    for batch in pose_slices(len(end_poses.q)):
+        before = None if start_poses is None else start_poses.select(batch)
         # Widths by the posterior, then terms that a linear model leaves out, or the scatter of positions.
-        rows = motion_rows(model, end.select(batch), before, points)
+        rows = motion_jacobian(model, end_poses.select(batch), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
-        if not model.absolute:
-            loaded_poses = end.select(batch)
+        if not model.is_absolute:
+            loaded_poses = end_poses.select(batch)
             free = (
                 before
                 if before is not None and before.is_unloaded(loaded_poses)
                 else LoadedPoses(loaded_poses.q)
             )
-            half = np.hypot(half, curvature(model, loaded_poses, free, points))
-        elif start is None:
+            half = np.hypot(half, linear_model_error(model, loaded_poses, free, points))
+        elif start_poses is None:
             half = np.hypot(half, scatter)
         widths.append(half)
     return np.concatenate(widths)
@@ -154,10 +158,10 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
 
 def _scatter(model: ArmModel) -> float:
     """Compute the half width of the 95 % interval of readings about an absolute model [m]."""
-    return quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter
+    return student_quantile(math.inf, (1 + CONFIDENCE) / 2) * model.position_scatter
 
 
-def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array:
+def relative_half_widths(model: ArmModel, poses: LoadedPoses, point: Array) -> Array:
     """Compute half widths of 95 % intervals of positions relative to each other: a frame is fitted to all.
 
     A tracker does not see the base, only its own frame. So an absolute model is more accurate between places
@@ -168,7 +172,7 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
 
     Args:
         model: Absolute model.
-        end: At least 3 poses, not all in one place.
+        poses: At least 3 poses, not all in one place.
         point: Point in the tool's frame, (3,) [m].
 
     Returns:
@@ -177,8 +181,8 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    rows = motion_rows(model, end, None, point[None])[:, 0]
-    x = end.rest_poses(model.state).at(point)
+    rows = motion_jacobian(model, poses, None, point[None])[:, 0]
+    x = poses.solve_equilibrium(model.state).position_of(point)
     x = x - x.mean(axis=0)
     # F: motions of the places by a translation and a small rotation of the frame
     F = rigid_motion_matrix(x)
@@ -189,15 +193,17 @@ def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array
     return np.asarray(np.hypot(half, _scatter(model)))
 
 
-def motion_rows(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, points: Array) -> Array:
+def motion_jacobian(
+    model: ArmModel, end_poses: LoadedPoses, start_poses: LoadedPoses | None, points: Array
+) -> Array:
     """Compute positions, or motions from one pose to another, per unit of every uncertain unknown.
 
     Mathematics: `cor-8`.
 
     Args:
         model: Identified model of the arm.
-        end: Poses whose positions are predicted.
-        start: Poses from which the motion is measured; None for positions.
+        end_poses: Poses whose positions are predicted.
+        start_poses: Poses from which the motion is measured; None for positions.
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
@@ -206,11 +212,11 @@ def motion_rows(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    rows = _rows(model, end, points)
+    rows = _rows(model, end_poses, points)
     # nothing bends the drawn arm
-    if start is None or not (model.absolute or start.loads or start.with_own_weight):
+    if start_poses is None or not (model.is_absolute or start_poses.loads or start_poses.with_own_weight):
         return rows
-    return rows - _rows(model, start, points)
+    return rows - _rows(model, start_poses, points)
 
 
 def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
@@ -222,20 +228,22 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     covers what is left out.
     """
     state, at_rest = model.state, undeflected_arm(model.vjm, poses.q, poses.loads)
-    if model.absolute:
-        theta = poses.rest_poses(state).theta
+    if model.is_absolute:
+        theta = poses.solve_equilibrium(state).theta
         where = evaluate_chain(model.vjm, poses.q, theta)
         at_rest = replace(at_rest, theta=theta, chain=where, u=sum_generalised_loads(where, poses.loads))
-    if model.absolute or poses.with_own_weight:
+    if model.is_absolute or poses.with_own_weight:
         at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.masses) + at_rest.u)
     phi = joint_error_basis(
         state.error_terms, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
     )
-    A = jacobian(model.unknowns, replace(at_rest, error_basis=phi), points, rotations=False)
-    return A[:, :, model.columns].transpose(3, 0, 1, 2)
+    A = jacobian(model.unknowns, replace(at_rest, error_basis=phi), points, with_orientation=False)
+    return A[:, :, model.uncertain_columns].transpose(3, 0, 1, 2)
 
 
-def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Array) -> Array:
+def linear_model_error(
+    model: ArmModel, poses: LoadedPoses, unloaded_poses: LoadedPoses, points: Array
+) -> Array:
     """Compute the deflection that a linear model leaves out, which its fit put into other parameters.
 
     Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
@@ -245,7 +253,7 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
     Args:
         model: Identified model of the arm.
         poses: Loaded poses.
-        free: The same poses without loads.
+        unloaded_poses: The same poses without loads.
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
@@ -255,12 +263,12 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     state, loads = model.state, poses.loads
-    where, after = evaluate_chain(model.vjm, poses.q), poses.rest_poses(state)
+    where, after = evaluate_chain(model.vjm, poses.q), poses.solve_equilibrium(state)
     u = sum_generalised_loads(where, loads)
     if poses.with_own_weight:
         (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight_load(where, state.masses)
     else:
-        before = free.rest_poses(state)
+        before = unloaded_poses.solve_equilibrium(state)
         position, rotation = before.position, before.rotation
     bent = np.einsum("rxy,py->rpx", after.rotation - rotation, points) + (after.position - position)[:, None]
     return np.asarray(np.abs(bent - first_order_deflection(where, (state.C_theta @ u).T, points)))
@@ -271,12 +279,14 @@ class LargestUncertainty:
     """Name the part of a model that causes most of the remaining uncertainty."""
 
     name: str  #: Name of a link or joint, "geometry" or "joint errors".
-    share: float  #: Share of the variance, or of unbounded rows, that knowing the part would remove [1].
-    joint: bool  #: Whether it is the spring of a joint.
+    variance_share: (
+        float  #: Share of the variance, or of unbounded rows, that knowing the part would remove [1].
+    )
+    is_joint: bool  #: Whether it is the spring of a joint.
 
 
 def largest_uncertainty(
-    model: ArmModel, q: Array, loads: Sequence[Load], point: Array, absolute: bool
+    model: ArmModel, q: Array, loads: Sequence[Load], point: Array, of_positions: bool
 ) -> LargestUncertainty | None:
     """Find the part whose exact knowledge would remove most of the remaining uncertainty.
 
@@ -285,7 +295,7 @@ def largest_uncertainty(
         q: Joints as commanded, (poses, n) [rad, m].
         loads: Loads besides own weight, each the same in all poses or with one row per pose.
         point: Point in the tool's frame, (3,) [m].
-        absolute: Whether positions count, not how far loads move the point.
+        of_positions: Whether positions count, not how far loads move the point.
 
     Returns:
         The part; None where no single one stands out by `MIN_VARIANCE_SHARE` and `MIN_SHARE_RATIO`.
@@ -293,11 +303,11 @@ def largest_uncertainty(
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    sample = select_evenly(np.arange(len(q)), MAX_POSES)
-    end = LoadedPoses(q, loads, with_own_weight=absolute).select(sample)
-    rows = motion_rows(model, end, None if absolute else LoadedPoses(q[sample]), point[None])
+    sample = select_evenly(np.arange(len(q)), MAX_SAMPLED_POSES)
+    end = LoadedPoses(q, loads, with_own_weight=of_positions).select(sample)
+    rows = motion_jacobian(model, end, None if of_positions else LoadedPoses(q[sample]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
-    unseen = np.isinf(model.posterior.deviations(rows))
+    unseen = np.isinf(model.posterior.standard_deviations(rows))
     shares = _bounded_shares(model, rows[unseen]) if unseen.any() else _variance_shares(model, rows)
     (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda entry: -entry[1])[:2]
     if share < MIN_VARIANCE_SHARE or share < MIN_SHARE_RATIO * second:
@@ -307,7 +317,7 @@ def largest_uncertainty(
 
 def _variance_shares(model: ArmModel, rows: Array) -> dict[str, float]:
     """Compute the share of the variance of functionals, rows (k, c), that is gone where a part is known."""
-    k, size = len(rows), np.linalg.norm(model.posterior.root, axis=0)
+    k, size = len(rows), np.linalg.norm(model.posterior.covariance_root, axis=0)
     K = model.posterior.covariance(np.vstack([rows, np.diag(1 / np.where(size > 0, size, 1))]))
     whole, every = float(np.trace(K[:k, :k])), np.arange(k)
     return {
@@ -323,7 +333,7 @@ def _bounded_shares(model: ArmModel, rows: Array) -> dict[str, float]:
     for name, columns in _parts(model):
         rest = rows.copy()
         rest[:, columns] = 0
-        shares[name] = float(np.isfinite(model.posterior.deviations(rest)).mean())
+        shares[name] = float(np.isfinite(model.posterior.standard_deviations(rest)).mean())
     return shares
 
 
@@ -332,7 +342,7 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
     unknowns, structure = model.unknowns, model.structure
     for key, name in (("geometry", "geometry"), ("errors", "joint errors")):
         inside = np.arange(unknowns.size)[unknowns.columns(key)]
-        yield name, np.flatnonzero(np.isin(model.columns, inside))
+        yield name, np.flatnonzero(np.isin(model.uncertain_columns, inside))
     first, links = unknowns.first_columns["elastic"], [link.name for link in model.arm.links]
     joints = [joint.name for joint in model.arm.joints]
     laws = model.vjm.joint_laws
@@ -341,7 +351,7 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
     owner = np.array(names)[structure.rows]
     for name in dict.fromkeys(owner.tolist()):
         inside = first + np.flatnonzero(owner == name)
-        yield name, np.flatnonzero(np.isin(model.columns, inside))
+        yield name, np.flatnonzero(np.isin(model.uncertain_columns, inside))
 
 
 # --- Prediction: poses of the tool under its loads, with 95 % intervals -------------------------------------
@@ -371,17 +381,17 @@ class Prediction(Displayed):
         return {
             "poses": len(self.deflection),
             "points": self.deflection.shape[1],
-            "deflection_mm": span(1e3 * self.size[:, 0]),
-            "half_width_mm": span(1e3 * self.widest[:, 0]),
+            "deflection_mm": span(1e3 * self.deflection_length[:, 0]),
+            "half_width_mm": span(1e3 * self.largest_half_width[:, 0]),
         }
 
     @cached_property
-    def size(self) -> Array:
+    def deflection_length(self) -> Array:
         """Compute the lengths of the deflections, (poses, 1 + m) [m]."""
         return np.asarray(np.linalg.norm(self.deflection, axis=2))
 
     @cached_property
-    def widest(self) -> Array:
+    def largest_half_width(self) -> Array:
         """Return the largest half width over the three axes of every point, (poses, 1 + m) [m]."""
         return np.asarray(self.half_width.max(axis=2))
 
@@ -416,27 +426,31 @@ def predict(
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
     every = LoadedPoses(q, loads)
-    return join_rows([_predict(model, every.select(batch), points, linear) for batch in batches(len(q))])
+    return concatenate_rows(
+        [_predict(model, every.select(batch), points, linear) for batch in pose_slices(len(q))]
+    )
 
 
 def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) -> Prediction:
     """Predict a few poses, as `predict`."""
-    before, after = equilibrium(model.state, loaded.q), loaded.rest_poses(model.state)
+    before, after = equilibrium(model.state, loaded.q), loaded.solve_equilibrium(model.state)
     loaded, free = replace(loaded, equilibrium=after), LoadedPoses(loaded.q, equilibrium=before)
-    half = half_widths(model, loaded, free, points)
+    half = motion_half_widths(model, loaded, free, points)
     turn, straight = rotation_vectors_between(before.rotation, after.rotation), _linear(model, loaded, points)
-    deflection = after.points(points) - before.points(points)
+    deflection = after.positions_of(points) - before.positions_of(points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
-    start = before.points(points)
+    start = before.positions_of(points)
     rotation = after.rotation
     if linear:
-        # Eq. (6) is off by its curvature: once for an absolute model, CURVATURE_COUNT times for one of
+        # Eq. (6) is off by its curvature: once for an absolute model, SECOND_ORDER_FACTOR times for one of
         # deflections, whose half width has it once already
-        curved = curvature(model, loaded, free, points)
-        half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVATURE_COUNT**2 - 1)))
+        curved = linear_model_error(model, loaded, free, points)
+        half = np.hypot(half, curved * (1.0 if model.is_absolute else np.sqrt(SECOND_ORDER_FACTOR**2 - 1)))
         deflection, turn = straight
         rotation = rotation_matrices(turn) @ before.rotation
-    known = half_widths(model, loaded, None, points) if model.absolute else np.full(half.shape, np.inf)
+    known = (
+        motion_half_widths(model, loaded, None, points) if model.is_absolute else np.full(half.shape, np.inf)
+    )
     return Prediction(deflection, half, turn, start + deflection, known, rotation, apart, after.theta)
 
 
@@ -493,13 +507,13 @@ def _over(value: float, reference: float | None) -> float | None:
 
 # --- Stiffness of the loaded tool in every direction: the compliance of Eq. (7) and its ellipsoid -----------
 
-SAME_POINT = 1e-7  #: Distance of points that count as one [m]: the tool waits there.
+SAME_POINT_DISTANCE = 1e-7  #: Distance of points that count as one [m]: the tool waits there.
 #: Length of a sum of unit vectors, or sine of feed and spindle, that defines no direction [1].
 MIN_DIRECTION_LENGTH = 1e-3
 
 
 def process_wrench(
-    along: Array, position: Array, spindle: Array, names: Sequence[str] | None = None
+    force_components: Array, position: Array, spindle: Array, point_names: Sequence[str] | None = None
 ) -> Array:
     """Compute the force of a process on the tool at every point of a path; its moment is zero.
 
@@ -510,10 +524,10 @@ def process_wrench(
     Mathematics: `cor-6`.
 
     Args:
-        along: Forces along the feed, across it, and along the spindle, (points, 3) [N].
+        force_components: Forces along the feed, across it, and along the spindle, (points, 3) [N].
         position: Points of the path, world, (points, 3) [m].
         spindle: Unit vector of the spindle's axis, world, (points, 3) [1].
-        names: Names of the points for messages, or None.
+        point_names: Names of the points for messages, or None.
 
     Returns:
         Force and zero moment, world axes, (points, 6) [N, N m].
@@ -522,10 +536,10 @@ def process_wrench(
         BenchError: When an array has another shape or is not finite; or at the first point with a force along
             or across a feed that the path does not define.
     """
-    along = check_array(along, (None, 3), "forces along feed, across, axial [N]")
-    position = check_array(position, (len(along), 3), "position [m]")
-    spindle = check_array(spindle, (len(along), 3), "spindle [1]")
-    feed = tangents(position, np.asarray(along[:, :2].any(axis=1)))
+    force_components = check_array(force_components, (None, 3), "forces along feed, across, axial [N]")
+    position = check_array(position, (len(force_components), 3), "position [m]")
+    spindle = check_array(spindle, (len(force_components), 3), "spindle [1]")
+    feed = path_tangents(position, np.asarray(force_components[:, :2].any(axis=1)))
     # Axes at every point: feed, across, spindle.
     across = np.cross(spindle, feed)
     sine = np.linalg.norm(across, axis=1)
@@ -537,15 +551,17 @@ def process_wrench(
     )
     # A force along a direction that is not defined is refused.
     for k, (name, lost, why) in enumerate(untold):
-        bad = np.flatnonzero(lost & (along[:, k] != 0))
+        bad = np.flatnonzero(lost & (force_components[:, k] != 0))
         if len(bad):
-            place = names[bad[0]] if names else f"point {bad[0] + 1}"
+            place = point_names[bad[0]] if point_names else f"point {bad[0] + 1}"
             raise BenchError(f"{place}: no direction for its {name} force: {why}")
-    force = along[:, :1] * feed + along[:, 1:2] * across + along[:, 2:] * spindle
+    force = (
+        force_components[:, :1] * feed + force_components[:, 1:2] * across + force_components[:, 2:] * spindle
+    )
     return np.hstack([force, np.zeros_like(force)])
 
 
-def tangents(position: Array, acts: Mask) -> Array:
+def path_tangents(position: Array, has_force: Mask) -> Array:
     """Compute the unit tangent of a path at every point; zero where the path defines none.
 
     The tangent is halfway between the directions to and from a point. Where the tool waits, the nearest
@@ -554,16 +570,16 @@ def tangents(position: Array, acts: Mask) -> Array:
 
     Args:
         position: Points of the path, (points, 3) [m].
-        acts: Points at which a force acts, (points,).
+        has_force: Points at which a force acts, (points,).
 
     Returns:
         Unit tangents, (points, 3) [1].
     """
     step = np.diff(position, axis=0)
     length = np.linalg.norm(step, axis=1)
-    moves = length > SAME_POINT
+    moves = length > SAME_POINT_DISTANCE
     group = np.concatenate([[0], np.cumsum(moves)])
-    cut = np.bincount(group, acts) > 0
+    cut = np.bincount(group, has_force) > 0
     unit = step[moves] / length[moves, None]
     inside = _mean_directions(unit * (cut[:-1] & cut[1:])[:, None])
     tangent = np.where(inside.any(axis=1, keepdims=True), inside, _mean_directions(unit))
@@ -587,26 +603,29 @@ class Stiffness(Displayed):
     compliance: Array
     #: Semi-axes of the ellipsoid over which a unit force moves the tool, the longest first, (poses, 3) [m/N].
     displacement_per_force: Array
-    axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
+    principal_axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
 
     def summary(self) -> dict[str, object]:
         """Summarise the stiffness: number of poses, least and largest principal stiffness."""
-        ends = {"softest_N_per_um": self.principal[:, 0], "stiffest_N_per_um": self.principal[:, -1]}
+        ends = {
+            "softest_N_per_um": self.principal_stiffness[:, 0],
+            "stiffest_N_per_um": self.principal_stiffness[:, -1],
+        }
         return {
             "poses": len(self.displacement_per_force),
             **{name: span(1e-6 * values) for name, values in ends.items()},
         }
 
     @cached_property
-    def principal(self) -> Array:
+    def principal_stiffness(self) -> Array:
         """Compute the principal stiffnesses, softest first, (poses, 3) [N/m]; infinite along a rigid axis."""
         with np.errstate(divide="ignore"):
             return np.asarray(1 / self.displacement_per_force)
 
     @cached_property
-    def softest(self) -> Array:
+    def softest_direction(self) -> Array:
         """Return the unit vector of the softest direction, its largest component positive, (poses, 3) [1]."""
-        axis = self.axes[:, :, 0]
+        axis = self.principal_axes[:, :, 0]
         largest = np.take_along_axis(axis, np.abs(axis).argmax(axis=1)[:, None], axis=1)
         return np.asarray(axis * np.where(largest < 0, -1.0, 1.0))
 
@@ -639,8 +658,8 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
     q = model.arm.check_joint_positions(q)
     every = LoadedPoses(q, loads)
     theta = equilibrium(model.state, q, every.loads).theta if theta is None else theta
-    return join_rows(
-        [_stiffness(model.state, every.select(batch), theta[batch]) for batch in batches(len(q))]
+    return concatenate_rows(
+        [_stiffness(model.state, every.select(batch), theta[batch]) for batch in pose_slices(len(q))]
     )
 
 
@@ -658,13 +677,13 @@ def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:
     return Stiffness(compliance, give, axes)
 
 
-def compliance_half_widths(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
+def compliance_half_widths(model: ArmModel, q: Array, tool_stiffness: Stiffness, force: float) -> Array:
     """Compute half widths of the 95 % interval of how far a force along each principal axis moves the tool.
 
     Args:
         model: Identified model of the arm.
         q: Joints as commanded, (poses, n) [rad, m].
-        tool: Stiffness of the tool in these poses.
+        tool_stiffness: Stiffness of the tool in these poses.
         force: Size of the force [N].
 
     Returns:
@@ -675,10 +694,10 @@ def compliance_half_widths(model: ArmModel, q: Array, tool: Stiffness, force: fl
         NoEquilibrium: When the arm has no equilibrium under the force.
     """
     widths, origin = np.empty((len(q), 3)), np.zeros(3)
-    for batch in batches(len(q)):
+    for batch in pose_slices(len(q)):
         free = LoadedPoses(q[batch], equilibrium=equilibrium(model.state, q[batch]))
         for k in range(3):
-            push = force * tool.axes[batch, :, k]
+            push = force * tool_stiffness.principal_axes[batch, :, k]
             pushed = LoadedPoses(q[batch], [Load(np.hstack([push, 0 * push]), origin)])
-            widths[batch, k] = half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
+            widths[batch, k] = motion_half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
     return widths

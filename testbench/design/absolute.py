@@ -86,12 +86,12 @@ def series_in_poses(pose: Series, q: Array) -> Series:
     Returns:
         The series, poses times loads rows.
     """
-    rows, times = len(q) * pose.rows, len(q)
+    rows, times = len(q) * pose.n_rows, len(q)
     return replace(
         pose,
-        row=np.arange(rows),
-        pose=np.arange(rows) // pose.rows,
-        q=np.repeat(q, pose.rows, axis=0),
+        row_id=np.arange(rows),
+        pose_id=np.arange(rows) // pose.n_rows,
+        q=np.repeat(q, pose.n_rows, axis=0),
         wrench=np.tile(pose.wrench, (times, 1)),
         point=np.tile(pose.point, (times, 1)),
         position=np.zeros((rows, len(pose.markers), 3)),
@@ -316,12 +316,12 @@ def _read(setup: AbsoluteSetup, pose: Series, q: Array) -> tuple[Array, Array, A
         Readings per unit of the unknowns, (poses, k, size) [m, rad], their noise, (poses, k) [m, rad], and
         readings per unit of joint errors beyond the model, (poses, k, n) [m, rad].
     """
-    series, G = series_in_poses(pose, q), np.repeat(_joint_rows(setup, pose, q)[:, None], pose.rows, axis=1)
+    series, G = series_in_poses(pose, q), np.repeat(_joint_rows(setup, pose, q)[:, None], pose.n_rows, axis=1)
     A = series_equations(setup.unknowns, setup.state, series)[:, :, :-1].transpose(3, 0, 1, 2)
-    sigma = np.full((len(q), pose.rows, A.shape[1] * A.shape[2]), pose.sigma)
+    sigma = np.full((len(q), pose.n_rows, A.shape[1] * A.shape[2]), pose.sigma)
     sigma[:, :, 3 * len(pose.markers) :] = pose.sigma_rotation or pose.sigma
     if pose.distance is not None:  # of the rows of a position that along the beam
-        [k] = np.flatnonzero(pose.seen[0])
+        [k] = np.flatnonzero(pose.is_measured[0])
         u = distance_directions(setup.state, series, series_equilibrium(setup.state, series))[0][k].T
         A, sigma = np.einsum("rx,rxc->rc", u, A[:, k])[:, None], sigma[:, :, :1]
         G = np.einsum("plx,plxn->pln", u.reshape(len(q), -1, 3), G[:, :, 3 * k : 3 * k + 3])[:, :, None]

@@ -173,7 +173,7 @@ def _rows(setup: MeasurementSetup, q: Array, load: Load, motion: Array, basis: A
     """
     equilibrium, scaling = undeflected_arm(setup.vjm, q, [load.for_poses(len(q))]), setup.scaling
     unknowns = compliance_unknowns(setup.vjm, scaling.structure)
-    A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
+    A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), with_orientation=True)[:, :, :-1]
     # twist in world axes, pose by pose, then the motion of its turned translation and rotation
     twist = np.ascontiguousarray(A.transpose(3, 0, 1, 2)).reshape(len(q), 6, -1)
     turned = np.einsum("ksy,rxy->rksx", motion.reshape(-1, 2, 3), equilibrium.chain.tool_rotation)

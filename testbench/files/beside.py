@@ -21,7 +21,7 @@ import numpy as np
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
-from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, select_evenly
+from testbench.data.dataset import NOMINAL_FIXED_POINT_DEVIATION, NOMINAL_NORMAL_DEVIATION, select_evenly
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
@@ -351,7 +351,7 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
     """Read the fixed point or the plane of every distance of absolute readings.
 
     A calibration finds it: in the axes of its model it is millimetres from where the base has it. So its
-    standard deviations are at least `NOMINAL_FIXED` and `NOMINAL_TILT`.
+    standard deviations are at least `NOMINAL_FIXED_POINT_DEVIATION` and `NOMINAL_NORMAL_DEVIATION`.
 
     Args:
         columns: The columns of the file.
@@ -369,13 +369,13 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
     blank = np.asarray(np.isnan(fixed).any(axis=1))
     table.refuse(blank, names[0], "expected the fixed point of this distance, got ''")
     notes = list[str]()
-    sigma = _deviation(columns, "fixed_sigma", ~blank, (NOMINAL_FIXED, MAX_FIXED), notes)
+    sigma = _deviation(columns, "fixed_sigma", ~blank, (NOMINAL_FIXED_POINT_DEVIATION, MAX_FIXED), notes)
     # A row with a direction is of a plane.
     direction, axes = _triple(columns, "direction")
     plane = np.asarray(np.isfinite(direction).all(axis=1))
     length = np.linalg.norm(direction, axis=1)
     table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected the plane's normal, got 0, 0, 0")
-    tilt = _deviation(columns, "tilt", plane, (NOMINAL_TILT, MAX_TILT), notes)
+    tilt = _deviation(columns, "tilt", plane, (NOMINAL_NORMAL_DEVIATION, MAX_TILT), notes)
     zero = np.zeros(table.rows)
     if columns.source_of(Slot("zero_sigma")) is not None:
         zero = _deviation(columns, "zero_sigma", ~plane, (0.0, MAX_ZERO), notes)
@@ -389,9 +389,9 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
     )
     return FixedPoints(
         place=fixed,
-        sigma=np.maximum(sigma, NOMINAL_FIXED),
+        sigma=np.maximum(sigma, NOMINAL_FIXED_POINT_DEVIATION),
         normal=direction / length[:, None],
-        tilt=np.maximum(tilt, NOMINAL_TILT),
+        tilt=np.maximum(tilt, NOMINAL_NORMAL_DEVIATION),
         zero_sigma=zero,
         notes=tuple(notes),
     )
@@ -438,8 +438,8 @@ class PlacedLines:
     """Hold directions of the readings of every run and marker, as a dataset has them."""
 
     direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and without an instrument.
-    tilt: Array  #: Standard deviations, (runs, m) [rad].
-    reach: Array  #: Lengths of distances, (runs, m) [m]; 0 for gauges.
+    direction_deviation: Array  #: Standard deviations, (runs, m) [rad].
+    line_length: Array  #: Lengths of distances, (runs, m) [m]; 0 for gauges.
 
 
 def place_lines(

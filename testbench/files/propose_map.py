@@ -504,7 +504,7 @@ def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
     Returns:
         The fit; None without enough orientations.
     """
-    some = series.oriented & series.seen[:, 0]
+    some = series.is_oriented & series.is_measured[:, 0]
     if series.rotation is None or some.sum() < MIN_POSES:
         return None
     tried = {"as read": series.rotation[some]}

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, along_lines, select_rows
+from testbench.data.dataset import Dataset, line_precision, select_rows
 from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.beside import FileLines, place_lines, read_lines
 from testbench.files.columns import (
@@ -848,8 +848,8 @@ def _dataset_of(
         precision = np.where(lost[..., None, None], 0.0, np.eye(3) / (2 * sigma**2))
     return Dataset(
         markers=read.markers,
-        run=runs.run,
-        pose=own.pose,
+        run_id=runs.run,
+        pose_id=own.pose,
         q=own.q,
         wrench=own.wrench,
         point=own.point,
@@ -861,7 +861,7 @@ def _dataset_of(
         sigma_rotation=None if before is None else _of_the_file(columns, 1, scatter.sigma_rotation),
         precision=precision,
         station=own.station,
-        taken_off=own.taken_off,
+        unloaded_after_load=own.taken_off,
     )
 
 
@@ -876,16 +876,16 @@ def _with_lines(
     """Give runs the directions of their readings along lines, and every reading the sigma of its row."""
     runs, read = places
     # Of rows of one state, those of the loaded readings hold the conditions of their run.
-    some, lost = np.isin(runs.leader, runs.row), ~data.seen
+    some, lost = np.isin(runs.leader, runs.row), ~data.is_measured
     at = np.searchsorted(runs.row, runs.leader[some]), read.marker[: len(some)][some]
     placed = place_lines(select_rows(lines, some), arm, data.markers, data.q, at)
     own, along = np.full(lost.shape, data.sigma), np.asarray(placed.direction.any(axis=2) & ~lost)[..., None]
     own[at] = sigma[some]
     P = np.eye(3) / (2 * own[..., None, None] ** 2) * ~lost[..., None, None]
     P = P if covariances is None else covariances
-    meter = placed.reach[..., None] > 0  # read along the x axis before its direction was known
+    meter = placed.line_length[..., None] > 0  # read along the x axis before its direction was known
     before, after = (np.where(meter, x[..., :1] * placed.direction, x) for x in (data.before, data.after))
-    P = np.where(along[..., None], along_lines(placed.direction, own), P)
+    P = np.where(along[..., None], line_precision(placed.direction, own), P)
     return replace(data, before=before, after=after, precision=P, **vars(placed))
 
 

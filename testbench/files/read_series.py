@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Series, select_rows, series_of
+from testbench.data.dataset import Series, select_rows, series_from_runs
 from testbench.errors import Array, Ids, check_type, stem_of
 from testbench.files.beside import (
     NOTATIONS,
@@ -170,8 +170,8 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """Convert runs, whose rows hold both readings, to series."""
     export = runs_of(columns, arm, sigma)
     said, stem = columns.names.map.series, stem_of(columns.table.path)
-    series = series_of(export.data, stem, said.target or stem)
-    series = tuple(replace(s, joints=columns.joints) for s in series)
+    series = series_from_runs(export.data, stem, said.target or stem)
+    series = tuple(replace(s, joint_columns=columns.joints) for s in series)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
     unread = [c.name for c in columns.all_of(*SERIES_QUANTITIES) if not c.slot.when]
@@ -223,9 +223,9 @@ def _assembled(
         name="",
         markers=read.markers,
         frame="",
-        target="",
-        row=table.lines[first] if own.run is None else own.run,
-        pose=own.pose,
+        mount="",
+        row_id=table.lines[first] if own.run is None else own.run,
+        pose_id=own.pose,
         q=own.q,
         wrench=own.wrench,
         point=own.point,
@@ -237,10 +237,10 @@ def _assembled(
         torque=None if torque is None else torque[first],
         temperature=None if temperature is None else temperature[first],
         time=None if time is None else time[first],
-        joints=columns.joints,
+        joint_columns=columns.joints,
     )
     # Drop rows without any reading.
-    there = whole.seen.any(axis=1) | whole.oriented
+    there = whole.is_measured.any(axis=1) | whole.is_oriented
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
     turned = (
@@ -345,30 +345,30 @@ def _parted(
         rows = np.array([k == key for k in keys])
         part = select_rows(whole, rows)
         own, turn = scatter.sigma[first[rows]], scatter.sigma_rotation[first[rows]]
-        even = scatter.covariance is None and (own == own[0]).all() and part.seen.all()
+        even = scatter.covariance is None and (own == own[0]).all() and part.is_measured.all()
         point, series, station, frame, target = key
         number = ""
         if fixed is not None:
             number = _number_of(point, [own for own, *rest in keys if rest[:2] == [series, station]])
-        place, turned = " ".join(filter(None, (series, station, number))), bool(part.oriented.any())
+        place, turned = " ".join(filter(None, (series, station, number))), bool(part.is_oriented.any())
         if fixed is not None and point is not None:
             x, y, z, *normal = point
             part = replace(
                 part,
                 position=np.zeros_like(part.position),
                 distance=part.position[:, :, 0],
-                fixed=(x, y, z),
-                fixed_sigma=float(fixed.sigma[first[rows]].max()),
+                fixed_point=(x, y, z),
+                fixed_point_sigma=float(fixed.sigma[first[rows]].max()),
                 normal=(normal[0], normal[1], normal[2]) if normal else None,
-                tilt=float(fixed.tilt[first[rows]].max()),
-                zero_sigma=float(fixed.zero_sigma[first[rows]].max()),
+                normal_sigma=float(fixed.tilt[first[rows]].max()),
+                distance_offset_sigma=float(fixed.zero_sigma[first[rows]].max()),
             )
         found.append(
             replace(
                 part,
                 name=f"{stem} {place}".strip(),
                 frame=frame or f"{said.frame or stem} {place}".strip(),
-                target=target or said.target or stem,
+                mount=target or said.target or stem,
                 sigma=float(np.median(own)),
                 rotation=part.rotation if turned else None,
                 sigma_rotation=float(np.median(turn)) if turned else None,

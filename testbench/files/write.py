@@ -99,10 +99,10 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
         q = arm.to_file_joints(q) if q.shape[1] == arm.n_joints else q
     if len(joints) != q.shape[1]:
         raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
-    n = data.points
-    lost = ~data.seen.reshape(-1, 1)
+    n = data.n_points
+    lost = ~data.is_measured.reshape(-1, 1)
     turned = data.rotation_before is not None
-    blocks, lines = _conditions(joints, q, data), data.lines.reshape(-1, 1)
+    blocks, lines = _conditions(joints, q, data), data.is_line_reading.reshape(-1, 1)
     for when, places in zip(WHEN, (data.before, data.after), strict=True):
         if not lines.all():
             blocks.append(
@@ -111,7 +111,9 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
     sigma = np.full(n, data.sigma)
     if data.direction is not None:
         blocks += _along_lines(data, arm)
-        own = np.sqrt(np.trace(data.covariance, axis1=2, axis2=3) / np.where(data.lines, 2, 6)).ravel()
+        own = np.sqrt(
+            np.trace(data.covariance, axis1=2, axis2=3) / np.where(data.is_line_reading, 2, 6)
+        ).ravel()
         sigma = np.where(lost[:, 0], sigma, own)
     blocks.append((["sigma_m"], sigma))
     for when, turns in zip(WHEN, (data.rotation_before, data.rotation_after), strict=True):
@@ -121,18 +123,20 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
         C = _entries(data.covariance.reshape(-1, 3, 3))
         blocks.append((columns_of("covariance"), np.where(lost | lines, np.nan, C)))
     found: dict[str, Array | Ids | list[str]] = dict(
-        _repeated(n, [(["run"], data.run), (["pose"], data.pose)])
+        _repeated(n, [(["run"], data.run_id), (["pose"], data.pose_id)])
     )
-    found["marker"] = list(data.markers) * data.runs
+    found["marker"] = list(data.markers) * data.n_runs
     found |= dict(_repeated(n, [*blocks, (["station"], data.station)]))
-    if data.taken_off is not None:
-        found["loading"] = [LOADING[off] for off in np.repeat(data.taken_off, len(data.markers)).tolist()]
+    if data.unloaded_after_load is not None:
+        found["loading"] = [
+            LOADING[off] for off in np.repeat(data.unloaded_after_load, len(data.markers)).tolist()
+        ]
     return found
 
 
 def _lines_and_sigma(data: Dataset) -> bool:
     """Tell whether positions beside readings along lines have equal noise along every axis."""
-    positions, C = data.seen & ~data.lines, data.covariance
+    positions, C = data.is_measured & ~data.is_line_reading, data.covariance
     even = np.trace(C, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
     return data.direction is not None and bool(np.allclose(C[positions], even[positions], rtol=1e-12, atol=0))
 
@@ -140,13 +144,16 @@ def _lines_and_sigma(data: Dataset) -> bool:
 def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
     """List the columns of travels and distances; NaN for other readings."""
     assert data.direction is not None
-    assert data.tilt is not None
-    assert data.reach is not None
-    if data.slide is not None:
+    assert data.direction_deviation is not None
+    assert data.line_length is not None
+    if data.tilt_error is not None:
         raise BenchError("dataset: expected the stated directions, got those of the loaded arm")
-    u, seen = data.direction, data.seen.reshape(-1, 1)
+    u, seen = data.direction, data.is_measured.reshape(-1, 1)
     lines = u.any(axis=2).reshape(-1, 1)
-    gauge, meter = lines & (data.reach.reshape(-1, 1) == 0), lines & (data.reach.reshape(-1, 1) > 0)
+    gauge, meter = (
+        lines & (data.line_length.reshape(-1, 1) == 0),
+        lines & (data.line_length.reshape(-1, 1) > 0),
+    )
     numbers = [
         np.where(seen, (u * own).sum(axis=2).reshape(-1, 1).round(DECIMALS), np.nan)
         for own in (data.before, data.after)
@@ -156,18 +163,23 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
         names = [f"travel_{when}_m" for when in WHEN]
         blocks += [([name], np.where(gauge, own, np.nan)) for name, own in zip(names, numbers, strict=True)]
         blocks.append((columns_of("direction"), np.where(gauge, u.reshape(-1, 3), np.nan)))
-        blocks.append((["tilt_rad"], np.where(gauge, data.tilt.reshape(-1, 1), np.nan)))
+        blocks.append((["tilt_rad"], np.where(gauge, data.direction_deviation.reshape(-1, 1), np.nan)))
     if meter.any():
         if not isinstance(arm, Arm):
             raise BenchError("distances: expected the arm, to write the fixed points")
-        vjm, reach = build_vjm(arm), data.reach[..., None]
+        vjm, reach = build_vjm(arm), data.line_length[..., None]
         fixed = (tool_points(vjm, data.q, marker_positions(vjm, data.markers)) - reach * u).round(
             DECIMALS
         ) + 0.0
         names = [f"distance_{when}_m" for when in WHEN]
         blocks += [([name], np.where(meter, own, np.nan)) for name, own in zip(names, numbers, strict=True)]
         blocks.append((columns_of("fixed"), np.where(meter, fixed.reshape(-1, 3), np.nan)))
-        blocks.append((["fixed_sigma_m"], np.where(meter, (data.tilt * data.reach).reshape(-1, 1), np.nan)))
+        blocks.append(
+            (
+                ["fixed_sigma_m"],
+                np.where(meter, (data.direction_deviation * data.line_length).reshape(-1, 1), np.nan),
+            )
+        )
     return blocks
 
 
@@ -217,7 +229,7 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
     silent, scatter = _silent(arm, series, stem), _scatter_columns(series)
     turned = next((s.sigma_rotation for s in series if s.sigma_rotation), None)
     if turned:  # one without orientations among others that have them: all were lost
-        none = [np.full((s.rows, 3, 3), np.nan) for s in series]
+        none = [np.full((s.n_rows, 3, 3), np.nan) for s in series]
         series = [
             s if s.rotation is not None else replace(s, rotation=own, sigma_rotation=turned)
             for s, own in zip(series, none, strict=True)
@@ -336,16 +348,16 @@ def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
     frames = [f"{stem} {place}".strip() for place in places]
     alone = len(series) == 1
     groups = {
-        ("pose",): alone and bool((first.pose == same_poses(first.q)).all()),
+        ("pose",): alone and bool((first.pose_id == same_poses(first.q)).all()),
         ("series",): not any(places),
         ("series_frame",): [s.frame for s in series] == frames,
-        ("series_target",): all(s.target == stem for s in series),
+        ("series_target",): all(s.mount == stem for s in series),
         ("marker",): first.markers == known and len(known) == 1,
         tuple(columns_of("force")): not any(s.wrench[:, :3].any() for s in series),
         tuple(columns_of("moment")): not any(s.wrench[:, 3:].any() for s in series),
         tuple(columns_of("point")): all((s.point == at).all() for s in series),
         (*columns_of("direction"), "tilt_rad"): all(s.normal is None for s in series),
-        ("zero_sigma_m",): not any(s.zero_sigma for s in series),
+        ("zero_sigma_m",): not any(s.distance_offset_sigma for s in series),
     }
     if set(first.markers) - set(arm.markers) and not groups["marker",]:
         raise BenchError(f"markers: expected some of {arm.name}'s {arm.markers}, got {first.markers}")
@@ -359,16 +371,16 @@ def _place(s: Series, stem: str) -> str:
 
 def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     """Format all columns of a series except its noise, (rows * m) cells each."""
-    n = s.rows * len(s.markers)
+    n = s.n_rows * len(s.markers)
     shown = _rounded(decimals)
-    lost = ~s.seen.reshape(-1, 1)
-    texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
+    lost = ~s.is_measured.reshape(-1, 1)
+    texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.mount}
     vectors = None if s.rotation is None else _vectors(s, s.rotation)
     beside: list[Block] = [(torque_columns(arm), _torques(arm, s)), (["time_s"], s.time)]
     beside += [(columns_of("rotation"), vectors)]
-    own = _cells(n, [(["run"], s.row), (["pose"], s.pose)], str)
+    own = _cells(n, [(["run"], s.row_id), (["pose"], s.pose_id)], str)
     own |= {name: [as_cell(text)] * n for name, text in texts.items()}
-    own["marker"] = list(map(as_cell, s.markers)) * s.rows
+    own["marker"] = list(map(as_cell, s.markers)) * s.n_rows
     joints = [joint.file_column for joint in arm.file_joints]
     own |= _cells(n, [*_conditions(joints, arm.to_file_joints(s.q), s), *beside], shown)
     own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
@@ -376,12 +388,12 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
         blocks: list[Block] = [(columns_of("reading"), np.where(lost, np.nan, s.position.reshape(-1, 3)))]
     else:
         length = np.where(lost, np.nan, s.distance.reshape(-1, 1))
-        blocks = [(["distance_m"], length), (columns_of("fixed"), np.tile(np.array(s.fixed), (n, 1)))]
-        blocks.append((["fixed_sigma_m"], np.full(n, s.fixed_sigma)))
+        blocks = [(["distance_m"], length), (columns_of("fixed"), np.tile(np.array(s.fixed_point), (n, 1)))]
+        blocks.append((["fixed_sigma_m"], np.full(n, s.fixed_point_sigma)))
         normal = np.full(3, np.nan) if s.normal is None else np.array(s.normal)
         blocks.append((columns_of("direction"), np.tile(normal, (n, 1))))
-        blocks.append((["tilt_rad"], np.full(n, np.nan if s.normal is None else s.tilt)))
-        blocks.append((["zero_sigma_m"], np.full(n, s.zero_sigma)))
+        blocks.append((["tilt_rad"], np.full(n, np.nan if s.normal is None else s.normal_sigma)))
+        blocks.append((["zero_sigma_m"], np.full(n, s.distance_offset_sigma)))
     return own | _cells(n, blocks, shown)
 
 
@@ -396,15 +408,15 @@ def _vectors(s: Series, R: Array) -> Array:
     """Convert orientations, (rows, 3, 3), to rotation vectors, (rows, 3) [rad]; NaN where lost."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
-    found = np.full((s.rows, 3), np.nan)
-    if s.oriented.any():
-        found[s.oriented] = Rotation.from_matrix(R[s.oriented]).as_rotvec()
+    found = np.full((s.n_rows, 3), np.nan)
+    if s.is_oriented.any():
+        found[s.is_oriented] = Rotation.from_matrix(R[s.is_oriented]).as_rotvec()
     return found
 
 
 def _covariances(s: Series) -> tuple[Array, Mask]:
     """Return the covariance of every position, (rows * m, 3, 3) [m^2], NaN where lost, and which exist."""
-    seen = s.seen.reshape(-1)
+    seen = s.is_measured.reshape(-1)
     C = np.full((len(seen), 3, 3), np.nan)
     C[seen] = (
         s.sigma**2 * np.eye(3) if s.precision is None else np.linalg.inv(s.precision.reshape(-1, 3, 3)[seen])

@@ -137,13 +137,13 @@ def _log_evidence(
 ) -> float:
     """Compute the log density of the readings, up to a constant, with stated noise or learnt noise."""
     B, c = (
-        part / weighted_prior.misfit
+        part / weighted_prior.noise_factor
         for part in prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     )
     prior = np.c_[B, c].T @ np.c_[B, c]
     L = weighted_prior.scaling.L
     best = -math.inf
-    for kappa in {1.0, weighted_prior.misfit}:
+    for kappa in {1.0, weighted_prior.noise_factor}:
         H, spread = prior.copy(), 2 * unused * math.log(kappa)
         for values, rows in poses:
             variance = kappa**2 + rho**2 * values
@@ -645,7 +645,11 @@ def _average_laws(
 
 def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
     """Return the units of the prior of compliances only, without joint laws."""
-    return scaling if not scaling.is_law_size.any() else restrict_scaling(scaling, linear(scaling.structure))
+    return (
+        scaling
+        if not scaling.is_joint_law_size.any()
+        else restrict_scaling(scaling, linear(scaling.structure))
+    )
 
 
 def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScaling:

@@ -24,7 +24,7 @@ SOLVER_TOLERANCE = (
 MAX_RELATIVE_GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 ConeKind = Literal["zero", "nonnegative", "second order", "psd"]
-CONES: dict[ConeKind, Callable[[int], object]] = {
+CLARABEL_CONES: dict[ConeKind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
     "second order": clarabel.SecondOrderConeT,
@@ -100,30 +100,30 @@ def solve(problem: ConeProgram, *, tolerance: float = SOLVER_TOLERANCE) -> Solut
     return run_solver(build_solver(problem, clarabel_settings(tolerance)), problem)
 
 
-def psd_blocks(first: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
+def psd_blocks(first_index: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
     """Make positive semi-definite blocks whose svecs follow each other.
 
     Args:
-        first: Place of the first unknown.
+        first_index: Place of the first unknown.
         orders: Orders of the matrices.
 
     Returns:
         One block per matrix.
     """
-    ends = first + np.cumsum([svec_length(size) for size in orders])
+    ends = first_index + np.cumsum([svec_length(size) for size in orders])
     return tuple(
         Block(np.arange(k - svec_length(n), k), n) for k, n in zip(ends.tolist(), orders, strict=True)
     )
 
 
-def free_block(first: int, count: int) -> Block:
+def free_block(first_index: int, count: int) -> Block:
     """Make a block of unconstrained unknowns.
 
     Args:
-        first: Place of the first unknown.
+        first_index: Place of the first unknown.
         count: Number of unknowns.
     """
-    return Block(np.arange(first, first + count))
+    return Block(np.arange(first_index, first_index + count))
 
 
 def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:
@@ -228,7 +228,7 @@ def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
 
 
 @lru_cache(maxsize=64)
-def places_by_order(orders: tuple[int, ...]) -> list[Ids]:
+def svec_indices_by_order(orders: tuple[int, ...]) -> list[Ids]:
     """Find the places, (blocks, entries), of the blocks of each order in the svec of all blocks."""
     ends = np.cumsum([svec_length(n) for n in orders])
     return [
@@ -279,7 +279,7 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
         problem.cost,
         sparse.csc_matrix(np.vstack([row.A for row in rows])),
         np.concatenate([row.b for row in rows]),
-        [CONES[row.kind](len(row.b)) for row in rows],
+        [CLARABEL_CONES[row.kind](len(row.b)) for row in rows],
         options,
     )
 

@@ -112,7 +112,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     if estimate.penalty is None or estimate.split_parameters is None:
         return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break_penalty(regression))
     return lower_bound_certificate(
-        estimate.penalty.regression_of_split(regression),
+        estimate.penalty.in_split_parameters(regression),
         estimate.split_parameters,
         dual,
         penalty=estimate.penalty,
@@ -242,7 +242,7 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
 
     It is proven for one axis at a time and assumed for several: compliances whose deflections cancel may be
     larger and still fit. An axis that no reading observes is treated as if its sensitivity were
-    `UNSEEN_SHARE` of the largest. A block is allowed twice the trace of pi if that is more.
+    `UNOBSERVED_SENSITIVITY` of the largest. A block is allowed twice the trace of pi if that is more.
 
     Mathematics: `est-14`.
 
@@ -358,7 +358,7 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
     """
     check_symmetric(regression.structure)
     papers, penalty = penalty is None, penalty or tie_break_penalty(regression)
-    split_regression = penalty.regression_of_split(regression)
+    split_regression = penalty.in_split_parameters(regression)
     program = scaled_gco_program(split_regression, penalty)
     # Own solver, else Clarabel; an answer without proof is solved again by the sum of squares.
     answer = solve_gco_by_interior_point(split_regression, program) or solve_gco_by_clarabel(
@@ -376,7 +376,7 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
     # Convert back to the requested unknowns.
     left, cost = f_m(split_regression, pi), float(penalty.gradient @ pi)
     method = PAPER_GCO_METHOD if papers else "GCO (conic program)"
-    estimate = make_estimate(regression, penalty.pi_per_split @ pi, method=method, constraint="psd")
+    estimate = make_estimate(regression, penalty.pi_per_split_parameter @ pi, method=method, constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,

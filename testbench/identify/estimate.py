@@ -1,12 +1,7 @@
 """The result of identification: an `Estimate` with its compliances, fit, certificate and status.
 
 `deflections` predicts a dataset with an estimate, and `score` compares the prediction with measured or true
-deflections.
-
-`lilliefors` tests whether residuals come from a normal distribution of any mean and deviation. Its statistic
-is the largest distance between the distribution of the residuals and the normal one with their own mean and
-deviation (Lilliefors 1967). Its distribution under normality has no closed form; it is simulated with fixed
-random numbers, so that one sample has one p value.
+deflections. `lilliefors_p_value` tests whether residuals are normally distributed.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,77 +31,72 @@ from testbench.model.vjm import (
 # --- The result of identification: an `Estimate` with its compliances, fit, certificate and status ----------
 
 CONSERVATIVE_TOLERANCE = 1e-10
-"""Eigenvalue of a block, negative and relative to its largest, that still counts as zero [1].
-
-V^T V has no negative eigenvalue; its rounding has.
-"""
-
+"""Size of a negative eigenvalue of a block, over its largest, that counts as zero [1]: rounding of V^T V."""
 
 ORIENTATION_READING = "orientation"
-"""Stands in the place of a marker's name for a reading of the tool's orientation."""
+"""Name that a reading of the tool's orientation has where other readings have a marker's name."""
 
 
 @dataclass(frozen=True)
 class Dual:
     """Hold dual vectors y_k, |y_k| <= 1, one per term of F_M, Eq. (19); they prove a lower bound of F_M.
 
-    Each term is a norm |r_k| of residuals, and |r_k| >= y_k . r_k. `certify` uses this bound.
+    Each term of F_M is a norm |r_k| of residuals, and |r_k| >= y_k . r_k. Residuals are R pi - z, with the
+    triangular factor R of the equations, and one that no parameter changes.
     """
 
-    y: Array  #: Components against the rows of the term's R, (terms, n) [1].
-    y_unexplained: Array  #: Components against the residual that no parameter explains, (terms,) [1].
+    y: Array  #: Dual variables of the residuals R pi - z, (terms, n) [1].
+    y_unexplained: Array  #: Dual variables of the residual that no parameter changes, (terms,) [1].
 
 
 @dataclass(frozen=True)
 class TracePenalty:
-    """Hold the trace term of GCO, in addition to F_M: the least w <W, C'> of all C' >= 0 that make up C.
+    """Hold the trace term w <W, C'> that GCO without a prior adds to F_M; W is diagonal.
 
-    If a structure includes a joint in the block of the link before it, C' has an unknown t for the joint:
-    the block is C = C' + t a a^T, with a the joint's axis. Without such joints C' is C.
+    C' are the compliances of links and joints. If the compliance of a joint is part of its link's block C,
+    the two are split: C = C' + t a a^T, with the joint's compliance t >= 0 and axis a. The term is the least
+    over all such splits, with a small weight on t. Without such joints C' is C.
     """
 
     weight: float  #: w [N m/rad].
     W_diagonal: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
-    structure: Structure  #: The unknowns of C', k of them.
-    pi_per_split: Array  #: pi = split_to_whole @ (parameters of C'), (n, k) [1].
+    structure: Structure  #: Structure of the k split parameters: C', and t of every such joint.
+    pi_per_split_parameter: Array  #: Parameters pi of the model per split parameter, (n, k) [1].
 
     @property
     def gradient(self) -> Array:
-        """Return the gradient of the trace term w <W, C'> by the k parameters of C', (k,).
-
-        W is diagonal, and C' holds the compliances of links and joints.
-        """
+        """Return the gradient of the trace term by the k split parameters of C', (k,) [N m/rad times W]."""
         s = self.structure
         return np.where(s.rows == s.columns, self.weight * self.W_diagonal[s.rows], 0.0)
 
-    def regression_of_split(self, regression: Regression) -> Regression:
-        """Rewrite the equations as a function of the k parameters of C'.
+    def in_split_parameters(self, regression: Regression) -> Regression:
+        """Rewrite equations in the n parameters pi as equations in the k split parameters.
 
         Args:
-            regression: Equations in the n parameters pi of the model.
+            regression: Equations in pi.
 
         Returns:
-            The same equations in the parameters of C'.
+            The same equations in the split parameters, in which a joint is separate from its link.
         """
-        terms = (replace(term, R=term.R @ self.pi_per_split) for term in regression.terms)
+        terms = (replace(term, R=term.R @ self.pi_per_split_parameter) for term in regression.terms)
         return regression_from_terms(self.structure, tuple(terms))
 
 
-UNOBSERVED_SCALING_SENSITIVITY = 1e-3
-"""Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
+MIN_SCALING_SENSITIVITY = 1e-3
+"""Least sensitivity that `sensitivity_units` uses, over the largest [1]: for axes that no reading loads."""
 
 
 def sensitivity_units(
     regression: Regression, f_m_unit: float = 1.0, penalty: TracePenalty | None = None
 ) -> Array:
-    """Compute units of pi in which all parameters change F_M equally: C = unit d X d^T.
+    """Compute units in which all parameters pi change F_M about equally: C = f_m_unit D X D, D diagonal.
 
-    d^-2 is the change of F_M and of the trace term with each diagonal entry. This is a congruence, so that X
-    is positive semi-definite where C is.
+    With d the diagonal of D, 1 / d^2 is the change of F_M and of the trace term with each diagonal entry of
+    C. X is positive semi-definite if and only if C is.
 
     Args:
-        regression: The reduced dataset.
-        f_m_unit: Unit of F_M [1].
+        regression: The weighted equations.
+        f_m_unit: Change of F_M that one unit of a parameter causes [1].
         penalty: The trace term; None for none.
 
     Returns:
@@ -114,7 +104,7 @@ def sensitivity_units(
     """
     s, weight = regression.structure, regression.diagonal_sensitivity
     trace_cost = 0.0 if penalty is None else penalty.weight * penalty.W_diagonal
-    d = 1 / np.sqrt(np.maximum(weight, UNOBSERVED_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
+    d = 1 / np.sqrt(np.maximum(weight, MIN_SCALING_SENSITIVITY * (weight.max() or 1.0)) + trace_cost)
     return np.asarray(f_m_unit * d[s.rows] * d[s.columns])
 
 
@@ -122,18 +112,18 @@ def sensitivity_units(
 class Certificate(Displayed):
     """Hold bounds on how much better than an estimate any conservative model can fit, Eq. (19).
 
-    They hold for all models whose blocks have traces within `trace_bounds`.
+    The bounds apply to all models whose blocks have traces within `trace_bounds`.
     """
 
-    #: Upper bound of F_M + w <W, C> above its least value [1]; it measures how well the program is solved.
+    #: Bound on F_M + w <W, C> of the estimate minus its least value [1]; 0 for an exact solution.
     duality_gap: float
-    #: Upper bound of F_M above its least value [1]; for a solved program, the cost of its trace term.
+    #: Bound on F_M of the estimate minus its least value [1]: what the trace term costs, if it is solved.
     f_m_excess_bound: float
-    trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
-    dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
+    trace_bounds: Array  #: Bound on the trace of each block in units of `trace_units`, (blocks,) [rad/(N m)].
+    dual: Dual  #: Dual vectors that prove the bounds; they may certify any other estimate of the equations.
 
     def summary(self) -> dict[str, object]:
-        """Summarise the bounds."""
+        """Summarise the certificate: both bounds, and the number of blocks."""
         return {
             "duality_gap": f"{self.duality_gap:.3g}",
             "f_m_excess_bound": f"{self.f_m_excess_bound:.3g}",
@@ -143,35 +133,38 @@ class Certificate(Displayed):
 
 @dataclass(frozen=True)
 class RejectedReading:
-    """Hold one reading that a robust estimate leaves out."""
+    """Hold one reading that a robust estimate leaves out as an outlier."""
 
     run: int  #: Identifier of its run.
     marker: str  #: Name of its marker, or `ORIENTATION_READING`.
-    #: Distance of the reading from the estimate's prediction [m, or rad for an orientation]. The limit
-    #: applied to an earlier fit, so that a few of these are below it.
+    #: Distance between the reading and the final estimate's prediction [m, or rad for an orientation]. The
+    #: limit was applied to an earlier fit, so that a few distances are below it.
     residual: float
-    residual_over_sigma: (
-        float  #: The same distance over the standard deviation of a deflection, sqrt(2) sigma [1].
-    )
+    #: The residual over the standard deviation of a deflection, sqrt(2) sigma [1].
+    residual_over_sigma: float
 
 
 @dataclass(frozen=True)
 class ModelAverage:
-    """Hold the models that an estimate averages: with links, joints only, joint laws, coupled joints."""
+    """Hold the models that an estimate averages, with their weights.
 
-    #: Weight of joints only against links and joints: its probability given the readings, or 1 where links
-    #: do not predict poses better that were left out [1].
+    They are: links and joints; elastic joints with rigid links; joints with non-linear laws; coupled joints.
+    A weight is a share in the averaged parameters; a probability is a share in their intervals.
+    """
+
+    #: Weight of rigid links against elastic links [1]: its probability given the readings, or 1 where elastic
+    #: links do not predict held-out poses better.
     joints_only_weight: float
-    links_and_joints: "Estimate"  #: The model of links and joints.
-    joints_only_probability: float = 0.0  #: Probability of joints only that intervals use [1].
-    joints_only: "Estimate | None" = None  #: The model of joints only; None where its weight is zero.
-    joint_laws_weight: float = 0.0  #: Weight of the model with joint laws in the mean [1].
-    joint_laws_probability: float = 0.0  #: Probability of that model that intervals use [1].
+    links_and_joints: "Estimate"  #: The model with elastic links and joints.
+    joints_only_probability: float = 0.0  #: Probability of rigid links against elastic links [1].
+    joints_only: "Estimate | None" = None  #: The model with rigid links; None where its weight is zero.
+    joint_laws_weight: float = 0.0  #: Weight of the model with joint laws [1].
+    joint_laws_probability: float = 0.0  #: Probability of the model with joint laws [1].
     with_joint_laws: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
     joint_couplings_weight: float = 0.0  #: Weight and probability of the model with coupled joints [1].
-    #: The model with coupled joints, without laws; None where its weight is zero.
+    #: The model with coupled joints, without joint laws; None where its weight is zero.
     with_joint_couplings: "Estimate | None" = None
-    #: Averaged estimate under each of two priors, and its probability; empty where one prior has all weight.
+    #: Probability [1] and averaged estimate under each of two priors; empty where one has all weight.
     under_each_prior: "tuple[tuple[float, Estimate], ...]" = ()
 
 
@@ -179,38 +172,37 @@ class ModelAverage:
 class Estimate(Displayed):
     """Hold a stiffness model identified from a dataset: compliances, fit, certificate, status.
 
-    Every method returns one, and `predict`, `intervals`, `certify` and `score` take it. A poor fit is a
-    result: `status`, `f_m` against `f_m_floor`, and `advice` describe it.
+    A poor fit is a result, not an error: `status`, `advice`, and `f_m` compared with `f_m_floor` describe it.
     """
 
     method: str  #: Name of the method.
-    regression: Regression  #: The equations that it was identified from, with structure and reduced dataset.
-    pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
+    regression: Regression  #: The weighted equations (13) that were solved.
+    pi: Array  #: Parameters: the unknown entries of C_theta, (n,) [m/N, rad/(N m), rad/N].
     #: Aggregated compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
     C_theta: Array
     f_m: float  #: Cost F_M, Eq. (19) [1]; compare it with `f_m_floor`.
     #: "solved" if it is proven optimal, else the failure; "not certified" where no proof was requested.
     status: str = "not certified"
-    #: Distance from the optimum; None where none was computed, as for least squares.
+    #: Bounds on the distance from the optimum; None where none were computed, as for least squares.
     certificate: Certificate | None = None
-    #: Time inside the numerical solver [s], as it reports it; 0 where it does not.
+    #: Time inside the numerical solver, as it reports it [s]; 0 where it does not.
     solver_seconds: float = 0.0
     advice: tuple[str, ...] = ()  #: Sentences for the user, from an estimator of your own.
-    #: Constraint that the method put on the blocks; "own" where it is unknown.
+    #: Constraint of the method on the blocks of C_theta; "own" where it is unknown.
     constraint: Constraint = "own"
     penalty: TracePenalty | None = None  #: Trace term of GCO without a prior; None for none.
-    split_parameters: Array | None = None  #: Parameters of the penalty's C', (k,); None without a penalty.
-    #: Whether only the tie-break of `paper_gco` keeps an unobservable compliance finite.
+    #: Parameters of the trace term, which separates joints from links, (k,); None without a penalty.
+    split_parameters: Array | None = None
+    #: Whether a compliance is unobservable and only the least trace of `paper_gco` keeps it finite.
     bounded_by_tie_break: bool = False
     weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.
-    rejected: tuple[
-        RejectedReading, ...
-    ] = ()  #: Readings that a robust fit left out, in the order of the dataset.
+    #: Readings that a robust fit left out, in the order of the dataset.
+    rejected: tuple[RejectedReading, ...] = ()
     rejected_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
-    average: ModelAverage | None = None  #: The models that it averages; None for a single model.
+    average: ModelAverage | None = None  #: The models that the estimate averages; None for a single model.
 
     def summary(self) -> dict[str, object]:
-        """Return the rows of the small table that shows an estimate: method, structure, fit and status."""
+        """Summarise the estimate: method, structure, number of unknowns, fit and status."""
         return {
             "method": self.method,
             "structure": self.structure.name,
@@ -223,17 +215,17 @@ class Estimate(Displayed):
 
     @property
     def structure(self) -> Structure:
-        """Return the unknowns that were identified."""
+        """Return the structure of the unknowns: which entries of C_theta were identified."""
         return self.regression.structure
 
     @property
     def f_m_floor(self) -> float:
-        """Return the F_M to expect from noise alone, sqrt(3 (1 - rank / equations)) per term [1]."""
+        """Return the F_M that noise alone causes, sqrt(3 (1 - rank / equations)) per term of Eq. (19) [1]."""
         return self.regression.f_m_floor
 
     @property
     def compliance_regression(self) -> Regression:
-        """Return the equations of links and joints only, without joint laws or coupled joints."""
+        """Return the weighted equations whose unknowns are links and joints, no joint laws or couplings."""
         if self.average is None or (
             self.average.with_joint_laws is None and self.average.with_joint_couplings is None
         ):
@@ -242,23 +234,23 @@ class Estimate(Displayed):
 
     @cached_property
     def conservative(self) -> bool:
-        """Tell whether every block of C_theta is symmetric and positive semi-definite, up to rounding."""
+        """Tell whether every block of C_theta is symmetric positive semi-definite up to rounding."""
         return is_conservative(self.structure, self.C_theta)
 
     @cached_property
     def eigenvalues(self) -> tuple[Array, ...]:
-        """Return the eigenvalues of every block's symmetric part, ascending, one array per block."""
+        """Return the eigenvalues of the symmetric part of every block of C_theta, ascending [SI, mixed]."""
         C = (self.C_theta + self.C_theta.T) / 2
         return tuple(np.asarray(np.linalg.eigvalsh(C[np.ix_(i, i)])) for i in self.structure.blocks)
 
     @property
     def min_eigenvalue(self) -> float:
-        """Return the smallest eigenvalue of any block [mixed SI units], as the paper prints it."""
+        """Return the smallest eigenvalue of any block of C_theta [SI, mixed], as the paper prints it."""
         return float(min(e[0] for e in self.eigenvalues))
 
 
 Estimator = Callable[[Vjm, Structure, Dataset], Estimate]
-"""The call shape of every identification method, and of a user's own."""
+"""Signature of every identification method: estimator(vjm, structure, data) -> Estimate."""
 
 
 def make_estimate(
@@ -269,21 +261,21 @@ def make_estimate(
     constraint: Constraint = "own",
     advice: tuple[str, ...] = (),
 ) -> Estimate:
-    """Make an estimate from parameters: the last line of every estimator, and of your own.
+    """Make an estimate from its parameters, with C_theta and F_M; every estimator ends with this call.
 
     Args:
-        regression: The reduced dataset, such as `reduce` returns.
+        regression: The weighted equations, such as `reduce` returns.
         pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
         method: Name of the method, for reports.
-        constraint: Constraint that the method put on the blocks; "own" for an estimator of your own.
+        constraint: Constraint of the method on the blocks of C_theta; "own" for an estimator of your own.
         advice: Sentences for the user.
 
     Returns:
-        The estimate with C_theta and F_M; add further fields by `dataclasses.replace`.
+        The estimate; `dataclasses.replace` sets further fields.
 
     Raises:
-        BenchError: When the regression is none, the constraint is unknown, or pi has another shape or is not
-            finite.
+        BenchError: When the regression has another type, the constraint is unknown, or pi has another shape
+            or is not finite.
     """
     check_type(regression, Regression, "regression")
     if constraint not in get_args(Constraint):
@@ -305,16 +297,16 @@ def make_estimate(
 def is_conservative(structure: Structure, C: Array) -> bool:
     """Tell whether every block of C_theta is symmetric positive semi-definite up to rounding, Eq. (8)-(9).
 
-    It scales C to unit diagonal first, so that metres and radians do not mix.
+    Blocks are scaled to unit diagonal first, because metres and radians differ in size.
 
     Mathematics: `loaded-7`.
 
     Args:
-        structure: The unknowns, which define the blocks.
-        C: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+        structure: Structure of the unknowns, which defines the blocks.
+        C: Aggregated compliance C_theta, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
 
     Returns:
-        True if C is conservative (Section 2.2).
+        True if C is conservative, that is, the compliance of an elastic body.
     """
     scale = unit_diagonal_scale(C)
     unitless = C / np.outer(scale, scale)
@@ -326,18 +318,18 @@ def is_conservative(structure: Structure, C: Array) -> bool:
 
 @dataclass(frozen=True, repr=False)
 class DeflectionErrors(Displayed):
-    """Hold the distance errors of predicted deflections over a set of runs."""
+    """Hold the errors of predicted deflections: distances from the reference over all markers and runs."""
 
-    rms: float  #: Root mean square of the distance error over all points [m].
+    rms: float  #: Root mean square of the distance error [m].
     p95: float  #: 95th percentile of the distance error [m].
     max: float  #: Largest distance error [m].
-    #: 95th percentile of the error over the measured deflection of its point [1]; None where no point moved.
+    #: 95th percentile of the error over the reference deflection of its marker [1]; None where none moved.
     p95_relative: float | None
-    #: Largest error over the measured deflection of its point [1]; None where no point moved.
+    #: Largest error over the reference deflection of its marker [1]; None where none moved.
     max_relative: float | None
 
     def summary(self) -> dict[str, object]:
-        """Summarise the errors in millimetres and per cent."""
+        """Summarise the errors: root mean square, 95th percentile and largest, in mm and per cent."""
         lengths = {"rms_mm": self.rms, "p95_mm": self.p95, "max_mm": self.max}
         shares = {"p95_percent": self.p95_relative, "max_percent": self.max_relative}
         return {name: f"{1e3 * value:.4g}" for name, value in lengths.items()} | {
@@ -346,12 +338,12 @@ class DeflectionErrors(Displayed):
 
 
 def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
-    """Predict the deflections of a dataset's markers, dp = J_p C_theta J_F^T w, Eq. (11).
+    """Predict the deflections of a dataset's markers by the linear model, dp = J_p C_theta J_F^T w, Eq. (11).
 
     Args:
         vjm: The arm's virtual joint model.
         estimate: The identified compliances.
-        data: Gives poses, loads and markers; its readings are not used.
+        data: Poses, loads and markers; its readings are not used.
 
     Returns:
         Deflection of every marker in every run in base axes, (runs, m, 3) [m].
@@ -366,21 +358,21 @@ def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
 
 
 def deflections_of_models(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
-    """Predict the deflections of a dataset's markers by several models at once, block by block of runs.
+    """Predict the deflections of a dataset's markers by several estimates, J_p C_theta J_F^T w, Eq. (11).
 
     Args:
         vjm: The arm's virtual joint model.
-        estimates: The models.
-        data: Gives poses, loads and markers; its readings are not used.
+        estimates: The identified compliances of every model.
+        data: Poses, loads and markers; its readings are not used.
 
     Returns:
-        J_p C_theta J_F^T w in base axes, (models, runs, m, 3) [m].
+        Deflection of every marker in every run in base axes, (models, runs, m, 3) [m].
     """
     points, blocks = marker_positions(vjm, data.markers), []
     vjm = vjm_for_structure(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
-    for first in range(0, data.runs, RUNS_PER_BATCH):  # so that memory does not grow with the runs
+    for first in range(0, data.n_runs, RUNS_PER_BATCH):  # so that memory does not grow with the runs
         runs = slice(first, first + RUNS_PER_BATCH)
-        where = evaluate_chain(set_load_history(vjm, data.taken_off, runs), data.q[runs])
+        where = evaluate_chain(set_load_history(vjm, data.unloaded_after_load, runs), data.q[runs])
         load = generalised_load(where, data.wrench[runs], data.point[runs])
         rows = translational_jacobian(where, points)
         turns = [estimate.C_theta @ load[: len(estimate.C_theta)] for estimate in estimates]
@@ -390,12 +382,12 @@ def deflections_of_models(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset
 
 
 def score(predicted: Array, reference: Array) -> DeflectionErrors:
-    """Score predicted deflections against measured or true ones.
+    """Compute the errors of predicted deflections against measured or true ones.
 
     Args:
-        predicted: Such as `deflections` returns, (runs, m, 3) [m].
-        reference: Such as `Dataset.deflection`, (runs, m, 3) [m]; index both with `Dataset.seen` where
-            targets were lost.
+        predicted: Predicted deflections, (..., 3) [m], such as `deflections` returns.
+        reference: Measured or true deflections, (..., 3) [m], such as `Dataset.deflection`. Where targets
+            were lost, index both arrays with `Dataset.is_measured`.
 
     Returns:
         Root mean square, 95th percentile and largest distance error, absolute and relative.
@@ -423,15 +415,21 @@ def score(predicted: Array, reference: Array) -> DeflectionErrors:
 
 # --- Lilliefors' test: whether residuals come from a normal distribution of any mean and deviation ----------
 
-MIN_RESIDUALS = 5  #: Fewest residuals for the test.
-NULL_SAMPLES, NULL_SEED = 2000, 1967
-"""Normal samples that are simulated, so that p has a standard error of 0.5 points at 5 %, and their seed."""
-MAX_SIMULATED_SIZE = 100
-"""Largest simulated sample: `sample_size_factor` makes larger ones equal to it."""
+MIN_RESIDUALS = 5  #: Least number of residuals for the test.
+N_SIMULATED_SAMPLES, SIMULATION_SEED = 2000, 1967
+"""Number of normal samples that are simulated, and their seed. The standard error of a p value of 5 % is then
+0.5 percentage points."""
+MAX_SIMULATED_SAMPLE_SIZE = 100
+"""Largest size of a simulated sample; `sample_size_factor` converts D of larger samples."""
 
 
-def lilliefors(residuals: Array) -> float:
-    """Compute the p value of Lilliefors' test, D = max |F_n(x) - Phi((x - mean) / deviation)|.
+def lilliefors_p_value(residuals: Array) -> float:
+    """Compute the p value of Lilliefors' test for normality of residuals.
+
+    The statistic is D = max |F_n(x) - Phi((x - mean) / deviation)|: the largest distance between the
+    distribution of the residuals and the normal one with their mean and deviation. Its distribution for
+    normal samples has no closed form; it is simulated with fixed random numbers, so that one sample has one p
+    value.
 
     Source: H. W. Lilliefors, *On the Kolmogorov-Smirnov test for normality with mean and variance unknown*,
     JASA 62 (1967); factor of the size: M. A. Stephens, JASA 69 (1974).
@@ -440,7 +438,7 @@ def lilliefors(residuals: Array) -> float:
         residuals: The sample, (n,), in any unit.
 
     Returns:
-        Share of normal samples whose D is at least as large [1]: below 0.05 normality is rejected at 5 %.
+        Share of normal samples whose D is at least as large [1]; below 0.05 normality is rejected at 5 %.
 
     Raises:
         BenchError: When the sample is too small, or all of it is one number.
@@ -448,24 +446,27 @@ def lilliefors(residuals: Array) -> float:
     x = check_array(residuals, (None,), "residuals")
     if len(x) < MIN_RESIDUALS or np.ptp(x) == 0:
         raise BenchError(f"residuals: expected at least {MIN_RESIDUALS} that differ, got {len(x)}")
-    n = min(len(x), MAX_SIMULATED_SIZE)
+    n = min(len(x), MAX_SIMULATED_SAMPLE_SIZE)
     null, statistic = (
         sample_size_factor(n) * _null_distances(n),
         sample_size_factor(len(x)) * _distance(x[None]),
     )
     # the sample itself counts as one of the simulated ones, so that p is never zero
-    return float((1 + (null >= statistic).sum()) / (1 + NULL_SAMPLES))
+    return float((1 + (null >= statistic).sum()) / (1 + N_SIMULATED_SAMPLES))
 
 
 def sample_size_factor(n: int) -> float:
-    """Return the factor that makes D of n residuals comparable to that of other sizes [1]."""
+    """Return the factor that makes D of n residuals comparable to D of other sample sizes [1].
+
+    Source: M. A. Stephens, JASA 69 (1974).
+    """
     return float(np.sqrt(n) - 0.01 + 0.85 / np.sqrt(n))
 
 
 @lru_cache(maxsize=4)
 def _null_distances(n: int) -> Array:
-    """Simulate D of normal samples of a size, (NULL_SAMPLES,)."""
-    return _distance(np.random.default_rng(NULL_SEED).standard_normal((NULL_SAMPLES, n)))
+    """Simulate D of normal samples of a size, (N_SIMULATED_SAMPLES,)."""
+    return _distance(np.random.default_rng(SIMULATION_SEED).standard_normal((N_SIMULATED_SAMPLES, n)))
 
 
 def _distance(samples: Array) -> Array:

@@ -532,7 +532,7 @@ def learn_prior(
     weighted_prior = WeightedPrior(
         scaling=replace(model.scaling, L=model.scaling.L * model.entry_scales(h)),
         uncertainty=PriorUncertainty(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
-        misfit=float(kappa),
+        noise_factor=float(kappa),
     )
     has_both_kinds = 0 < (scaling.block_kinds == 1).sum() < len(scaling.block_kinds)
     if not (has_both_kinds or for_intervals):
@@ -557,7 +557,7 @@ def learn_prior(
         weighted_prior,
         hyperparameter_effect=moves,
         size_uncertainty=unsure,
-        scales=_scales(model, h, root @ root.T),
+        learnt_scales=_scales(model, h, root @ root.T),
     )
 
 
@@ -609,7 +609,7 @@ def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> t
     )
     kappa = math.exp(h[0])
     return -evidence_posterior(problem, h).neg_log_evidence - size / 2, WeightedPrior(
-        scaling, PriorUncertainty(JOINTS_ONLY_FIT_DEVIATION / kappa), misfit=kappa
+        scaling, PriorUncertainty(JOINTS_ONLY_FIT_DEVIATION / kappa), noise_factor=kappa
     )
 
 
@@ -645,7 +645,7 @@ def contradicted_scales(weighted_prior: WeightedPrior) -> tuple[LearntScale, ...
         size = abs(math.log(scale.factor))
         return size > math.log(CONTRADICTION_FACTOR) and size > CONTRADICTION_DEVIATIONS * scale.log_deviation
 
-    return tuple(filter(wrong, weighted_prior.scales))
+    return tuple(filter(wrong, weighted_prior.learnt_scales))
 
 
 @dataclass(frozen=True)

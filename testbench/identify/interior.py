@@ -112,7 +112,7 @@ class BlockProgram:
         """
         cost = self.misfit(norms) + float(x @ self.linear_cost)
         if self.barrier:
-            blocks = (cone.smat(x[at]) for at in cone.places_by_order(self.block_orders))
+            blocks = (cone.smat(x[at]) for at in cone.svec_indices_by_order(self.block_orders))
             cost -= self.barrier * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
         return cost
 
@@ -156,7 +156,7 @@ class Iterate:
         """
         gap = float(self.x @ self.multipliers)
         if program.barrier:
-            groups = cone.places_by_order(program.block_orders)
+            groups = cone.svec_indices_by_order(program.block_orders)
             products = (cone.smat(self.x[at]) @ cone.smat(self.multipliers[at]) for at in groups)
             gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
         return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.dual_residual))
@@ -215,7 +215,7 @@ def is_semidefinite(x: Array, block_orders: tuple[int, ...], tolerance: float) -
     """
     if not np.isfinite(x).all():
         return False
-    X = [cone.smat(x[at]) for at in cone.places_by_order(block_orders)]
+    X = [cone.smat(x[at]) for at in cone.svec_indices_by_order(block_orders)]
     return all((np.linalg.eigvalsh(B)[:, 0] >= -tolerance * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
@@ -263,7 +263,7 @@ def _initial_iterate(program: BlockProgram) -> Iterate:
     )
     norms, pulls = program.norms_and_gradients(size * identity)
     gradient = pulls.sum(axis=0) + program.linear_cost
-    matrices = (cone.smat(gradient[at]) for at in cone.places_by_order(program.block_orders))
+    matrices = (cone.smat(gradient[at]) for at in cone.svec_indices_by_order(program.block_orders))
     large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
     s = max(MIN_FIRST_GAP * program.misfit(norms) / sum(program.block_orders) / size, large) * identity
     return Iterate(size * identity, s, norms, pulls, gradient - s)
@@ -287,7 +287,9 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
         - state.norms_are_steady * (state.gradients.T * share) @ state.gradients
     )
     # E, the scaling of Nesterov and Todd, block by block.
-    scalings = [NesterovToddScaling.of_pairs(at, x, s) for at in cone.places_by_order(program.block_orders)]
+    scalings = [
+        NesterovToddScaling.of_pairs(at, x, s) for at in cone.svec_indices_by_order(program.block_orders)
+    ]
     A = hessian.copy()
     for scaling in scalings:
         A[scaling.indices[:, :, None], scaling.indices[:, None]] += cone.congruence_map(
@@ -459,7 +461,7 @@ def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array
         x and its multipliers, (folds, weights, n) each, NaN where none was found.
     """
     groups, shape = (
-        cone.places_by_order(problems.block_orders),
+        cone.svec_indices_by_order(problems.block_orders),
         (len(problems.g), len(weights), len(problems.trace_cost)),
     )
     solutions = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
@@ -501,7 +503,7 @@ def effective_parameters(problems: BatchedProblems, x: Array, multipliers: Array
         The numbers, (folds, weights); NaN where there is no solution.
     """
     solved: Mask = np.asarray(np.isfinite(x).all(axis=2))
-    fold, groups = np.nonzero(solved)[0], cone.places_by_order(problems.block_orders)
+    fold, groups = np.nonzero(solved)[0], cone.svec_indices_by_order(problems.block_orders)
     inner = _Newton.of(problems.R[fold], x[solved], multipliers[solved], groups).inner
     numbers = np.full(solved.shape, np.nan)
     numbers[solved] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)

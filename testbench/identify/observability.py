@@ -486,9 +486,9 @@ def expected_error(known: Posterior, wanted: Array) -> float:
     Returns:
         Error [m]; infinite if nothing fixes the scale.
     """
-    if len(known.unobservable):
+    if len(known.unobservable_directions):
         return math.inf
-    deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
+    deviation = known.standard_deviations(wanted.reshape(-1, wanted.shape[-1]))
     return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
 
 
@@ -496,7 +496,7 @@ def _known(scaled: PriorScaling, uncertainty: PriorUncertainty, *data: Regressio
     """Compute the posterior by a prior and the rows of data; their readings do not count."""
     rows = [rows_in_prior_units(regression, scaled)[0] for regression in data]
     M = np.vstack([*rows, prior_rows(scaled, uncertainty)[0]])
-    return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected_x)
+    return Posterior.from_whitened_rows(M, scaled.L, scaled.L @ scaled.expected_x)
 
 
 def _placed(proposals: list[MeasurementProposal]) -> tuple[MeasurementProposal, ...]:
@@ -592,9 +592,9 @@ def _share(known: Posterior, scaled: PriorScaling, uncertainty: PriorUncertainty
     the scale is not counted as seeing one of them.
     """
     before = uncertainty.relative**2 * (scaled.L**2).sum(axis=1)
-    if len(known.unobservable):  # nothing fixes the common scale
+    if len(known.unobservable_directions):  # nothing fixes the common scale
         return np.zeros(len(before))
-    after = known.deviations(np.eye(len(before))) ** 2
+    after = known.standard_deviations(np.eye(len(before))) ** 2
     return np.asarray(np.clip(1 - after / before, 0, 1))
 
 
@@ -603,8 +603,8 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
     different = np.unique(np.hstack([data.q, data.wrench, data.point]), axis=0)
     if data.rotation_before is not None:
         return 6 * len(different)
-    if data.lines.any():
-        return int(data.lines.sum() + 3 * (data.seen & ~data.lines).sum())
+    if data.is_line_reading.any():
+        return int(data.is_line_reading.sum() + 3 * (data.is_measured & ~data.is_line_reading).sum())
     motion = rigid_motion_matrix(marker_positions(vjm, data.markers))
     return int(np.linalg.matrix_rank(motion)) * len(different)
 
@@ -619,11 +619,21 @@ def without_readings(data: Dataset, **changes: object) -> Dataset:
     Returns:
         The dataset.
     """
-    other = {"run": data.run, "q": data.q, "markers": data.markers, **changes}
-    runs, markers = len(np.asarray(other["run"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
+    other = {"run_id": data.run_id, "q": data.q, "markers": data.markers, **changes}
+    runs, markers = len(np.asarray(other["run_id"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
     blank = np.zeros((runs, markers, 3))
     turned = None if data.rotation_before is None else np.zeros((runs, 3))
-    plain = dict.fromkeys(("precision", "station", "taken_off", "direction", "tilt", "reach", "slide"))
+    plain = dict.fromkeys(
+        (
+            "precision",
+            "station",
+            "unloaded_after_load",
+            "direction",
+            "direction_deviation",
+            "line_length",
+            "tilt_error",
+        )
+    )
     fields = {"rotation_before": turned, "rotation_after": turned, **plain, **other}
     return replace(data, before=blank, after=blank, **fields)  # type: ignore[arg-type]
 
@@ -643,11 +653,13 @@ def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
         The runs.
     """
     q = vjm.arm.draw_poses(np.random.Generator(np.random.Philox(seed)), count)
-    turn = np.arange(count) % data.runs
-    if data.runs > count:
-        turn = np.linspace(0, data.runs - 1, count).astype(int)
+    turn = np.arange(count) % data.n_runs
+    if data.n_runs > count:
+        turn = np.linspace(0, data.n_runs - 1, count).astype(int)
     ids = np.arange(count)
-    return without_readings(data, run=ids, pose=ids, q=q, wrench=data.wrench[turn], point=data.point[turn])
+    return without_readings(
+        data, run_id=ids, pose_id=ids, q=q, wrench=data.wrench[turn], point=data.point[turn]
+    )
 
 
 def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iterator[tuple[str, Regression]]:
@@ -664,7 +676,7 @@ def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iter
     marker = reduce(_with_marker(vjm, points, name), structure, without_readings(data, markers=(name,)))
     yield name, replace(marker, terms=marker.terms[:1])
     if data.rotation_before is None:
-        blank = np.zeros((data.runs, 3))
+        blank = np.zeros((data.n_runs, 3))
         turned = replace(
             without_readings(data), rotation_before=blank, rotation_after=blank, sigma_rotation=SIGMA_ROTATION
         )
@@ -681,7 +693,7 @@ def _loads(data: Dataset) -> Iterator[tuple[str, dict[str, Array]]]:
     force = np.linalg.norm(data.wrench[:, :3], axis=1)
     if force.any():
         for k, axis in enumerate("xy"):
-            side = np.zeros((data.runs, 6))
+            side = np.zeros((data.n_runs, 6))
             side[:, k] = force
             yield f"the same force, as a side load along world {axis}", {"wrench": side}
         for k, axis in enumerate("xyz"):

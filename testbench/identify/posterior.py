@@ -1,9 +1,9 @@
-"""Uncertainty of everything that is linear in the unknowns: one posterior for estimates and calibrations.
+"""Uncertainty of estimates and calibrations: the posterior distribution of their parameters.
 
-The covariance (M^T M)^+ is that of weighted least squares, Eq. (14)-(15). M holds the rows of the data over
-their standard deviation and, with a prior, those of the prior below them. A direction that M does not
-determine has an infinite standard deviation. GCO away from the boundary of the cone has the same
-distribution.
+The covariance (M^T M)^+ is that of weighted least squares, Eq. (14)-(15). M stacks the observation matrix,
+each row divided by the standard deviation of its reading, and the whitened rows of the prior. A direction
+that M does not determine has an infinite standard deviation. GCO has the same distribution if no link
+compliance is at the boundary of the positive semi-definite cone.
 """
 
 import math
@@ -30,96 +30,102 @@ from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observati
 
 # --- Uncertainty of everything that is linear in the unknowns -----------------------------------------------
 
-UNSEEN_SHARE = 1e-8
-"""Share of a functional in unobservable directions above which it is unobservable [1]: rounding is 1e-11."""
-#: Distance from the optimum without a cone from which the cone counts as binding [standard deviations].
-BINDING_DISTANCE = 0.1
-CONFIDENCE = 0.95
-COVARIANCE_RIDGE, TINY = 1e-12, 1e-100
-"""Ridge added to a covariance before its root, relative to its mean diagonal, and the least ridge."""
-INTERVAL_BATCH = 600  #: Deflections whose intervals are computed in one batch: limits memory.
-CURVATURE_COUNT = 2.0
-"""Factor of the terms that a linear model leaves out: once for the prediction, once for their effect on the
-parameters. On an arm that moves by 9 to 41 mm (`arm_6r`, 18 full poses, non-linear truths of the family,
-seeds 1 to 5) 95 % intervals cover 68 % without it, 97 % with it."""
+MAX_UNOBSERVABLE_SHARE = 1e-8
+"""Largest share of a linear functional along unobservable directions with which it still counts as determined
+[1]; rounding is 1e-11."""
+#: Distance between the estimate and the optimum without the positive semi-definite constraint from which the
+#: constraint counts as active [standard deviations].
+MIN_BINDING_CONE_DISTANCE = 0.1
+CONFIDENCE = 0.95  #: Default probability that an interval contains the true value [1].
+COVARIANCE_RIDGE, MIN_COVARIANCE_RIDGE = 1e-12, 1e-100
+"""Ridge added to a covariance before it is solved, relative to its mean diagonal, and the least ridge."""
+DEFLECTIONS_PER_BATCH = 600  #: Number of deflections whose intervals are computed at once; it limits memory.
+SECOND_ORDER_FACTOR = 2.0
+"""Factor on the second-order deflection in an interval [1]: once for the prediction, once for its effect on
+the identified parameters. On an arm that deflects by 9 to 41 mm (`arm_6r`, 18 full poses, non-linear true
+arms of the family, seeds 1 to 5) 95 % intervals cover 68 % without this term and 97 % with it."""
 PRIOR_STUDENT_DOF = 4.0
-"""Degrees of freedom of the Student distribution of the prior's part in prediction errors.
+"""Degrees of freedom of the Student distribution of prediction errors that come from the prior.
 
-Priors are wrong in more ways than a normal distribution covers; readings are not. Over fourteen kinds of true
-arms (`plant.true_arms`, seeds 740001 to 740017, 8 poses, wrong priors) 90, 95 and 98 % of errors are
-within 1.6, 2.0 and 2.3 standard deviations of noise plus 1.8, 2.4 and 3.2 of the prior's part; cast links
-take 2.5, 3.2 and 4.0. Student's distribution with 4 degrees of freedom has 2.1, 2.8 and 3.7.
+Errors of priors have heavier tails than a normal distribution; errors of readings have not. Over fourteen
+kinds of true arms (`plant.true_arms`, seeds 740001 to 740017, 8 poses, wrong priors) 90, 95 and 98 % of
+errors are within 1.6, 2.0 and 2.3 standard deviations of the noise plus 1.8, 2.4 and 3.2 of the prior; with
+cast links these are 2.5, 3.2 and 4.0. Student's distribution with 4 degrees of freedom has 2.1, 2.8 and 3.7.
 """
 
 
 @dataclass(frozen=True, repr=False)
 class Intervals(Displayed):
-    """Hold intervals of predictions, such as deflections [m] along each axis, (runs, m, 3)."""
+    """Hold intervals of predictions, such as deflections along world x, y and z, (runs, m, 3) [m]."""
 
     centre: Array  #: The predictions, of any shape.
     lower: Array  #: Lower ends; -inf where the readings determine nothing.
     upper: Array  #: Upper ends; inf where the readings determine nothing.
     confidence: float  #: Probability that one interval contains the truth, 0.95 by default [1].
-    on_boundary: bool  #: Whether the cone holds the estimate; the intervals are then not exact.
+    #: Whether the positive semi-definite constraint is active; the intervals are then not exact.
+    on_cone_boundary: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Posterior(Displayed):
-    """Hold a normal distribution of the unknowns about their estimate.
+    """Hold the normal distribution of n unknowns x: their mean and covariance.
 
-    A linear functional a has the value a @ x and the standard deviation |root a|, with root^T root = (M^T
-    M)^-1 and M the whitened rows of readings and prior. The part of a learnt prior has Student's distribution
-    and adds in quadrature.
+    A linear functional a, such as a row of the observation matrix, has the mean a @ x and the standard
+    deviation |R a|, where R^T R = (M^T M)^-1 is the covariance and M holds the whitened rows of readings and
+    prior. The uncertainty that comes from a learnt prior has Student's distribution; it is added to that of
+    the noise in quadrature. Units are those of the unknowns, such as [m/N, rad/(N m), rad/N] of compliances.
     """
 
-    x: Array  #: Estimate, the centre of the distribution, (n,).
-    root: Array  #: The covariance of x is root^T root in observable directions, (r, n).
-    unobservable: Array  #: Rows whose products with an observable functional are zero, (f, n).
-    scale: Array  #: Scale of each unknown, to tell rounding errors from a value, (n,).
-    #: Degrees of freedom of the Student distribution of the prior's part; infinite for a normal one.
+    mean: Array  #: Mean of the unknowns: their estimate, (n,).
+    covariance_root: Array  #: R, with the covariance R^T R in observable directions, (r, n).
+    #: Directions of x along which no reading changes, one per row, (f, n); their variance is infinite.
+    unobservable_directions: Array
+    typical_sizes: Array  #: Typical size of each unknown, to tell its values from rounding errors, (n,).
+    #: Degrees of freedom of the Student distribution of the prior's errors; infinite for a normal one.
     student_dof: float = math.inf
-    prior_rows: int = 0  #: Number of rows of the root, the last ones, that are the prior's part.
-    #: Distance between the estimate and the optimum without a cone [standard deviations].
+    n_prior_rows: int = 0  #: Number of rows of R, the last ones, that are uncertainty from the prior.
+    #: Distance between the estimate and the optimum without the positive semi-definite constraint [standard
+    #: deviations].
     cone_distance: float = 0.0
-    on_boundary: bool = False  #: Whether the cone holds the estimate.
+    on_cone_boundary: bool = False  #: Whether the positive semi-definite constraint is active.
 
     @classmethod
-    def normal(cls, x: Array, root: Array) -> "Posterior":
-        """Make a posterior whose unknowns are all determined.
+    def from_covariance_root(cls, mean: Array, covariance_root: Array) -> "Posterior":
+        """Make a posterior from a mean and a root R of the covariance R^T R; all directions are observable.
 
         Args:
-            x: Centre, (n,).
-            root: Root of the covariance root^T root, (r, n).
+            mean: Mean of the unknowns, (n,).
+            covariance_root: R, (r, n).
         """
-        return cls(x, root, np.zeros((0, len(x))), np.ones(len(x)))
+        return cls(mean, covariance_root, np.zeros((0, len(mean))), np.ones(len(mean)))
 
     @classmethod
-    def of_rows(cls, M: Array, L: Array, x: Array) -> "Posterior":
-        """Make the posterior of unknowns x = L z from rows of known equations in z.
+    def from_whitened_rows(cls, M: Array, L: Array, mean: Array) -> "Posterior":
+        """Make the posterior of unknowns x = L z, with the covariance L (M^T M)^+ L^T.
 
         Mathematics: `int-1`.
 
         Args:
-            M: Rows in standard deviations, (e, n) [1].
-            L: Unknowns per unit of z, (n, n).
-            x: Centre, (n,).
+            M: Observation matrix of z, each row over the standard deviation of its reading, (e, n) [1].
+            L: Unknowns x per unit of z, (n, n).
+            mean: Mean of the unknowns, (n,).
 
         Returns:
-            The posterior; directions that M does not observe have infinite deviation.
+            The posterior; directions that M does not observe have an infinite variance.
         """
         back, unobservable = _inverse(M)
-        return cls(x, back @ L.T, unobservable @ L.T, np.linalg.norm(L, axis=1))
+        return cls(mean, back @ L.T, unobservable @ L.T, np.linalg.norm(L, axis=1))
 
-    def deviations(self, functionals: Array) -> Array:
-        """Compute the standard deviations of linear functionals of x.
+    def standard_deviations(self, functionals: Array) -> Array:
+        """Compute the standard deviations |R a| of linear functionals a of the unknowns.
 
         Mathematics: `int-2`.
 
         Args:
-            functionals: One per row, (k, n).
+            functionals: Rows a, such as those of an observation matrix, (k, n).
 
         Returns:
-            Standard deviations, (k,); infinite for a functional that the data do not determine.
+            Standard deviations, (k,), in the unit of a @ x; infinite where the data do not determine a @ x.
 
         Raises:
             BenchError: When a functional has another length or is not finite.
@@ -128,27 +134,31 @@ class Posterior(Displayed):
 
     def _deviations(self, functionals: Array) -> tuple[Array, Array]:
         """Compute standard deviations, and the part of them that is due to the prior, (k,) each."""
-        a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
-        white = a @ self.root.T
-        heavy = white[:, len(self.root) - self.prior_rows :]
-        seen, prior = (np.sqrt(np.vecdot(part, part)) for part in (white, heavy))
-        if not len(self.unobservable):
-            return seen, prior
-        size = np.linalg.norm(a * self.scale, axis=1)
-        unobservable = np.linalg.norm(a @ self.unobservable.T, axis=1) > UNSEEN_SHARE * size
-        return np.where(unobservable, np.inf, seen), prior
+        a = check_array(functionals, (None, len(self.mean)), "functionals [m per unit of pi]")
+        white = a @ self.covariance_root.T
+        from_prior = white[:, len(self.covariance_root) - self.n_prior_rows :]
+        total, prior = (np.sqrt(np.vecdot(part, part)) for part in (white, from_prior))
+        if not len(self.unobservable_directions):
+            return total, prior
+        size = np.linalg.norm(a * self.typical_sizes, axis=1)
+        unobservable = (
+            np.linalg.norm(a @ self.unobservable_directions.T, axis=1) > MAX_UNOBSERVABLE_SHARE * size
+        )
+        return np.where(unobservable, np.inf, total), prior
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
-        """Compute half widths of intervals of functionals: noise and prior in quadrature.
+        """Compute half widths of confidence intervals of linear functionals a of the unknowns.
+
+        Noise and prior are added in quadrature.
 
         Mathematics: `int-6`.
 
         Args:
-            functionals: One per row, (k, n).
-            confidence: Coverage of each interval by itself [1].
+            functionals: Rows a, such as those of an observation matrix, (k, n).
+            confidence: Probability that one interval contains the true a @ x [1].
 
         Returns:
-            Half width of each, (k,).
+            Half widths, (k,), in the unit of a @ x; infinite where the data do not determine a @ x.
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
@@ -156,53 +166,55 @@ class Posterior(Displayed):
         check_confidence(confidence)
         whole, prior = self._deviations(functionals)
         normal, student = (
-            quantile(student_dof, (1 + confidence) / 2) for student_dof in (math.inf, self.student_dof)
+            student_quantile(student_dof, (1 + confidence) / 2)
+            for student_dof in (math.inf, self.student_dof)
         )
         return np.asarray(np.hypot(normal * whole, math.sqrt(max(0, student**2 - normal**2)) * prior))
 
     def intervals(self, functionals: Array, confidence: float = CONFIDENCE) -> Intervals:
-        """Compute intervals of functionals around the estimate.
+        """Compute confidence intervals of linear functionals a of the unknowns, around a @ x.
 
         Args:
-            functionals: One per row, (k, n).
-            confidence: Coverage of each interval by itself [1].
+            functionals: Rows a, such as those of an observation matrix, (k, n).
+            confidence: Probability that one interval contains the true a @ x [1].
 
         Returns:
-            The intervals, (k,) each end.
+            Centre, lower and upper ends, (k,) each, in the unit of a @ x.
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
         """
         half = self.half_widths(functionals, confidence)
-        centre = functionals @ self.x
-        return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
+        centre = functionals @ self.mean
+        return Intervals(centre, centre - half, centre + half, confidence, self.on_cone_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute the covariances of groups of functionals that the data determine.
+        """Compute covariance matrices A R^T R A^T of groups of linear functionals that the data determine.
 
         Args:
-            functionals: Groups of k functionals, (..., k, n).
+            functionals: A, rows of k functionals per group, (..., k, n).
 
         Returns:
-            Covariances, (..., k, k).
+            Covariance matrices, (..., k, k), in the squared unit of A @ x.
         """
-        white = functionals @ self.root.T
+        white = functionals @ self.covariance_root.T
         return np.asarray(white @ white.swapaxes(-1, -2))
 
 
 def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
-    """Compute intervals of the deflections that an estimate predicts.
+    """Compute confidence intervals of the deflections of markers that an estimate predicts.
 
-    The half width adds in quadrature the noise, the prior and `CURVATURE_COUNT` times the second-order
-    deflection that the linear model omits, see `second_order_deflection`.
+    The half width is the root of the sum of three squares: the noise, the prior, and `SECOND_ORDER_FACTOR`
+    times the deflection that the linear model omits, see `second_order_deflection`.
 
     Mathematics: `int-8`.
 
     Args:
         vjm: The arm's virtual joint model.
-        estimate: From least squares, or with a prior; from GCO without a prior away from the cone's boundary.
-        data: Gives poses, loads and markers; its readings are not used.
-        confidence: Coverage of each interval by itself [1].
+        estimate: The identified compliances. Of GCO without a prior, intervals are exact only if the positive
+            semi-definite constraint is not active.
+        data: Poses, loads and markers; its readings are not used.
+        confidence: Probability that one interval contains the true deflection [1].
 
     Returns:
         Intervals in base axes of every marker in every run, (runs, m, 3) [m].
@@ -215,37 +227,37 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     check_type(data, Dataset, "data")
     vjm = vjm_for_structure(vjm, estimate.structure)
     posterior, points = posterior_of_estimate(estimate), marker_positions(vjm, data.markers)
-    together, ends = max(1, INTERVAL_BATCH // len(points)), []
-    for first in range(0, data.runs, together):
-        block = select_rows(data, np.arange(first, min(first + together, data.runs)))
-        where = evaluate_chain(set_load_history(vjm, block.taken_off), block.q)
+    together, ends = max(1, DEFLECTIONS_PER_BATCH // len(points)), []
+    for first in range(0, data.n_runs, together):
+        block = select_rows(data, np.arange(first, min(first + together, data.n_runs)))
+        where = evaluate_chain(set_load_history(vjm, block.unloaded_after_load), block.q)
         rows = observation_matrix(where, estimate.structure, block.wrench, block.point, points)
         bounds = posterior.intervals(rows.reshape(-1, estimate.structure.n_parameters), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (bounds.centre, bounds.upper))
-        # Widths by noise and prior, and by terms that the linear model omits: independent, in quadrature.
+        # Half widths from noise and prior, and from terms that the linear model omits, in quadrature.
         half = np.hypot(
-            upper - centre, CURVATURE_COUNT * second_order_deflection(vjm, estimate.C_theta, block)
+            upper - centre, SECOND_ORDER_FACTOR * second_order_deflection(vjm, estimate.C_theta, block)
         )
         ends.append((centre, centre - half, centre + half))
     centre, lower, upper = map(np.concatenate, zip(*ends, strict=True))
-    return Intervals(centre, lower, upper, confidence, posterior.on_boundary)
+    return Intervals(centre, lower, upper, confidence, posterior.on_cone_boundary)
 
 
 def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
-    """Compute the second-order deflection that a linear model omits, on its own weightless arm.
+    """Compute the second-order deflection that the linear model of Eq. (6) omits; own weight is left out.
 
-    The load acts, and the targets are, where the linear deflection brings them: one step of the fixed point
-    of Eq. (7). One step exists for any C_theta.
+    It is one step of the fixed-point iteration of Eq. (7): the load acts on the arm that has the linear
+    deflection. One step exists for any C_theta, also where the iteration has no limit.
 
     Mathematics: `int-7`.
 
     Args:
         vjm: The arm's virtual joint model.
         C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
-        data: Gives poses, loads and markers; its readings are not used.
+        data: Poses, loads and markers; its readings are not used.
 
     Returns:
-        Deflection after the step minus linear deflection in base axes, (runs, m, 3) [m].
+        Deflection of every marker after the step minus its linear deflection, base axes, (runs, m, 3) [m].
     """
     points, where = marker_positions(vjm, data.markers), evaluate_chain(vjm, data.q)
     theta = secant_theta(where, C_theta, data.wrench, data.point)
@@ -254,15 +266,16 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 
 
 def posterior_of_estimate(estimate: Estimate) -> Posterior:
-    """Compute the posterior of an estimate's parameters, Eq. (14)-(15); its prior counts as data.
+    """Compute mean and covariance of an estimate's parameters, Eq. (14)-(15); rows of a prior count as data.
 
     Mathematics: `int-1`, `int-3`, `int-5`.
 
     Args:
-        estimate: From any method.
+        estimate: The identified compliances, from any method.
 
     Returns:
-        The posterior, of a mixture where the estimate averages models.
+        The posterior of the parameters pi [m/N, rad/(N m), rad/N]; a mixture where the estimate averages
+        models.
     """
     if estimate.average is not None:
         return _averaged(estimate, estimate.average)
@@ -278,18 +291,18 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
     if weighted_prior is not None and learnt:
         root, heavy = _noise_and_prior_roots(rows, back, weighted_prior, L)
     else:
-        root, heavy = (1.0 if weighted_prior is None else weighted_prior.misfit) * back @ L.T, 0
+        root, heavy = (1.0 if weighted_prior is None else weighted_prior.noise_factor) * back @ L.T, 0
     if regression.pose_variation is not None:  # links vary in new poses again: additional scatter
         root = np.vstack([regression.pose_variation, root])
     return Posterior(
-        x=estimate.pi,
-        root=root,
-        unobservable=unobservable @ L.T,
-        scale=np.linalg.norm(L, axis=1),
+        mean=estimate.pi,
+        covariance_root=root,
+        unobservable_directions=unobservable @ L.T,
+        typical_sizes=np.linalg.norm(L, axis=1),
         student_dof=PRIOR_STUDENT_DOF if learnt else math.inf,
-        prior_rows=heavy,
+        n_prior_rows=heavy,
         cone_distance=pull,
-        on_boundary=estimate.conservative and pull > BINDING_DISTANCE,
+        on_cone_boundary=estimate.conservative and pull > MIN_BINDING_CONE_DISTANCE,
     )
 
 
@@ -300,20 +313,20 @@ def _inverse(M: Array) -> tuple[Array, Array]:
     return Vt[:r] / s[:r, None], Vt[r:]
 
 
-def conditional_covariance(K: Array, variables: Ids, given: Ids) -> Array:
-    """Compute the covariance of some variables, given others: K_oo - K_ok K_kk^-1 K_ko.
+def conditional_covariance(covariance: Array, variables: Ids, given: Ids) -> Array:
+    """Compute the covariance of some variables if others are known exactly: K_oo - K_ok K_kk^-1 K_ko.
 
     Args:
-        K: Covariance of all variables, (n, n).
-        variables: Places of the variables, (o,).
-        given: Places of those that are known exactly, (k,).
+        covariance: Covariance of all variables, (n, n).
+        variables: Indices o of the variables, (o,).
+        given: Indices k of the variables that are known exactly, (k,).
 
     Returns:
-        Conditional covariance, (o, o).
+        Conditional covariance, (o, o), in the unit of K.
     """
-    C, X = K[np.ix_(given, given)], K[np.ix_(variables, given)]
-    ridge = (COVARIANCE_RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
-    return np.asarray(K[np.ix_(variables, variables)] - X @ np.linalg.solve(C + ridge, X.T))
+    C, X = covariance[np.ix_(given, given)], covariance[np.ix_(variables, given)]
+    ridge = (COVARIANCE_RIDGE * np.trace(C) / len(C) + MIN_COVARIANCE_RIDGE) * np.eye(len(C))
+    return np.asarray(covariance[np.ix_(variables, variables)] - X @ np.linalg.solve(C + ridge, X.T))
 
 
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
@@ -332,7 +345,7 @@ def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     else:
         parts = _uncoupled_parts(average)
     alone = parts[0][1]
-    if len(parts) == 1 and np.array_equal(alone.x, estimate.pi):
+    if len(parts) == 1 and np.array_equal(alone.mean, estimate.pi):
         return alone
     return _mixture(estimate.pi, parts)
 
@@ -358,23 +371,33 @@ def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Pos
     """Embed a posterior in the unknowns of a wider structure; all others are zero."""
     x, root, unobservable, scale = (
         embed_parameters(numbers, structure, widest)
-        for numbers in (posterior.x, posterior.root, posterior.unobservable, posterior.scale)
+        for numbers in (
+            posterior.mean,
+            posterior.covariance_root,
+            posterior.unobservable_directions,
+            posterior.typical_sizes,
+        )
     )
-    return replace(posterior, x=x, root=root, unobservable=unobservable, scale=scale)
+    return replace(
+        posterior, mean=x, covariance_root=root, unobservable_directions=unobservable, typical_sizes=scale
+    )
 
 
 def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
     """Mix posteriors by probability about a common mean; some lack the last unknowns, sizes of joint laws."""
     noise, heavy = [], []
     for p, posterior in parts:
-        rows, first = np.zeros((len(posterior.root) + 1, len(pi))), len(posterior.root) - posterior.prior_rows
-        rows[:-1, : len(posterior.x)], rows[-1] = posterior.root, pi
-        rows[-1, : len(posterior.x)] -= posterior.x
+        rows, first = (
+            np.zeros((len(posterior.covariance_root) + 1, len(pi))),
+            len(posterior.covariance_root) - posterior.n_prior_rows,
+        )
+        rows[:-1, : len(posterior.mean)], rows[-1] = posterior.covariance_root, pi
+        rows[-1, : len(posterior.mean)] -= posterior.mean
         noise.append(math.sqrt(p) * rows[:first])
         heavy.append(math.sqrt(p) * rows[first:])
-    widest = max((member for _, member in parts), key=lambda member: len(member.x))
+    widest = max((member for _, member in parts), key=lambda member: len(member.mean))
     root, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
-    return replace(widest, x=pi, root=np.vstack([root, prior]), prior_rows=len(prior))
+    return replace(widest, mean=pi, covariance_root=np.vstack([root, prior]), n_prior_rows=len(prior))
 
 
 def _noise_and_prior_roots(
@@ -396,8 +419,8 @@ def _noise_and_prior_roots(
     open_ = np.linalg.qr(prior, mode="r") @ back
     root = np.vstack(
         [
-            weighted_prior.misfit * noise @ L.T,
-            weighted_prior.misfit * open_ @ L.T,
+            weighted_prior.noise_factor * noise @ L.T,
+            weighted_prior.noise_factor * open_ @ L.T,
             weighted_prior.hyperparameter_effect,
         ]
     )
@@ -417,24 +440,24 @@ def _distance_without_cone(
     return pull
 
 
-def quantile(student_dof: float, p: float) -> float:
-    """Compute a quantile of Student's distribution, or of the normal one.
+def student_quantile(dof: float, probability: float) -> float:
+    """Compute a quantile of Student's t distribution, or of the standard normal one.
 
     Args:
-        student_dof: Degrees of freedom; infinite for the normal distribution.
-        p: Probability, in (0, 1) [1].
+        dof: Degrees of freedom; infinite for the normal distribution.
+        probability: Probability, in (0, 1) [1].
 
     Returns:
-        The quantile in standard deviations of the normal limit [1].
+        The value that the variable exceeds with the probability 1 - p [1].
     """
-    if math.isinf(student_dof):
-        return NormalDist().inv_cdf(p)
-    if student_dof == 4:  # as `PRIOR_STUDENT_DOF`: a closed form (Shaw 2006), and scipy takes long to import
-        root = 2 * math.sqrt(p * (1 - p))
-        return math.copysign(2 * math.sqrt(math.cos(math.acos(root) / 3) / root - 1), p - 0.5)
+    if math.isinf(dof):
+        return NormalDist().inv_cdf(probability)
+    if dof == 4:  # as `PRIOR_STUDENT_DOF`: a closed form (Shaw 2006), and scipy takes long to import
+        root = 2 * math.sqrt(probability * (1 - probability))
+        return math.copysign(2 * math.sqrt(math.cos(math.acos(root) / 3) / root - 1), probability - 0.5)
     from scipy.special import stdtrit
 
-    return float(stdtrit(student_dof, p))
+    return float(stdtrit(dof, probability))
 
 
 def check_confidence(confidence: float) -> None:
@@ -447,15 +470,15 @@ def check_confidence(confidence: float) -> None:
         raise BenchError(f"confidence: expected a number between 0 and 1, got {confidence}")
 
 
-# --- An identified arm: its state, the uncertainty of that, and its origin ----------------------------------
+# --- An identified arm: its state, the posterior of its unknowns, and its origin ----------------------------
 
 
 @dataclass(frozen=True)
 class ModelOrigin:
     """Hold the origin of a model: method, files of readings, warnings and largest load."""
 
-    method: str  #: Method that found it.
-    #: SHA-256 of every file of readings, by its name.
+    method: str  #: Name of the identification method.
+    #: SHA-256 of every file of readings, by file name.
     file_hashes: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()  #: Warnings about the model, as sentences.
     largest_force: float | None = None  #: Largest force in the readings [N]; None if unknown.
@@ -465,20 +488,26 @@ class ModelOrigin:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmModel:
-    """Hold an identified arm: from deflections compliances only, from absolute readings geometry too."""
+    """Hold an identified arm with the posterior of its parameters.
 
-    state: ArmState  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
+    A model of deflections has identified compliances. A model of absolute readings also has identified
+    geometry and joint errors.
+    """
+
+    #: Arm with virtual joints theta = theta_0 + C_theta u + Phi(q) n: geometric errors theta_0, loads u
+    #: (own weight included), joint errors Phi n.
+    state: ArmState
     structure: Structure  #: Structure of the uncertain compliances.
-    columns: Ids  #: Columns of `unknowns` that are uncertain, (c,).
-    posterior: Posterior  #: Posterior of these unknowns.
+    uncertain_columns: Ids  #: Columns of `unknowns` that are uncertain, (c,).
+    posterior: Posterior  #: Posterior of the c uncertain unknowns.
     origin: ModelOrigin  #: Method, files of readings, warnings and largest load.
-    #: Noise of absolute readings about the model; None where geometry and joint errors were not identified.
+    #: Noise of absolute readings; None where geometry and joint errors were not identified.
     noise: Noise | None = None
 
     def __repr__(self) -> str:
         return (
             f"ArmModel(arm={self.arm.name}, method={self.origin.method}, structure={self.structure.name}, "
-            f"unknowns={len(self.columns)}, absolute={self.absolute})"
+            f"unknowns={len(self.uncertain_columns)}, absolute={self.is_absolute})"
         )
 
     @property
@@ -488,60 +517,63 @@ class ArmModel:
 
     @property
     def arm(self) -> Arm:
-        """Return the arm's description, as its folder has it."""
+        """Return the description of the nominal arm: kinematics, nominal stiffness and limits."""
         return self.vjm.arm
 
     @property
-    def absolute(self) -> bool:
-        """Tell whether geometry and joint errors were identified too."""
+    def is_absolute(self) -> bool:
+        """Tell whether geometry and joint errors were identified in addition to compliances."""
         return self.noise is not None
 
     @property
-    def scatter(self) -> float:
-        """Return the standard deviation of positions that the calibrated model leaves unexplained [m]."""
+    def position_scatter(self) -> float:
+        """Return the standard deviation of position errors that the model leaves unexplained [m].
+
+        It is 0 for a model of compliances only.
+        """
         return 0.0 if self.noise is None else self.noise.position_model_error * float(self.noise.factor[0])
 
     @property
     def unknowns(self) -> Unknowns:
-        """Return which column each unknown of an arm model has: geometry, joint errors, then compliances."""
+        """Return the columns of all unknowns: geometry, then joint errors, then compliances."""
         return Unknowns(self.vjm, (), {}, self.state.error_terms, self.structure)
 
 
-def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: BodyMasses) -> ArmModel:
-    """Convert an estimate of the compliances of a nominal arm to a model.
+def model_of_estimate(vjm: Vjm, estimate: Estimate, body_masses: BodyMasses) -> ArmModel:
+    """Make the model of an arm of nominal geometry with estimated compliances.
 
     Args:
-        vjm: The arm.
-        estimate: An estimate, from any estimator.
-        weights: Weights of the links, such as `read_body_masses`.
+        vjm: The arm's virtual joint model.
+        estimate: The identified compliances, from any method.
+        body_masses: Masses and centres of mass of the links, such as `read_body_masses` returns.
     """
-    state = elastic_state(vjm_for_structure(vjm, estimate.structure), estimate.C_theta, weights)
+    state = elastic_state(vjm_for_structure(vjm, estimate.structure), estimate.C_theta, body_masses)
     return model_of_compliances(
         state, estimate.structure, posterior_of_estimate(estimate), ModelOrigin(estimate.method)
     )
 
 
-def elastic_state(vjm: Vjm, C_theta: Array, weights: BodyMasses) -> ArmState:
-    """Make the state of a nominal arm with given compliances.
+def elastic_state(vjm: Vjm, C_theta: Array, body_masses: BodyMasses) -> ArmState:
+    """Make the state of an arm of nominal geometry with given compliances.
 
     Args:
         vjm: The arm's virtual joint model.
         C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
-        weights: Weights of the links.
+        body_masses: Masses and centres of mass of the links.
     """
-    return replace(nominal_state(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
+    return replace(nominal_state(vjm, body_masses, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
 
 
 def model_of_compliances(
     state: ArmState, structure: Structure, posterior: Posterior, origin: ModelOrigin
 ) -> ArmModel:
-    """Make an arm model whose only uncertain unknowns are compliances.
+    """Make an arm model of which only the compliances are uncertain; its geometry counts as exact.
 
     Args:
-        state: The arm's state.
-        structure: The compliances, n of them.
-        posterior: Their posterior.
-        origin: Origin of the model.
+        state: Geometry, compliances and own weight of the arm.
+        structure: Structure of the compliances, n parameters.
+        posterior: Posterior of these n parameters.
+        origin: Method, files of readings, warnings and largest load.
     """
     first = Unknowns(state.vjm, (), {}, state.error_terms, structure).first_columns["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n_parameters), posterior, origin)
@@ -549,7 +581,7 @@ def model_of_compliances(
 
 @runtime_checkable
 class ModelSource(Protocol):
-    """Describe objects with a method `model()` that returns an identified arm, such as a `Calibration`."""
+    """Describe an object with a method `model()` that returns an identified arm, such as `Calibration`."""
 
     def model(self) -> ArmModel:
         """Return the identified arm."""

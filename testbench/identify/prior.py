@@ -1,11 +1,10 @@
 """Priors: compliances that are expected before any reading, with their relative uncertainty.
 
-`cad_prior` makes a prior from the arm's folder. `hierarchy` learns its scales and uncertainties from the
-readings.
+`cad_prior` makes a prior from the nominal arm. `hierarchy` learns its scales and uncertainties from readings.
 
 A prior states a positive definite compliance P for every block. In units of the prior a compliance is
-C = P^1/2 X P^1/2, and X = 1 is the expected one. The coordinates x = svec(X) are of order one; C is positive
-semi-definite if and only if X is. In these units the prior is a few more rows of the least-squares problem.
+C = P^1/2 X P^1/2, and X = 1 is expected. The coordinates x = svec(X) are of order one; C is positive
+semi-definite if and only if X is. In these units the prior adds equations to the least-squares problem.
 """
 
 import math
@@ -26,14 +25,14 @@ from testbench.model.vjm import Vjm
 # --- Priors: compliances expected before any reading, and their relative uncertainty ------------------------
 
 UNCERTAINTY_RANGE = 1e-6, 1e6
-"""Range of accepted relative uncertainties of a prior [1]; `PriorUncertainty` refuses others."""
+"""Least and largest relative uncertainty that `PriorUncertainty` accepts [1]."""
 COUPLING_REDUCTION = 0.5
-"""Share of the couplings (off-diagonal compliances) that `with_weaker_coupling` removes from every link [1].
+"""Share of off-diagonal compliances that `with_weaker_coupling` removes from every link [1].
 
-It stands for bearings and flanges that are elastic in addition to the beam between them.
+A beam couples displacements and rotations; elastic bearings and flanges at its ends do not.
 """
-CACHED_PRIORS = 32
-"""Number of softened priors that are cached, so that their scalings are found again."""
+N_CACHED_PRIORS = 32
+"""Number of results of `with_weaker_coupling` that are cached, so that their scalings are cached too."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,16 +40,16 @@ class Prior(Displayed):
     """Hold the expected compliances of an arm; read-only, and equal only to itself."""
 
     name: str  #: Origin of the numbers, for reports.
-    #: Aggregated compliance, symmetric and positive definite in every link's and joint's block, (n_theta,
-    #: n_theta) [m/N, rad/(N m), rad/N].
+    #: Expected aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N]; symmetric positive definite
+    #: in the block of every link and joint.
     C_theta: Array
 
     def summary(self) -> dict[str, object]:
-        """Return the rows of the small table that shows a prior."""
+        """Summarise the prior: the origin of its numbers."""
         return {"name": self.name}
 
     def __post_init__(self) -> None:
-        """Keep a read-only copy, so that cached scalings stay valid; BenchError if it is no finite matrix."""
+        """Copy C_theta and make it read-only, because scalings are cached; BenchError if it is not finite."""
         C = np.array(check_array(self.C_theta, (None, None), f"prior {self.name} [m/N, rad/(N m)]"))
         C.setflags(write=False)
         object.__setattr__(self, "C_theta", C)
@@ -58,27 +57,24 @@ class Prior(Displayed):
 
 @dataclass(frozen=True)
 class PriorUncertainty:
-    """Hold the relative uncertainty of a prior on compliances; `prior_rows` makes its weights from it.
+    """Hold the relative uncertainty of a prior on compliances: standard deviations over expected values.
 
-    `relative` is the relative standard deviation u of every compliance [1], and `scale` that of a factor
-    common to all compliances [1]. Optional exceptions: `link_coupling` and `joint_coupling` replace u for
-    couplings of axes inside a link and of two joints [1]; `block_factors`, (blocks,), multiply u of every
-    link and joint [1].
+    `relative` and `scale` suffice; the other fields are exceptions for some entries.
     """
 
-    relative: float  #: Relative standard deviation u of an entry of x around its expectation [1].
-    #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to
-    #: the data.
+    relative: float  #: Relative standard deviation u of every compliance [1].
+    #: Relative standard deviation of a factor that all compliances share [1]; infinite if only the data
+    #: determine this factor.
     scale: float = np.inf
-    #: u of the entries inside a link that couple axes that a straight beam does not couple [1]; None for
+    #: u of entries inside a link that couple axes which a straight beam does not couple [1]; None for
     #: `relative`.
     link_coupling: float | None = None
-    #: Factor on u of every block, (blocks,) [1]; None for 1 everywhere.
+    #: Factor on u of every block (link or joint), (blocks,) [1]; None for 1.
     block_factors: tuple[float, ...] | None = None
-    joint_coupling: float | None = None  #: u of the entries that couple two joints [1]; None for `relative`.
+    joint_coupling: float | None = None  #: u of entries that couple two joints [1]; None for `relative`.
 
     def __post_init__(self) -> None:
-        """Refuse by BenchError an uncertainty outside `UNCERTAINTY_RANGE`, or below zero of the scale."""
+        """Check u against `UNCERTAINTY_RANGE`, and that `scale` is at least 0; BenchError if not."""
         low, high = UNCERTAINTY_RANGE
         coupling = self.relative if self.link_coupling is None else self.link_coupling
         for name, value in (("relative", self.relative), ("link_coupling", coupling)):
@@ -89,13 +85,10 @@ class PriorUncertainty:
 
 
 def cad_prior(arm: Arm) -> Prior:
-    """Make the prior of an arm's folder: beams of the links' dimensions, catalogue stiffness of the joints.
+    """Make a prior from the nominal compliances of an arm: links as beams, joints as in the catalogue.
 
     Args:
-        arm: The arm.
-
-    Returns:
-        Expected compliances, as accurate as the folder.
+        arm: The nominal arm, as `load_arm` reads it.
 
     Raises:
         BenchError: When the argument is no arm.
@@ -104,9 +97,9 @@ def cad_prior(arm: Arm) -> Prior:
     return Prior(f"CAD of {arm.name}", arm.C_theta)
 
 
-@lru_cache(maxsize=CACHED_PRIORS)
+@lru_cache(maxsize=N_CACHED_PRIORS)
 def with_weaker_coupling(prior: Prior) -> Prior:
-    """Make a prior whose links are less like beams: (1 - r) C + r diag(C), r = `COUPLING_REDUCTION`; cached.
+    """Reduce off-diagonal compliances of a prior: (1 - r) C + r diag(C), r = `COUPLING_REDUCTION`; cached.
 
     Mathematics: `prior-6`.
     """
@@ -115,16 +108,16 @@ def with_weaker_coupling(prior: Prior) -> Prior:
 
 
 def perturb_prior(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
-    """Make a wrong prior: D C D times a common factor, D diagonal and random.
+    """Make a wrong prior for tests of robustness: a factor times D C D, with D diagonal and random.
 
     Args:
-        prior: Expected compliances.
-        scale: Common factor [1].
-        shape: Standard deviation of the logarithm of every diagonal entry's own factor [1].
+        prior: Expected compliances C.
+        scale: The factor on all compliances [1].
+        shape: Standard deviation of the logarithm of the factor D_ii^2 on a diagonal compliance [1].
         rng: Source of randomness.
 
     Returns:
-        The wrong prior; it is positive definite as before.
+        The wrong prior; its blocks remain positive definite.
 
     Raises:
         BenchError: When scale is not above 0 or shape is below 0.
@@ -137,18 +130,19 @@ def perturb_prior(prior: Prior, *, scale: float, shape: float, rng: np.random.Ge
 
 
 def aggregate_left_out_joints(C: Array, vjm: Vjm, structure: Structure) -> Array:
-    """Add the compliance of joints that a structure leaves out to the link before them, as the paper does.
+    """Add the compliance c of joints that a structure leaves out to the link before them, as the paper does.
+
+    The block of this link becomes C_link + c a a^T, with the joint's axis a in the link's frame.
 
     Mathematics: `prior-5`.
 
     Args:
-        C: Compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+        C: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
         vjm: The arm's virtual joint model.
-        structure: The unknowns.
+        structure: Structure of the unknowns.
 
     Returns:
-        C with C_link + c a a^T, a the joint's axis in the link's frame, for each such joint, (n_theta,
-        n_theta).
+        Aggregated compliance with these links changed, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
     """
     C, first = C.copy(), 6 * len(vjm.arm.links)
     out = np.flatnonzero(structure.block_of_row[first : first + vjm.arm.n_joints] < 0)
@@ -162,25 +156,29 @@ def aggregate_left_out_joints(C: Array, vjm: Vjm, structure: Structure) -> Array
 
 # --- Compliances in units of a prior ------------------------------------------------------------------------
 
-CACHED_SCALINGS = 32  #: Number of scalings that are cached: many datasets are fitted with few.
-MAX_PRIOR_ASYMMETRY = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
-#: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
+N_CACHED_SCALINGS = 32  #: Number of results of `scale_by_prior` that are cached.
+#: Largest asymmetry of a prior that is accepted, after it is scaled to unit diagonal [1].
+MAX_PRIOR_ASYMMETRY = 1e-9
+#: Least eigenvalue of a block of the prior that is accepted, after it is scaled to unit diagonal [1].
 MIN_PRIOR_EIGENVALUE = 1e-9
 
 
 @dataclass(frozen=True)
 class PriorScaling:
-    """Hold the unknowns of a structure in units of a prior: pi = L x, x of order one."""
+    """Hold the parameters of a structure in units of a prior: pi = L x, with x = svec(X) of order one.
+
+    A block of compliances with the expectation P is C = P^1/2 X P^1/2.
+    """
 
     prior_name: str  #: Name of the prior.
-    structure: Structure  #: The unknowns, n of them.
+    structure: Structure  #: Structure of the n parameters.
     L: Array  #: Parameters pi per unit of x, block diagonal, (n, n) [m/N, rad/N, rad/(N m)].
-    expected_x: Array  #: Expected x, svec of X = 1, (n,) [1].
-    block_orders: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
+    expected_x: Array  #: Expected x: svec of X = 1, (n,) [1].
+    block_orders: tuple[int, ...]  #: Order of the matrix of every block, as `structure.blocks` lists them.
 
     @cached_property
     def is_link_coupling(self) -> Mask:
-        """Tell which entries of x couple axes of a link that a straight beam does not couple, (n,)."""
+        """Tell which entries of x couple axes inside a link that a straight beam does not couple, (n,)."""
         row, column = self.structure.upper_triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in BEAM_ENTRIES])
         return np.asarray((row < 6 * self.structure.n_links) & ~beam)
@@ -193,12 +191,13 @@ class PriorScaling:
 
     @cached_property
     def entry_scales(self) -> tuple[Array, Ids, tuple[str, ...]]:
-        """Return the K scales that entries of x have: one per link, one per joint.
+        """Return how the K scales of links and joints determine the scale of every entry of x.
 
-        A coupling of two joints has the geometric mean of both scales.
+        The scale of an entry is the product of the K scales, each to its exponent: 1 for an entry inside a
+        block, 1/2 and 1/2 for a coupling of two joints.
 
         Returns:
-            Exponent of every scale in that of an entry, (n, K) [1]; kind and name of every scale, K each.
+            Exponents, (n, K) [1]; kind of every scale as in `block_kinds`, (K,); and names of the scales, K.
         """
         owner = np.repeat(np.arange(len(self.block_orders)), [cone.svec_length(n) for n in self.block_orders])
         row, column = self.structure.upper_triangles
@@ -216,19 +215,19 @@ class PriorScaling:
 
     @cached_property
     def block_kinds(self) -> Ids:
-        """Return the kind of every block: 0 links, 1 joints, from 2 on the joint laws in turn, (blocks,)."""
+        """Return the kind of every block, (blocks,): 0 a link, 1 a joint, 2 + k the size of joint law k."""
         first, joints = 6 * self.structure.n_links, self.structure.n_links - 1
         row = np.array([block[0] for block in self.structure.blocks])
         return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
-    def is_law_size(self) -> Mask:
-        """Tell which entries of x are sizes of joint laws, (n,)."""
+    def is_joint_law_size(self) -> Mask:
+        """Tell which entries of x are sizes of joint laws, not compliances, (n,)."""
         return np.asarray(self.structure.upper_triangles[0] >= self.structure.n_compliance_rows)
 
     @property
     def block_names(self) -> tuple[str, ...]:
-        """Return the name of every block: its link or joint, or its first row if a link has several."""
+        """Return the name of every block: its link or joint, or the first axis of a block inside a link."""
         labels = [self.structure.row_labels[block[0]] for block in self.structure.blocks]
         whole = [size == 6 for size in self.block_orders]
         return tuple(
@@ -243,78 +242,79 @@ class PriorScaling:
             x: Entries of all blocks, (n,) [1].
 
         Returns:
-            One symmetric matrix per block.
+            One symmetric matrix per block [1].
         """
         ends = np.cumsum([cone.svec_length(n) for n in self.block_orders])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def clip_negative_eigenvalues(self, x: Array) -> Array:
-        """Set the negative eigenvalues of every block to zero, to remove the solver's rounding.
+        """Set negative eigenvalues of every block X to zero; they are rounding of a solver.
 
         Args:
-            x: Entries of all blocks, (n,) [1].
+            x: svec(X) of all blocks, (n,) [1].
 
         Returns:
-            Entries of positive semi-definite blocks, (n,) [1].
+            svec of the positive semi-definite blocks, (n,) [1].
         """
         projected = x.copy()
-        for at in cone.places_by_order(self.block_orders):
+        for at in cone.svec_indices_by_order(self.block_orders):
             projected[at] = cone.svec(cone.nearest_psd(cone.smat(x[at])))
         return projected
 
 
 @dataclass(frozen=True)
 class LearntScale:
-    """Hold the factor by which the readings scale the prior of one link or joint, over others of its kind."""
+    """Hold the factor on the prior compliance of one link or joint that the readings determine."""
 
-    name: str  #: Name of the link or joint; "joints" for the common scale of all joints.
-    factor: float  #: Over the prior's compliance [1].
-    log_deviation: float  #: Standard deviation of its logarithm [1].
+    name: str  #: Name of the link or joint; "joints" for a factor that all joints share.
+    factor: float  #: Identified compliance over the prior's, relative to other links or joints [1].
+    log_deviation: float  #: Standard deviation of the logarithm of the factor [1].
 
 
 @dataclass(frozen=True)
 class WeightedPrior:
-    """Hold a prior in its own units for one structure, with its relative uncertainty."""
+    """Hold a prior for the parameters of one structure, with its relative uncertainty."""
 
-    scaling: PriorScaling  #: Units of the prior.
-    uncertainty: PriorUncertainty  #: Relative uncertainty, divided by `misfit`.
-    #: Factor kappa of the noise over its stated value, model error included [1].
-    misfit: float = 1.0
-    #: Change of the parameters per standard deviation of each learnt hyperparameter, one per row, (k, n);
-    #: None where the prior is not learnt from the readings.
+    scaling: PriorScaling  #: The parameters in units of the prior.
+    uncertainty: PriorUncertainty  #: Relative uncertainty of the prior, divided by `noise_factor`.
+    #: Factor kappa on the stated noise that covers the error of the model too [1].
+    noise_factor: float = 1.0
+    #: Change of the parameters per standard deviation of each of k learnt hyperparameters, (k, n) [m/N,
+    #: rad/(N m), rad/N]; None where the uncertainty was stated, not learnt.
     hyperparameter_effect: Array | None = None
-    #: Root mean square of the uncertain size of every entry, over the size in `uncertainty`, (n,) [1]; None
-    #: where the prior is not learnt from the readings.
+    #: Factor on the uncertainty of every entry of x because the learnt uncertainty is itself uncertain, (n,)
+    #: [1]; None where the uncertainty was stated, not learnt.
     size_uncertainty: Array | None = None
-    scales: tuple[LearntScale, ...] = ()  #: Scales of links and joints that the readings determine.
-    #: Log density of the readings, without the constant that all models share; None if it was not requested.
+    learnt_scales: tuple[LearntScale, ...] = ()  #: Factors on links and joints that the readings determine.
+    #: Logarithm of the density of the readings under this model, up to a constant that all models share [1];
+    #: None if it was not requested.
     log_evidence: float | None = None
 
 
 @dataclass(frozen=True)
 class RegressionWithPrior:
-    """Hold a reduced dataset and its prior."""
+    """Hold weighted equations and a prior of their unknowns."""
 
     regression: Regression  #: The weighted equations.
-    prior: WeightedPrior  #: The prior of its unknowns.
+    prior: WeightedPrior  #: The prior of their unknowns.
 
 
-@lru_cache(maxsize=CACHED_SCALINGS)
+@lru_cache(maxsize=N_CACHED_SCALINGS)
 def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
-    """Compute the units of a prior for a structure of whole blocks, C = P^1/2 X P^1/2; cached.
+    """Compute the parameters in units of a prior, pi = L x, from C = P^1/2 X P^1/2 in every block; cached.
 
-    A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
-    paper's aggregation. A link that it leaves out is rigid. Joint laws have the expected size one.
+    A joint that the structure leaves out adds its compliance to the link before it, as in the paper. A link
+    that the structure leaves out is rigid. Joint laws have the expected size one.
 
     Mathematics: `prior-1`.
 
     Args:
         prior: Expected compliances P.
         vjm: The arm's virtual joint model.
-        structure: The unknowns, n of them.
+        structure: Structure of the n parameters; it has all entries of its blocks.
 
     Returns:
-        The scaling, with L block by block.
+        The scaling: L, and the expected x.
 
     Raises:
         BenchError: When the prior has another size, is not symmetric or not positive definite in a block, or
@@ -342,30 +342,30 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
 
 
 def rows_in_prior_units(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:
-    """Compute the weighted equations in units of the prior: |A x - y|^2 is chi squared without its constant.
+    """Compute the weighted equations A x = y in units of a prior; |A x - y|^2 is chi^2 minus a constant.
 
     Args:
-        regression: The reduced dataset.
-        scaling: Units of the prior.
+        regression: The weighted equations in pi.
+        scaling: The parameters pi = L x in units of the prior.
 
     Returns:
-        A, (r, n) [1], and y, (r,) [1].
+        A, (rows, n) [1], and y, (rows,) [1].
     """
     A, y = regression.weighted_equations
     return A @ scaling.L, y
 
 
 def prior_rows(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tuple[Array, Array]:
-    """Compute the rows B, c of a prior: |B x - c|^2 is its penalty added to chi squared.
+    """Compute the equations B x = c of a prior: it adds |B x - c|^2 to chi^2.
 
-    With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
-    e e^T. B is a root of its inverse; where v is infinite B projects e out.
+    The prior's covariance is diag(d)^2 + v^2 e e^T, with the expectation e of x, the standard deviations d of
+    its entries and v of the common scale. B is a root of the inverse; where v is infinite it projects e out.
 
     Mathematics: `prior-2`.
 
     Args:
-        scaling: Units of the prior.
-        uncertainty: Its relative uncertainty.
+        scaling: The parameters in units of the prior.
+        uncertainty: Relative uncertainty of the prior.
 
     Returns:
         B, (n, n) [1], and c, (n,) [1].
@@ -387,14 +387,14 @@ def prior_rows(scaling: PriorScaling, uncertainty: PriorUncertainty) -> tuple[Ar
 def rows_with_prior(
     regression: Regression, scaling: PriorScaling, uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
-    """Stack the rows of data and prior: weighted least squares with a prior minimises |M x - r|^2.
+    """Stack the equations of data and prior, M x = r: least squares with a prior minimises |M x - r|^2.
 
     Mathematics: `prior-4`.
 
     Args:
-        regression: The reduced dataset.
-        scaling: Units of the prior.
-        uncertainty: Its relative uncertainty.
+        regression: The weighted equations of the data.
+        scaling: The parameters x in units of the prior.
+        uncertainty: Relative uncertainty of the prior.
 
     Returns:
         M, (rows, n) [1], and r, (rows,) [1].
@@ -404,24 +404,24 @@ def rows_with_prior(
 
 
 def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScaling:
-    """Scale a prior by the one factor that fits the data best.
+    """Multiply all compliances of a prior by the one factor that fits the data best.
 
     A relative uncertainty then refers to compliances of the right size, even if the prior's scale is wrong.
 
     Mathematics: `prior-3`.
 
     Args:
-        scaling: Units of the prior.
-        regression: The reduced dataset.
+        scaling: The parameters in units of the prior.
+        regression: The weighted equations of the data.
 
     Returns:
-        The scaling with another L; joint laws keep their scale.
+        The scaling with L times the factor; sizes of joint laws are not multiplied.
 
     Raises:
         BenchError: When the best factor is not above 0.
     """
     A, y = rows_in_prior_units(regression, scaling)
-    moved = A @ np.where(scaling.is_law_size, 0.0, scaling.expected_x)
+    moved = A @ np.where(scaling.is_joint_law_size, 0.0, scaling.expected_x)
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
@@ -429,7 +429,7 @@ def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScali
             f"prior {scaling.prior_name}: expected readings that move with the load; "
             f"the best scale is {scale:.3g}"
         )
-    return replace(scaling, L=np.where(scaling.is_law_size, 1.0, scale) * scaling.L)
+    return replace(scaling, L=np.where(scaling.is_joint_law_size, 1.0, scale) * scaling.L)
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:
@@ -465,7 +465,7 @@ def _prior_error(prior: Prior, structure: Structure, row: int, expected: str) ->
 
 
 def _congruences(roots: Array) -> Array:
-    """Compute upper triangles of root X root^T per unit of each entry of svec(X), (k, entries, entries)."""
+    """Compute entries of root X root^T, upper triangle, per entry of svec(X), (k, entries, entries)."""
     row, column = cone.upper_triangle(roots.shape[1])
     a, b = roots[:, row], roots[:, column]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))

@@ -96,7 +96,7 @@ def frame_and_target_names(series: Sequence[Series]) -> tuple[tuple[str, ...], t
 
 def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ...]:
     """Compute frame, target, joints, position and covariance of every mean reading of a series."""
-    row, column = np.nonzero(series.seen)
+    row, column = np.nonzero(series.is_measured)
     target = np.array([targets.index(name) for name in series.markers])[column]
     keys = np.column_stack([series.q[row], target])
     _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -511,10 +511,9 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
     if DIVERGED in tried:
         return f"{DIVERGED}; is a unit, the order of joints or the sign of an angle wrong?"
     for readings in series:
-        if readings.seen.sum() < MIN_FRAME_POINTS:
-            return (
-                f"{readings.frame} read {readings.seen.sum()} targets; expected at least {MIN_FRAME_POINTS}"
-            )
+        if readings.is_measured.sum() < MIN_FRAME_POINTS:
+            n_read = readings.is_measured.sum()
+            return f"{readings.frame} read {n_read} targets; expected at least {MIN_FRAME_POINTS}"
     poses = len(np.unique(np.concatenate([readings.q for readings in series]), axis=0))
     return (
         f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, do not "

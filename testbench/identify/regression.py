@@ -263,7 +263,9 @@ def generic_observation_matrix(vjm: Vjm, structure: Structure) -> Array:
     q = vjm.arm.draw_poses(rng, GENERIC_RUNS)
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
     equilibrium = undeflected_arm(vjm, q, [Load(wrench, point)])
-    A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, rotations=True)[:, :, :-1]
+    A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, with_orientation=True)[
+        :, :, :-1
+    ]
     return np.concatenate(
         [part.transpose(3, 0, 1, 2).reshape(-1, structure.n_parameters) for part in (A[:-1], A[-1:])]
     )
@@ -451,7 +453,7 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
     check_type(data, (Dataset, Regression), "data")
     if isinstance(data, Regression):
         return restrict_regression(data, structure)
-    [parts] = reduce_by_group(vjm, [structure], data, np.broadcast_to(0, data.runs))
+    [parts] = reduce_by_group(vjm, [structure], data, np.broadcast_to(0, data.n_runs))
     return with_rows_by_pose(vjm, parts.joined(), data)
 
 
@@ -469,7 +471,7 @@ def with_rows_by_pose(vjm: Vjm, regression: Regression, data: Dataset) -> Regres
     Returns:
         The regression, with `poses` where they are needed.
     """
-    poses, part = np.unique(data.pose, return_inverse=True)
+    poses, part = np.unique(data.pose_id, return_inverse=True)
     if (
         not regression.structure.n_laws
         or len(regression.terms) > 1
@@ -508,10 +510,10 @@ def reduce_by_group(
     check_runs(vjm, data)
     data, lines = resolve_line_readings(vjm, data), data.direction is not None
     # Rows are made and folded block by block, so that memory does not grow with the runs.
-    for these in _blocks_of(group, data.pose if lines else np.arange(len(group))):
+    for these in _blocks_of(group, data.pose_id if lines else np.arange(len(group))):
         load = Load(data.wrench[these], data.point[these])
         chains = {
-            v: undeflected_arm(set_load_history(v, data.taken_off, these), data.q[these], [load])
+            v: undeflected_arm(set_load_history(v, data.unloaded_after_load, these), data.q[these], [load])
             for v in {model.vjm for model in unknowns}
         }
         for model, folded in zip(unknowns, factors, strict=True):
@@ -530,7 +532,7 @@ def reduce_by_group(
 
 
 def _blocks_of(group: Ids, pose: Ids) -> Iterator[Ids]:
-    """Divide the runs into batches of about BLOCK_RUNS, in one part of some thousand runs after the other."""
+    """Divide runs into batches of about RUNS_PER_BATCH, sorted within some thousand runs at a time."""
     for first in range(0, len(group), MAX_SORTED_RUNS):
         block = slice(first, first + MAX_SORTED_RUNS)
         for these in pose_batches(group[block], pose[block], RUNS_PER_BATCH):
@@ -643,7 +645,7 @@ def reduce_series(
         blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
             None for one block per series.
     """
-    blocks = [np.zeros(readings.rows, dtype=int) for readings in series] if blocks is None else blocks
+    blocks = [np.zeros(readings.n_rows, dtype=int) for readings in series] if blocks is None else blocks
     kinds = equation_kinds_of(series)
     parts = []
     whole = TriangularFactors(linearisation.unknowns.size + 1)
@@ -663,7 +665,7 @@ def _factors_of_rows(linearisation: Linearisation, series: Series, group: Ids) -
     """Fold the rows of a series whose part is 0, batch by batch."""
     folded = TriangularFactors(linearisation.unknowns.size + 1)
     numbers = 3 * folded.columns * (len(series.markers) + (series.rotation is not None))
-    for rows in pose_batches(group, series.pose, max(16, MAX_NUMBERS_IN_MEMORY // numbers)):
+    for rows in pose_batches(group, series.pose_id, max(16, MAX_NUMBERS_IN_MEMORY // numbers)):
         A, kinds = whitened_rows(linearisation, select_rows(series, rows))
         folded.add_readings(A, kinds, np.zeros(len(rows), dtype=int))
     return folded
@@ -698,7 +700,7 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
     W = W * np.sqrt(pull)[..., None, None]
     isotropic = series.precision is None
     A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
-    read = np.concatenate([series.seen.T, series.oriented[None]])[: len(kinds)]
+    read = np.concatenate([series.is_measured.T, series.is_oriented[None]])[: len(kinds)]
     return A, np.where(read, kinds, -1)
 
 

@@ -1,12 +1,11 @@
-"""Solve least squares or GCO on a reduced dataset, with a prior or without; reject outliers.
+"""Solve least squares or GCO on weighted equations, with a prior or without; reject outliers.
 
-Every method (`Method`) ends in `solve`. With a prior both minimise chi^2 + |x - s e|^2 / u^2 in units of the
-prior: x is the compliance over its expectation, e that expectation and u its relative uncertainty; GCO keeps
-every block positive semi-definite. The data determine the common scale s, so that a CAD model which is wrong
-by one factor costs nothing.
+Every method (`Method`) ends in `solve`. With a prior both minimise chi^2 + |x - s e|^2 / u^2: x are the
+compliances in units of the prior, e their expectation and u its relative uncertainty; GCO keeps every block
+positive semi-definite. The data determine the common scale s, so that a prior of wrong scale costs nothing.
 
-`minimum_norm` is weighted least squares, Eq. (14)-(15), from the reduced rows, without the information
-matrix. `complete_conservatively` chooses unobservable directions so that its result is conservative.
+`minimum_norm` is weighted least squares, Eq. (14)-(15), solved without the information matrix.
+`complete_conservatively` chooses unobservable directions so that its result is conservative.
 
 `without_outliers` is the robust loss. A reading is the deflection of one marker in one run, or the rotation
 of the tool in one run: three numbers y_i in units of sqrt(2) sigma. Readings are weighted by their residuals
@@ -14,15 +13,15 @@ and fitted again, until nothing changes. This minimises
 
     sum_i h(|A_i x - y_i|) + 1/2 |B x - c|^2
 
-with Huber's loss h and the rows B, c of the prior. Readings with a residual beyond REJECTED_RESIDUAL are
-outliers, and the plain method fits the rest. Huber's own fit was worse, because a wild reading keeps its
-influence: with a fifth of the readings off by 1 mm it raised the RMS error over the workspace by 20 to 25 %,
-rejection by 2 to 5 % (KR 500, MGCO68 and MGCO56 with a prior, median of 20 seeds). It was better only for
-errors as small as 0.3 mm, four standard deviations, of which rejection finds half.
+with Huber's loss h and the equations B x = c of the prior. Readings with a residual beyond REJECTED_RESIDUAL
+are outliers, and the plain method fits the others. The fit by Huber's loss itself was worse, because gross
+errors keep their influence: with a fifth of the readings off by 1 mm it raised the RMS error over the
+workspace by 20 to 25 %, rejection by 2 to 5 % (KR 500, MGCO68 and MGCO56 with a prior, median of 20 seeds).
+It was better only for errors as small as 0.3 mm, four standard deviations, half of which rejection misses.
 
-Three markers on a rigid tool have nine numbers for six unknowns. So a run alone detects an error of one
-marker within their plane, not always of which one, and none across the plane. Other runs and the prior show
-the rest.
+Three markers on a rigid tool give nine numbers for six unknowns. So one run detects an error of a marker
+within the plane of the markers, not always of which one, and none across this plane. Other runs and the prior
+detect the others.
 """
 
 import math
@@ -79,13 +78,12 @@ from testbench.model.vjm import Vjm
 def minimum_norm(regression: Regression) -> Estimate:
     """Solve weighted least squares, Eq. (14)-(15), with minimum norm along unobservable directions.
 
-    Positions and rotations are weighted by 1 / (sqrt(2) sigma). The norm is that of pi in units in which each
-    column of the observation matrix has length one.
+    The norm is that of pi in units in which each column of the observation matrix has length one.
 
     Mathematics: `est-1`.
 
     Args:
-        regression: The reduced dataset.
+        regression: The weighted equations.
 
     Returns:
         The estimate; it need not be conservative.
@@ -102,40 +100,40 @@ def minimum_norm(regression: Regression) -> Estimate:
     return replace(estimate, status="solved")
 
 
-EQUAL_FIT = 1e-7
-"""Relative excess of F_M over least squares that still counts as an equal fit [1].
+EQUAL_FIT_TOLERANCE = 1e-7
+"""Excess of F_M over that of least squares that counts as an equal fit, over F_M [1].
 
-The model's negative eigenvalues, the solver's last digits, are set to zero, which changes F_M a little.
+Rounding errors of the solver are negative eigenvalues; setting them to zero changes F_M a little.
 """
-PROVEN_DISTANCE = 1e-8
-"""Shift of all eigenvalues, in units where the data are of order one, that proves that no model of equal fit
-is conservative [1]; smaller ones are the solver's rounding."""
-ZERO_ENTRY = 1e-12
-"""Entry of an unobservable direction of length one below which it counts as zero [1]."""
+EIGENVALUE_SHIFT_TOLERANCE = 1e-8
+"""Least shift of all eigenvalues that proves that no model of equal fit is conservative, in units in which
+the data are of order one [1]; smaller shifts are rounding of the solver."""
+ZERO_ENTRY_TOLERANCE = 1e-12
+"""Size below which an entry of an unobservable unit vector counts as zero [1]."""
 NO_CONSERVATIVE_FIT = "no conservative model fits as well as least squares"
-COMPLETED_METHOD = "least squares, conservative of equal fit"
-"""Method name of an estimate for which a conservative model of equal fit exists."""
+COMPLETED_METHOD_NAME = "least squares, conservative of equal fit"
+"""Name of the method in an estimate of `complete_conservatively` that is conservative."""
 
 
 @dataclass(frozen=True)
 class EqualFits:
-    """Hold all parameters that fit as well as least squares: X = x + N w, with any w."""
+    """Hold all parameters that fit as well as least squares: pi = unit * (x + N w), with any w."""
 
-    unit: Array  #: pi = unit * X, (n,) [m/N, rad/(N m), rad/N].
-    x: Array  #: The solution of minimum norm, (n,) [1].
-    N: Array  #: Unobservable directions, orthonormal as matrices, (n, n - r) [1].
+    parameter_units: Array  #: Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
+    minimum_norm_solution: Array  #: Least squares of minimum norm, in these units, (n,) [1].
+    null_space: Array  #: Basis of the r unobservable directions, orthonormal as matrices, (n, r) [1].
 
 
 def complete_conservatively(regression: Regression) -> Estimate:
-    """Solve least squares, then choose its unobservable directions so that the model is conservative.
+    """Solve least squares, and move along unobservable directions to the nearest conservative model.
 
-    It minimises |w| subject to X_0 + N w positive semi-definite in every block. If no w does that, it returns
-    the solution of minimum norm, and the status says so.
+    With all equal fits x + N w of `EqualFits`, it minimises |w| subject to every block being positive
+    semi-definite. If no w satisfies this, it returns the solution of minimum norm, and the status says so.
 
     Mathematics: `est-2`.
 
     Args:
-        regression: The reduced dataset.
+        regression: The weighted equations.
 
     Returns:
         The estimate; its status is "solved" only if it is conservative and fits as well as least squares.
@@ -149,23 +147,27 @@ def complete_conservatively(regression: Regression) -> Estimate:
         return plain
     if regression.rank == regression.structure.n_parameters:
         return replace(plain, status=f"{NO_CONSERVATIVE_FIT}: the data determine all unknowns")
-    # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
+    # Second-order cone: the shortest w; PSD cones: every block of x + N w.
     free = equal_fits(regression, plain.pi)
-    shortest = cone.norm_constraint(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
+    shortest = cone.norm_constraint(
+        0, np.eye(free.null_space.shape[1] + 1)[1:], np.zeros(free.null_space.shape[1])
+    )
     solution = cone.solve(
         _equal_fit_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,))
     )
     if solution.status != "solved":
         why = (
             NO_CONSERVATIVE_FIT
-            if least_eigenvalue_shift(regression.structure, free) > PROVEN_DISTANCE
+            if least_eigenvalue_shift(regression.structure, free) > EIGENVALUE_SHIFT_TOLERANCE
             else solution.failure
         )
         return replace(plain, status=why, solver_seconds=solution.seconds)
     # Remove the solver's last digits, then check that the fit did not change by more than rounding.
-    pi = free.unit * clip_negative_eigenvalues(regression.structure, free.x + free.N @ solution.x[1:])
-    estimate = make_estimate(regression, pi, method=COMPLETED_METHOD, constraint="free")
-    allowed = EQUAL_FIT * plain.f_m + EXACT_FIT_SHARE * f_m(regression, np.zeros(len(pi)))
+    pi = free.parameter_units * clip_negative_eigenvalues(
+        regression.structure, free.minimum_norm_solution + free.null_space @ solution.x[1:]
+    )
+    estimate = make_estimate(regression, pi, method=COMPLETED_METHOD_NAME, constraint="free")
+    allowed = EQUAL_FIT_TOLERANCE * plain.f_m + EXACT_FIT_SHARE * f_m(regression, np.zeros(len(pi)))
     good = estimate.conservative and estimate.f_m <= plain.f_m + allowed
     if not good:
         estimate = replace(plain, status=f"{solution.failure}, and the solution is not exact enough")
@@ -173,14 +175,14 @@ def complete_conservatively(regression: Regression) -> Estimate:
 
 
 def equal_fits(regression: Regression, pi: Array) -> EqualFits:
-    """Compute the directions along which F_M does not change, in units of sensitivity.
+    """Compute the set of all parameters with the F_M of given ones, in the units of `sensitivity_units`.
 
     Args:
-        regression: The reduced dataset.
+        regression: The weighted equations.
         pi: Parameters of least squares, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        The affine set X_0 + N w of equal fit.
+        The affine set, with a basis of the directions along which F_M does not change.
     """
     s = regression.structure
     unit = sensitivity_units(regression, f_m(regression, np.zeros(s.n_parameters)) or 1.0)
@@ -188,22 +190,24 @@ def equal_fits(regression: Regression, pi: Array) -> EqualFits:
     length = np.where(s.fills_two_entries, math.sqrt(2), 1.0)
     unseen = null_space(np.vstack([term.R for term in regression.terms]))
     N = np.linalg.qr((length / unit)[:, None] * unseen)[0]
-    N[np.abs(N) < ZERO_ENTRY] = 0
+    N[np.abs(N) < ZERO_ENTRY_TOLERANCE] = 0
     return EqualFits(unit, pi / unit, N / length[:, None])
 
 
 def least_eigenvalue_shift(structure: Structure, equal_fits: EqualFits) -> float:
-    """Compute a lower bound of the least t >= -1 for which some X_0 + N w + t 1 is positive semi-definite.
+    """Compute how far eigenvalues of all equal fits are from zero, as a proof that none is conservative.
+
+    It is a lower bound of the least t >= -1 for which some x + N w + t 1 is positive semi-definite.
 
     Args:
-        structure: The unknowns.
-        equal_fits: The affine set of equal fit.
+        structure: Structure of the unknowns, which defines the blocks.
+        equal_fits: The parameters x + N w that fit equally well.
 
     Returns:
-        The bound, in units where the data are of order one [1]; above 0 no conservative model fits equally.
+        The bound in units in which the data are of order one [1]; above 0 no equal fit is conservative.
     """
     identity = np.where(structure.rows == structure.columns, 1.0, 0.0)
-    first = np.eye(1, 1 + equal_fits.N.shape[1])
+    first = np.eye(1, 1 + equal_fits.null_space.shape[1])
     return cone.solve(
         _equal_fit_program(
             structure, equal_fits, identity, (cone.ConeConstraint("nonnegative", -first, np.ones(1)),)
@@ -214,26 +218,24 @@ def least_eigenvalue_shift(structure: Structure, equal_fits: EqualFits) -> float
 def _equal_fit_program(
     s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.ConeConstraint, ...]
 ) -> cone.ConeProgram:
-    """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the `shift_direction`."""
+    """Make the program min t over (t, w) with x + N w + t B in the cone, B the `shift_direction`."""
     for block in s.blocks:
         entries, svec = block_parameters(s, block)
-        A = -svec @ np.c_[shift_direction, equal_fits.N][entries]
-        rows += (cone.ConeConstraint("psd", A, svec @ equal_fits.x[entries]),)
-    cost = np.r_[1.0, np.zeros(equal_fits.N.shape[1])]
+        A = -svec @ np.c_[shift_direction, equal_fits.null_space][entries]
+        rows += (cone.ConeConstraint("psd", A, svec @ equal_fits.minimum_norm_solution[entries]),)
+    cost = np.r_[1.0, np.zeros(equal_fits.null_space.shape[1])]
     return cone.ConeProgram(cost, (cone.free_block(0, len(cost)),), rows)
 
 
-# --- Solve least squares or GCO on a reduced dataset, with a prior or without -------------------------------
+# --- Solve least squares or GCO on weighted equations, with a prior or without ------------------------------
 
 OPTIMALITY_TOLERANCE = 1e-8
-"""Proven distance from the least value of (chi^2 + penalty) / 2 up to which an answer counts as optimal [1].
-
-Then it lies within sqrt(2 OPTIMALITY_TOLERANCE) = 1.4e-4 standard deviations of the optimum in every
-direction.
-"""
+"""Largest proven excess of the cost (chi^2 + penalty) / 2 over its least value with which an answer counts as
+optimal [1]. It is then within sqrt(2 OPTIMALITY_TOLERANCE) = 1.4e-4 standard deviations of the optimum."""
 COST_ROUNDING = 1e-12
-"""Further allowance as a share of the cost [1]: rounding of large misfits in float64."""
+"""Further excess that is allowed, over the cost [1]: rounding of large costs in float64."""
 METHOD_NAMES: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
+"""Names of the methods with a prior, for reports, by constraint."""
 
 
 def solve(
@@ -246,7 +248,7 @@ def solve(
     Mathematics: `prior-4`.
 
     Args:
-        regression: The reduced dataset: F_M of n parameters, as triangular factors.
+        regression: The weighted equations.
         constraint: "none" for least squares, "psd" for GCO, "free" for least squares made conservative along
             its unobservable directions, which takes no prior.
         prior_or_penalty: The prior with its uncertainty, or the trace term of GCO without a prior; None for
@@ -256,7 +258,7 @@ def solve(
         The estimate; its status says whether it is proven to be the optimum.
 
     Raises:
-        BenchError: When GCO gets a structure that is not symmetric.
+        BenchError: When the constraint is "psd" and the structure is not symmetric.
     """
     if not isinstance(prior_or_penalty, WeightedPrior):
         if constraint == "psd":
@@ -277,25 +279,27 @@ def solve(
 
 @dataclass(frozen=True)
 class PriorSolution:
-    """Hold the parameters that a solver found, and how it ended."""
+    """Hold the parameters that a solver returns for equations with a prior, and its status."""
 
     pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
     seconds: float  #: Time inside the solver [s].
-    status: str  #: "solved", or the failure.
-    #: Whether Newton's method or our interior-point method found it; else LAPACK or Clarabel.
+    status: str  #: "solved", or the failure as a sentence.
+    #: Whether Newton's method or the interior-point method solved it; else LAPACK or Clarabel.
     by_our_solver: bool
 
 
 def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
-    """Minimise |A pi - y|^2 + |B x - c|^2, with pi = L x in units of the prior.
+    """Minimise |A pi - y|^2 + |B x - c|^2, where pi = L x and x is in units of the prior.
+
+    Newton's method solves least squares, an interior-point method GCO. If the answer is not proven optimal,
+    `solve_by_reference` solves the problem again.
 
     Args:
         constraint: "none" for least squares, "psd" for GCO.
-        case: The weighted equations (A, y) and the prior (B, c).
+        case: The weighted equations A pi = y and the prior's equations B x = c.
 
     Returns:
-        The answer of Newton's or our interior-point method if it is proven optimal; else that of
-        `solve_by_reference`.
+        The parameters and the status of the solver.
     """
     start, scaling = time.perf_counter(), case.prior.scaling
     M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
@@ -305,31 +309,31 @@ def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> Prior
     return PriorSolution(scaling.L @ x, time.perf_counter() - start, "solved", by_our_solver=True)
 
 
-def certified_solution(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | None:
-    """Minimise |M x - r| over x by Newton's method, and return the optimum only with its proof.
+def certified_solution(M: Array, r: Array, block_orders: tuple[int, ...]) -> Array | None:
+    """Minimise |M x - r| over x, and return the minimum only if it is proven optimal.
 
     Args:
-        M: Rows of data and prior in standard deviations, (rows, n) [1].
+        M: Weighted equations of data and prior, (rows, n) [1].
         r: Their right-hand side, (rows,) [1].
-        sizes: Orders of the blocks of which x is the svec, all positive semi-definite; () for no constraint.
+        block_orders: Orders of the positive semi-definite blocks whose svec is x; () for no constraint.
 
     Returns:
         x, (n,) [1]; None where the duality gap exceeds `OPTIMALITY_TOLERANCE`.
     """
-    x, gap = least_squares_on_cone(M, r, sizes)
+    x, gap = least_squares_on_cone(M, r, block_orders)
     cost = float(np.sum((M @ x - r) ** 2)) / 2
     return x if gap <= OPTIMALITY_TOLERANCE + COST_ROUNDING * cost else None
 
 
 def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
-    """Solve the same problem by an independent solver: LAPACK for least squares, Clarabel for GCO.
+    """Minimise |A pi - y|^2 + |B x - c|^2 by a library: LAPACK for least squares, Clarabel for GCO.
 
     Args:
         constraint: "none" for least squares, "psd" for GCO.
-        case: The weighted equations and the prior.
+        case: The weighted equations A pi = y and the prior's equations B x = c.
 
     Returns:
-        The answer, its status as the solver reports it.
+        The parameters and the status of the solver.
     """
     start, scaling = time.perf_counter(), case.prior.scaling
     M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
@@ -345,16 +349,16 @@ def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> Pri
     )
 
 
-def solve_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solution:
-    """Minimise t subject to |M x - r| <= t, blocks of x positive semi-definite, by Clarabel.
+def solve_by_clarabel(M: Array, r: Array, block_orders: tuple[int, ...]) -> cone.Solution:
+    """Minimise |M x - r| over x with positive semi-definite blocks, by Clarabel.
 
     Args:
-        M: Rows of data and prior in standard deviations, (rows, n) [1].
+        M: Weighted equations of data and prior, (rows, n) [1].
         r: Their right-hand side, (rows,) [1].
-        sizes: Orders of the blocks of which x is the svec.
+        block_orders: Orders of the blocks whose svec is x.
 
     Returns:
-        The solution; its unknowns are t in units of the residual, then x.
+        The solution; its unknowns are |M x - r| over its least value without the constraint, then x.
     """
     n = M.shape[1]
     R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
@@ -363,7 +367,7 @@ def solve_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Soluti
     return cone.solve(
         cone.ConeProgram(
             cost=np.r_[1.0, np.zeros(n)],
-            blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, sizes)),
+            blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, block_orders)),
             constraints=(cone.norm_constraint(0, residual, R[:, n] / unit),),
         )
     )
@@ -372,15 +376,17 @@ def solve_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Soluti
 # --- Robust identification ----------------------------------------------------------------------------------
 
 REJECTED_RESIDUAL, REJECTED_LINE_RESIDUAL = 4.033, 3.291
-"""Length beyond which a reading is rejected: the 99.9 % quantile of a normal 3-vector, and of one number.
+"""Residual over its standard deviation beyond which a reading is rejected: of three numbers, and of one [1].
 
-At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
+They are 99.9 % quantiles of normal residuals. At 99 % every third campaign of 45 good readings would lose
+one of them.
 """
 MAX_REWEIGHTINGS, CONVERGED_CHANGE = 200, 1e-6
-"""Most reweightings, and the change of a residual after which they end [1]."""
+"""Largest number of reweightings, and the change of all residuals below which they end [1]."""
 WEAK_PRIOR_UNCERTAINTY = 10.0
-"""Relative uncertainty of the CAD compliances while outliers of GCO without a prior are searched."""
+"""Relative uncertainty of nominal compliances in the search for outliers of GCO without a prior [1]."""
 TOO_MANY_OUTLIERS_CAUSE = "sigma too small, or wrong structure, load, unit or frame"
+"""End of the error message when too few readings remain."""
 
 
 def without_outliers(
@@ -390,19 +396,17 @@ def without_outliers(
     constraint: Constraint,
     prior_or_penalty: WeightedPrior | TracePenalty | None,
 ) -> Estimate:
-    """Reject outliers by Huber's loss, and fit the remaining readings by the plain method.
-
-    GCO requires symmetric blocks.
+    """Find outliers by Huber's loss, and solve least squares or GCO without them.
 
     Args:
         vjm: The arm's virtual joint model.
-        data: The runs.
-        regression: All readings, reduced.
-        constraint: "none" for least squares, "psd" for GCO.
-        prior_or_penalty: The prior, or the trace term of GCO without one.
+        data: The dataset.
+        regression: The weighted equations of all its readings.
+        constraint: "none" for least squares, "psd" for GCO, which needs symmetric blocks.
+        prior_or_penalty: The prior, or the trace term of GCO without a prior.
 
     Returns:
-        The estimate; F_M, its floor and the rank refer to the readings that are kept.
+        The estimate; F_M, its floor and the rank are those of the readings without outliers.
 
     Raises:
         BenchError: If the dataset is too large, or too few readings remain.
@@ -429,7 +433,7 @@ def without_outliers(
         status=plain.status if status == "solved" else f"{status} (search for outliers)",
         solver_seconds=plain.solver_seconds + seconds,
         rejected=_rejected(data, readings, keep, plain.pi),
-        rejected_runs=tuple(data.run[np.setdiff1d(readings.run_index, readings.run_index[keep])].tolist()),
+        rejected_runs=tuple(data.run_id[np.setdiff1d(readings.run_index, readings.run_index[keep])].tolist()),
     )
 
 
@@ -440,22 +444,22 @@ def robust_residuals(
     constraint: Constraint,
     weighted_prior: WeightedPrior | None,
 ) -> tuple[Array, str]:
-    """Fit all readings by Huber's loss, by iterative reweighting, and return their residuals.
+    """Compute residuals of a fit by Huber's loss, which is iteratively reweighted least squares.
 
-    Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of
-    `WEAK_PRIOR_UNCERTAINTY`.
+    Without a prior, GCO uses nominal compliances with a relative uncertainty of `WEAK_PRIOR_UNCERTAINTY`.
 
     Mathematics: `est-16`.
 
     Args:
         vjm: The arm's virtual joint model.
         readings: The weighted equations, reading by reading.
-        regression: The same equations, reduced.
+        regression: The same equations, reduced to triangular factors.
         constraint: "none" for least squares, "psd" for GCO.
         weighted_prior: The prior; None for none.
 
     Returns:
-        Length of every residual in standard deviations, (readings,) [1], and the status, "solved" if good.
+        Length of every residual over its standard deviation, (readings,) [1], and the status of the last fit,
+        "solved" if it is optimal.
     """
     s = regression.structure
     if constraint == "psd" and weighted_prior is None:
@@ -478,7 +482,7 @@ def robust_residuals(
 
 
 def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weight: Array) -> Regression:
-    """Select the equations of some readings; a term without any reading is left out."""
+    """Reduce the equations of some readings, each times its weight; a term without readings is left out."""
     rows, terms = weight[:, None, None] * np.concatenate([readings.A, readings.y[..., None]], axis=2), []
     for kind in (readings.marker_index >= 0, readings.marker_index < 0):
         of_kind = keep & kind
@@ -492,12 +496,12 @@ def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weig
 def _rejected(
     data: Dataset, readings: WeightedReadings, keep: Mask, pi: Array
 ) -> tuple[RejectedReading, ...]:
-    """List the readings that were left out, with their distance from the estimate without them."""
+    """List the rejected readings, with their residuals at the parameters that were fitted without them."""
     length = np.linalg.norm(readings.y - readings.A @ pi, axis=1)
     names = (*data.markers, ORIENTATION_READING)
     return tuple(
         RejectedReading(
-            run=int(data.run[readings.run_index[i]]),
+            run=int(data.run_id[readings.run_index[i]]),
             marker=names[readings.marker_index[i]],
             residual=float(length[i] * readings.deviation[i]),
             residual_over_sigma=float(length[i]),

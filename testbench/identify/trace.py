@@ -88,8 +88,8 @@ def cross_validation_groups(data: Dataset) -> Ids:
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
     force, moment = (np.unique(sizes, return_inverse=True)[1] for sizes in level.round(LOAD_LEVEL_DECIMALS).T)
     load = np.unique(force * len(level) + moment, return_inverse=True)[1] % MAX_FOLDS
-    part = np.unique(data.pose, return_inverse=True)[1] % MAX_FOLDS * MAX_FOLDS + load
-    return np.where(data.seen.any(axis=1), part, -1)
+    part = np.unique(data.pose_id, return_inverse=True)[1] % MAX_FOLDS * MAX_FOLDS + load
+    return np.where(data.is_measured.any(axis=1), part, -1)
 
 
 def folds(equations: GroupedRegression) -> list[Fold]:
@@ -165,38 +165,38 @@ def mean_and_standard_error(difference: Array) -> tuple[float, float]:
 class ModelComparison:
     """Hold the result of comparing one model with all others."""
 
-    selected: str  #: Name of the model that is selected.
+    selected_name: str  #: Name of the model that is selected.
     difference: float  #: Mean held-out error of the selected model minus that of the first one [1].
     standard_error: float  #: Standard error of this difference over folds [1].
 
 
-def keep_first_unless_beaten(candidates: Sequence[HeldOutErrors], first: str) -> ModelComparison:
+def keep_first_unless_beaten(candidates: Sequence[HeldOutErrors], first_name: str) -> ModelComparison:
     """Select the first model unless another one predicts held-out readings clearly better.
 
     Clearly means by `MIN_STANDARD_ERRORS_BETTER` standard errors of the paired difference.
 
     Args:
         candidates: All models with their errors, the first one among them.
-        first: Name of the model that is preferred.
+        first_name: Name of the model that is preferred.
 
     Returns:
         The first model, or the best of those that beat it.
     """
-    [candidate] = [c for c in candidates if c.model_name == first]
+    [candidate] = [c for c in candidates if c.model_name == first_name]
     duels = [
         ModelComparison(c.model_name, *mean_and_standard_error(c.errors - candidate.errors))
         for c in candidates
         if c is not candidate
     ]
     better = [d for d in duels if d.difference < -MIN_STANDARD_ERRORS_BETTER * d.standard_error]
-    return min(better, key=lambda d: d.difference, default=ModelComparison(first, 0.0, 0.0))
+    return min(better, key=lambda d: d.difference, default=ModelComparison(first_name, 0.0, 0.0))
 
 
 RELATIVE_JOINT_TRACE_WEIGHT = 1e-6
 """Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
-GRAM_ROUNDING = 1e-12
+GRAM_RANK_TOLERANCE = 1e-12
 """Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
-ROOT_ROUNDING = 1e-15
+ROOT_RANK_TOLERANCE = 1e-15
 """Least singular value of a root matrix, over the largest, that is kept [1]. Smaller ones cost time only."""
 TRIED_WEIGHT_RATIO, N_TRIED_WEIGHTS = 5.0, 6
 """Ratio of neighbouring weights that are tried, and their number."""
@@ -254,7 +254,10 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
         block.
     """
     penalty = trace_penalty(vjm, equations.structure, 1.0)
-    s, readings = penalty.structure, gram_matrices(equations, block_diag(penalty.pi_per_split, np.eye(1)))
+    s, readings = (
+        penalty.structure,
+        gram_matrices(equations, block_diag(penalty.pi_per_split_parameter, np.eye(1))),
+    )
     G = np.concatenate([[readings.total], readings.total - readings.held_out])
     rigid = np.array([_fit_joints_only(s, gram) for gram in G])
     strongest = _rigid_rate(s, readings.total, rigid[0])
@@ -265,7 +268,7 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
     choose = _by_held_out_poses if len(readings.held_out) else _by_generalised_cross_validation
     k, left = choose(readings, scaled, rigid, weights)
     weights[0] *= TRIED_WEIGHT_RATIO  # so that no rounding bends a link
-    chi2 = max(left, GRAM_ROUNDING * readings.total[-1, -1])  # an exact fit leaves only rounding errors
+    chi2 = max(left, GRAM_RANK_TOLERANCE * readings.total[-1, -1])  # an exact fit leaves only rounding errors
     misfit = math.sqrt(chi2 * readings.n_equations / 3)
     return replace(penalty, weight=float(weights[k] * readings.n_terms / misfit))
 
@@ -363,13 +366,13 @@ def _by_generalised_cross_validation(
 def _span(H: Array) -> Array:
     """Compute orthonormal directions that a Gram matrix spans, (n, rank)."""
     values, V = np.linalg.eigh(H)
-    return np.asarray(V[:, values > GRAM_ROUNDING * values[-1]])
+    return np.asarray(V[:, values > GRAM_RANK_TOLERANCE * values[-1]])
 
 
 def _roots(H: Array, V: Array) -> Array:
     """Compute roots R of Gram matrices, R^T R = H, (folds, rank, n), within the span of V, (n, k)."""
     values, Q = np.linalg.eigh(V.T @ H @ V)
-    kept = (values > ROOT_ROUNDING * values[:, -1:]).any(axis=0)
+    kept = (values > ROOT_RANK_TOLERANCE * values[:, -1:]).any(axis=0)
     return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, kept])
 
 
@@ -385,7 +388,7 @@ def _fit_joints_only(s: Structure, gram: Array) -> Array:
 
         unit = 1 / np.sqrt(np.diag(H)[joints])
         values, Q = np.linalg.eigh(H[np.ix_(joints, joints)] * np.outer(unit, unit))
-        kept = values > GRAM_ROUNDING * values[-1]
+        kept = values > GRAM_RANK_TOLERANCE * values[-1]
         root = np.sqrt(values[kept])[:, None] * Q[:, kept].T
         aim = Q[:, kept].T @ (unit * g[joints]) / np.sqrt(values[kept])
         pi[joints] = unit * nnls(root, aim)[0]

@@ -61,14 +61,17 @@ def seen(cell: Cell, identified: IdentifyResult, f: Row, left: Mapping[str, Arra
     names = compared_models(f.models, f.recommended)
     rival = [f.badge.rival] if f.badge and f.badge.rival not in names else []
     names = [*rival, *names]
-    some = largest_and_even(largest_vector(left[names[-1]]), np.flatnonzero(data.seen.any(axis=1)))
+    some = largest_and_even(largest_vector(left[names[-1]]), np.flatnonzero(data.is_measured.any(axis=1)))
     groups: list[PoseGroup] = []
     title, charts = "", []
     if len(some):
         runs, title = _runs(cell, identified, f, {name: left[name] for name in names}, some)
         groups.append(runs)
         lines = [_line(f, name, MM * largest_vector(left[name])[some]) for name in names]
-        labels, note = [str(data.run[k]) for k in some], of_all(len(some), identified.runs.every.runs, "runs")
+        labels, note = (
+            [str(data.run_id[k]) for k in some],
+            of_all(len(some), identified.runs.every.n_runs, "runs"),
+        )
         charts = [RunChart(LEFT_MM, 0, "run", labels, lines, f.noise_p95_mm, note)]
     if f.map is not None:
         groups.append(_places(cell, f.map.errors, f.recommended))
@@ -91,14 +94,14 @@ def _runs(
     data = identified.runs.every
     reach = cell.vjm.reach
     taken = f.recommended
-    hidden = np.where(data.seen[some][..., None], 0.0, np.nan)
+    hidden = np.where(data.is_measured[some][..., None], 0.0, np.nan)
     moved, off = data.deflection[some] + hidden, {name: own[some] + hidden for name, own in left.items()}
     M, A = arrow_scale(moved, MOVED * reach), arrow_scale(off[taken], LEFT * reach)
     before = data.before[some] + hidden
     at = before + M * moved
     start, one = at_one_target(at, off, taken)
     vjm = vjm_for_structure(cell.vjm, identified.taken.structure)
-    where = evaluate_chain(set_load_history(vjm, data.taken_off, some), data.q[some])
+    where = evaluate_chain(set_load_history(vjm, data.unloaded_after_load, some), data.q[some])
     load = generalised_load(where, data.wrench[some], data.point[some])
     theta = add_law_deflections(vjm, (identified.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]

@@ -41,7 +41,7 @@ def draw_correction(cell: Cell, corrected_program: CorrectedProgram, said: Repor
     """
     points, tolerance = said.numbers["rows"], said.numbers["tolerance"]
     some = draw.largest_and_even(
-        np.linalg.norm(corrected_program.found.before, axis=1), np.arange(len(points)), far=1
+        np.linalg.norm(corrected_program.found.error_before, axis=1), np.arange(len(points)), far=1
     )
     rows = [points[k] for k in some]
     bounded = any(row.most_mm is not None for row in rows)  # bound beside bound: a residual is no success
@@ -72,11 +72,11 @@ def _path(
         some: Which they are.
         sizes: Errors before and after that colour both paths, (points,) each [mm]; NaN where there is none.
     """
-    compensated, q = corrected_program.found, corrected_program.found.start[some]
+    compensated, q = corrected_program.found, corrected_program.found.programmed_q[some]
     asked = compensated.target.position[some]
     size = max(MIN_ERROR_LENGTH, float(np.linalg.norm(np.ptp(asked, axis=0))))
-    M = draw.arrow_scale(compensated.before[some], ERROR_LENGTH * size)
-    off, back = (asked + M * metres[some] for metres in (compensated.before, compensated.after))
+    M = draw.arrow_scale(compensated.error_before[some], ERROR_LENGTH * size)
+    off, back = (asked + M * metres[some] for metres in (compensated.error_before, compensated.error_after))
     force = np.sum([load.wrench[some, :3] for load in corrected_program.loads], axis=0)
     before, after = (
         draw.Layer(name, colour, "tubes", x[None, :-1], x[None, 1:], values=np.fmax(mm[:-1], mm[1:]))
@@ -85,7 +85,9 @@ def _path(
         )
     )
     path = draw.Layer("intended path", TASK, "lines", asked[None, :-1], asked[None, 1:])
-    half = M * np.where(np.isfinite(compensated.half_width[some]), compensated.half_width[some], np.nan)
+    half = M * np.where(
+        np.isfinite(compensated.error_half_width[some]), compensated.error_half_width[some], np.nan
+    )
     spans = half[:, None, :] * np.eye(3)  # along each axis of the world
     low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
     spread = draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high)
@@ -145,7 +147,9 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
     Returns:
         The content.
     """
-    some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
+    some = draw.largest_and_even(
+        made.found.deflection_length[:, 0], np.arange(len(made.found.deflection_length))
+    )
     reach = made.cell.vjm.reach
     field = made.map
     M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
@@ -154,7 +158,7 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
     title += f"tool, x {G:g}."
     poses = _poses(made, some, M, G)
     poses = replace(poses, layers=[*poses.layers, net])
-    size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
+    size, half = MM * made.found.deflection_length[some, 0], MM * made.found.largest_half_width[some, 0]
     half = np.where(np.isfinite(half), half, np.nan)
     tool = draw.ModelLine("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
     labels = [made.asked.labels[k] for k in some]
@@ -181,17 +185,20 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     )
     start = prediction.position[some] - prediction.deflection[some]
     end = start + M * prediction.deflection[some]
-    ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.axes[some])
+    ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.principal_axes[some])
     ways = ways.transpose(0, 2, 1)  # a row an axis
     bent = elastic_frames(made.cell.plant, q, M * add_law_deflections(state.vjm, theta))
     acting = [layer for load in made.asked.loads for layer in _acting(made.cell, bent, load.select(some))]
-    words = [
-        f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "
-        f"{made.map.force:,.0f} N move it up to "
-        f"{MM * made.map.force * tool.displacement_per_force[k, 0]:.3f} mm, "
-        f"{direction_words(tool.softest[k])}. Joints at {made.model.arm.pose_text(made.asked.q[k])}."
-        for k in some
-    ]
+    words = []
+    for k in some:
+        bound = _bound(MM * prediction.largest_half_width[k, 0])
+        joints = made.model.arm.pose_text(made.asked.q[k])
+        words.append(
+            f"The tool moves {MM * prediction.deflection_length[k, 0]:.3f} mm, {bound}. "
+            f"{made.map.force:,.0f} N move it up to "
+            f"{MM * made.map.force * tool.displacement_per_force[k, 0]:.3f} mm, "
+            f"{direction_words(tool.softest_direction[k])}. Joints at {joints}."
+        )
     return draw.PoseGroup(
         name="Poses of the file",
         names=[f"Pose {made.asked.labels[k]}" for k in some],
@@ -204,7 +211,7 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
             draw.Layer("deflection", MEASURED, "arrows", start, end),
             draw.Layer("where a force moves it", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways),
         ],
-        first=int(prediction.size[some, 0].argmax()),
+        first=int(prediction.deflection_length[some, 0].argmax()),
     )
 
 

@@ -141,15 +141,17 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
         The content.
     """
     data = registered.data
-    hidden = np.where(data.seen, 0.0, np.nan)
+    hidden = np.where(data.is_measured, 0.0, np.nan)
     moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
     away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
-    away[data.lines] = np.nan  # a reading along a line is no place
-    some = draw.largest_and_even(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
+    away[data.is_line_reading] = np.nan  # a reading along a line is no place
+    some = draw.largest_and_even(
+        np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.is_measured.any(axis=1))
+    )
     if not len(some):
         return draw.PageContent()
     M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
-    labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
+    labels, note = [str(data.run_id[k]) for k in some], draw.of_all(len(some), data.n_runs, "runs")
     looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
     lines = (
         (title, [draw.ModelLine(*own) for own in zip(data.markers, looks, mm[some].T, strict=True)])
@@ -190,7 +192,9 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
         layers.append(trackers(stands, [f"tracker {k + 1}" for k in range(len(stands))]))
     return draw.PoseGroup(
         name="Runs",
-        names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],
+        names=[
+            f"Run {run}, pose {pose}" for run, pose in zip(data.run_id[some], data.pose_id[some], strict=True)
+        ],
         words=[_words(cell, data, int(k)) for k in some],
         rigid=rigid_frames(cell.room, data.q[some]),
         bent=None,
@@ -201,8 +205,8 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
 
 def _words(cell: Cell, data: Dataset, k: int) -> str:
     """What the page says of a run that it shows."""
-    sizes, there = MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k]
-    each = zip(data.markers, sizes, there, there | data.lost[k], strict=True)
+    sizes, there = MM * np.linalg.norm(data.deflection[k], axis=1), data.is_measured[k]
+    each = zip(data.markers, sizes, there, there | data.is_lost[k], strict=True)
     moved = [f"{name} {f'moves {mm:.3f} mm' if seen else 'lost'}" for name, mm, seen, meant in each if meant]
     force = float(np.linalg.norm(data.wrench[k, :3]))
     return f"{force:.5g} N: {', '.join(moved)}. Joints at {cell.arm.pose_text(data.q[k])}."
@@ -267,7 +271,7 @@ def _read_from(calibrated: Calibrated, rows: Row) -> list[draw.Layer]:
             continue
         frame, own = state.frame(series), rows.name == series.name
         _, _, found = deviation_from_stated(series, frame)
-        place = series.frame, series.fixed, series.normal
+        place = series.frame, series.fixed_point, series.normal
         if series.normal is None:
             points.setdefault(place, (series.name, found))
             start[own] = np.where(np.isfinite(rows.read[own]), found, np.nan)

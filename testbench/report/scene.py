@@ -498,10 +498,13 @@ def read_along(data: Dataset, tool: Array, reach: float) -> list[Layer]:
     Returns:
         The layers; none for positions alone.
     """
-    if data.direction is None or data.reach is None:
+    if data.direction is None or data.line_length is None:
         return []
-    along, length = np.where(data.lines[..., None], data.direction, 0.0), data.reach[..., None]
-    marker = np.where(data.lines[..., None] & (length > 0), data.before, np.nan)
+    along, length = (
+        np.where(data.is_line_reading[..., None], data.direction, 0.0),
+        data.line_length[..., None],
+    )
+    marker = np.where(data.is_line_reading[..., None] & (length > 0), data.before, np.nan)
     meters = Layer("distances", MEASURED, "lines", marker - length * along, marker)
     layers = gauges(data.before, np.where(length > 0, 0.0, along), tool, reach)
     return [*layers, meters] if np.isfinite(marker).any() else layers

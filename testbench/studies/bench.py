@@ -35,7 +35,7 @@ from testbench.identify.absolute.fit import CalibrationOptions, linearise_readin
 from testbench.identify.absolute.posterior import fit_frame_and_mount
 from testbench.identify.base_frame import register_dataset
 from testbench.identify.estimate import Constraint, deflections, is_conservative, score
-from testbench.identify.posterior import CONFIDENCE, quantile
+from testbench.identify.posterior import CONFIDENCE, student_quantile
 from testbench.identify.prior import Prior, cad_prior
 from testbench.identify.regression import Regression
 from testbench.model.structure import Structure, all153
@@ -228,16 +228,16 @@ def problem(task: Task, cell: Cell, seed: int) -> BenchProblem:
 def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     """Random poses of series C train, every sixth of A judges; geometry and frames follow compliances."""
     _, (a, c) = read(1)
-    train, prior = select_rows(c, trial_rng(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
+    train, prior = select_rows(c, trial_rng(seed).permutation(c.n_rows)[: task.poses]), cad_prior(cell.arm)
     linearised_readings = linearise_readings(cell.vjm, (train,), prior, ELASTIC)
     known = select_and_solve(linearised_readings, ELASTIC)
     assert known.active_unknowns.compliance_prior
     T = triangular_factor_with_priors(
         known.active_unknowns, linearised_readings.reduced, known.selection.error_scales
     )
-    judge = select_rows(a, np.arange(0, a.rows, 6))
+    judge = select_rows(a, np.arange(0, a.n_rows, 6))
     register = evenly_spaced_rows(judge, FRAME_POSES)
-    rest = select_rows(judge, np.setdiff1d(np.arange(judge.rows), register))
+    rest = select_rows(judge, np.setdiff1d(np.arange(judge.n_rows), register))
 
     def off(pi: Array) -> Array:
         state = apply_step(linearised_readings.state, known.active_unknowns, back_substitute(T, pi))
@@ -247,7 +247,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     data = compliance_equations(
         T, known.active_unknowns.compliance_prior, int(linearised_readings.reduced.n_equations.sum())
     )
-    return BenchProblem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
+    return BenchProblem(cell, data, prior, REAL, np.zeros((rest.n_rows, 1, 3)), off)
 
 
 def _observation_of(cell: Cell, truth: Dataset) -> Array:
@@ -278,7 +278,7 @@ def _weight(task: Task, true: Cell, seed: int) -> tuple[Dataset, Dataset]:
     )
     campaign = simulate_at(true, scenario, seed, draw_poses(true, scenario, seed))
     runs = campaign.identification
-    share: Array = np.array(task.loads)[np.arange(runs.runs) % len(task.loads)]
+    share: Array = np.array(task.loads)[np.arange(runs.n_runs) % len(task.loads)]
     loaded = replace(campaign, identification=replace(runs, wrench=share[:, None] * runs.wrench))
     clean, truth = disturbed(true, loaded, disturbances(1.0)[ALL] if task.disturbed else Disturbances(), seed)
     if task.trackers:
@@ -442,7 +442,7 @@ def half_widths(rows: Array, K: Array) -> Array:
     Returns:
         Half widths, (...).
     """
-    z = quantile(np.inf, (1 + CONFIDENCE) / 2)
+    z = student_quantile(np.inf, (1 + CONFIDENCE) / 2)
     return np.asarray(z * np.sqrt(((rows @ K) * rows).sum(axis=-1).clip(0)))
 
 

@@ -340,10 +340,10 @@ def _measured_row(campaign: Campaign) -> Measured:
     check = campaign.check
     return Measured(
         **vars(dataset_row(every)),
-        poses=len(np.unique(every.pose)),
-        identification_runs=fitted.runs,
-        identification_points=fitted.points,
-        check_runs=check.runs,
-        check_points=check.points,
-        workspace_poses=campaign.truth.runs,
+        poses=len(np.unique(every.pose_id)),
+        identification_runs=fitted.n_runs,
+        identification_points=fitted.n_points,
+        check_runs=check.n_runs,
+        check_points=check.n_points,
+        workspace_poses=campaign.truth.n_runs,
     )

@@ -247,7 +247,7 @@ def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> 
 
 # --- One trial ----------------------------------------------------------------------------------------------
 
-AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
+AIM = Aim(tool_point=TIP)  #: The whole pose of the tool is put right.
 SETUP = Setup(arm=ARM, truth="nonlinear", sigma=SIGMA)
 DIGITS = 7  #: Of a distance in millimetres.
 HIDDEN, CHOSEN, PROCESS, NOISE = 20, 30, 50, 1000
@@ -431,7 +431,10 @@ def _certain_model(state: ArmState, name: str) -> ArmModel:
     structure = all153(state.vjm.arm)
     pi = structure.entries(state.C_theta)
     return model_of_compliances(
-        state, structure, Posterior.normal(pi, np.zeros((0, structure.n_parameters))), ModelOrigin(name)
+        state,
+        structure,
+        Posterior.from_covariance_root(pi, np.zeros((0, structure.n_parameters))),
+        ModelOrigin(name),
     )
 
 
@@ -518,7 +521,7 @@ def row_of(fit: CorrectionModel, order: Compensated | None, before: Array, after
     Returns:
         The row.
     """
-    half = np.zeros((0, 3)) if order is None or fit.way == NOWHERE else order.half_width
+    half = np.zeros((0, 3)) if order is None or fit.way == NOWHERE else order.error_half_width
     bounded = np.isfinite(half)
     return JobsRow(
         **{"true_arm": "", "arm": "", **vars(fit.way), "name": fit.name, "chosen": fit.chosen},

@@ -275,19 +275,19 @@ def bootstrap(
     refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate)
     errors = refits @ a.T - centre
     errors.sort(axis=0)
-    unseen = np.where(np.isinf(linear.deviations(a)), np.inf, 0.0)
+    unseen = np.where(np.isinf(linear.standard_deviations(a)), np.inf, 0.0)
     lower, upper = centre - errors[-k] - unseen, centre - errors[k - 1] + unseen
-    return Intervals(centre, lower, upper, confidence, linear.on_boundary)
+    return Intervals(centre, lower, upper, confidence, linear.on_cone_boundary)
 
 
 def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
     """Parameters, (datasets, n), of datasets that differ from an estimate's in their readings alone."""
     if estimate.penalty is not None:
         penalty = estimate.penalty
-        split_regressions = [penalty.regression_of_split(regression) for regression in regressions]
+        split_regressions = [penalty.in_split_parameters(regression) for regression in regressions]
         return np.array(
             [
-                penalty.pi_per_split @ solve_gco_by_clarabel(r, scaled_gco_program(r, penalty)).pi
+                penalty.pi_per_split_parameter @ solve_gco_by_clarabel(r, scaled_gco_program(r, penalty)).pi
                 for r in split_regressions
             ]
         )

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.data.dataset import Dataset, select_rows, split
+from testbench.data.dataset import Dataset, select_rows, split_by_pose
 from testbench.errors import Array
 from testbench.files.read_pairs import from_text
 from testbench.files.write import write_csv
@@ -337,7 +337,7 @@ def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
         poses: Number of poses; None for all.
     """
     measured, _ = _runs_of(cell, run.first)
-    data = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
+    data = measured if poses is None else split_by_pose(measured, np.arange(poses) + 1)[0]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
 
 
@@ -364,13 +364,13 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
         for key in ("drawn.wrong_m", "drawn.residuals_m")
     )
     measured, over = _runs_of(cell, first)
-    order = np.array([over.run.tolist().index(run) for run in f.map.run])
+    order = np.array([over.run_id.tolist().index(run) for run in f.map.run])
     over, wrong = select_rows(over, order), {name: own[order] for name, own in wrong.items()}
-    places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
-    kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose.tolist()]
+    places = [f"Place {k} of {over.n_runs}" for k in range(1, over.n_runs + 1)]
+    kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose_id.tolist()]
     said = [
         f"Run {run}, {kind} pose {pose}"
-        for run, kind, pose in zip(measured.run.tolist(), kinds, measured.pose.tolist(), strict=True)
+        for run, kind, pose in zip(measured.run_id.tolist(), kinds, measured.pose_id.tolist(), strict=True)
     ]
     reach = float(np.linalg.norm(over.before[:, 0], axis=-1).max())
     each = sorted(arrow_scale(off, ARROWS * reach) for off in wrong.values())
@@ -389,7 +389,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
     return PageContent(
         scene=Scene(cell, title, [poses, runs]),
         map=PlaceMap(OVER, 0, np.array(f.map.position_m), by_place),
-        runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], by_run)],
+        runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run_id], by_run)],
     )
 
 

@@ -175,8 +175,8 @@ def _check_new(path: Path, series: Sequence[Series], before: Sequence[Series]) -
 def _readings(series: Series) -> list[bytes]:
     """Joints and positions of every row that was read."""
     read = series.position if series.distance is None else series.distance
-    rows = np.hstack([series.q, series.wrench[:, :3], read.reshape(series.rows, -1)])
-    return [row.tobytes() for row in rows[series.seen.any(axis=1)].round(9) + 0.0]
+    rows = np.hstack([series.q, series.wrench[:, :3], read.reshape(series.n_rows, -1)])
+    return [row.tobytes() for row in rows[series.is_measured.any(axis=1)].round(9) + 0.0]
 
 
 @contextmanager
@@ -188,7 +188,7 @@ def raise_explanation(vjm: Vjm) -> Iterator[None]:
         issue = explain_unregistered_series(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
         if issue is not None and issue.name != "kinematics" and _helps(issue):
-            hint = f"; {describe(issue, vjm.arm, err.series.joints).sentence}"
+            hint = f"; {describe(issue, vjm.arm, err.series.joint_columns).sentence}"
         raise BenchError(f"{err}{hint}") from err
 
 
@@ -213,7 +213,9 @@ def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
         state = align_all(
             nominal_state(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series)
         )
-    left = (np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen] for one in series)
+    left = (
+        np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.is_measured] for one in series
+    )
     return float(np.median(np.concatenate(list(left))))
 
 
@@ -259,7 +261,7 @@ def hidden_geometry(calibrated: Calibrated) -> str:
     why = explain_unregistered_series(calibrated.calibration.state.vjm, calibrated.series[0])
     if why is None or why.name == "kinematics":
         return "is the zero of a joint wrong, or is it another arm?"
-    return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joints).sentence
+    return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joint_columns).sentence
 
 
 def of_held(calibration: Calibration) -> list[str]:
@@ -276,7 +278,7 @@ def of_held(calibration: Calibration) -> list[str]:
                 place = f"its fixed point is {place} from where it is stated"
                 place += (
                     f", and {1e3 * zero:.3f} mm are subtracted from its distances"
-                    if series.zero_sigma
+                    if series.distance_offset_sigma
                     else ""
                 )
                 unseen = "distances do not show how the base is turned about it"
@@ -288,7 +290,7 @@ def of_held(calibration: Calibration) -> list[str]:
                     unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
             words.append(f"{series.name}: {place}; {unseen}")
         alone = undetermined_frames(vjm, (series,))
-        mount = f"mount {series.target}"
+        mount = f"mount {series.mount}"
         frame = f"frame {series.frame}"
         names = ", ".join(series.markers)
         if mount in alone:
@@ -356,8 +358,8 @@ def evenly_spaced_rows(series: Series, poses: int) -> Ids:
     Returns:
         Indices of the rows.
     """
-    seen = np.flatnonzero(series.seen.any(axis=1))
-    pose = series.pose[seen]
+    seen = np.flatnonzero(series.is_measured.any(axis=1))
+    pose = series.pose_id[seen]
     every = pose[np.sort(np.unique(pose, return_index=True)[1])]  # in the order in which they came
     if len(every) < poses or poses < MIN_POSES:
         raise BenchError(
@@ -372,11 +374,16 @@ def with_drift(model: ArmModel) -> ArmModel:
     """Widen a model to how sure it is of the arm when another series is read."""
     posterior, geometry = (
         model.posterior,
-        np.flatnonzero(model.columns < model.unknowns.first_columns["errors"]),
+        np.flatnonzero(model.uncertain_columns < model.unknowns.first_columns["errors"]),
     )
-    moved = np.zeros((len(geometry), len(posterior.x)))
+    moved = np.zeros((len(geometry), len(posterior.mean)))
     moved[np.arange(len(geometry)), geometry] = DRIFT
-    return replace(model, posterior=Posterior.normal(posterior.x, np.vstack([posterior.root, moved])))
+    return replace(
+        model,
+        posterior=Posterior.from_covariance_root(
+            posterior.mean, np.vstack([posterior.covariance_root, moved])
+        ),
+    )
 
 
 def score(
@@ -414,7 +421,7 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
     """
     (far, within), state = ([], []), model.state
     for one in series:
-        mount = state.mounts.get(one.target)
+        mount = state.mounts.get(one.mount)
         seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
         if frame_poses is None and seen_before:
             if off := distance_from_known_frame(state, one):
@@ -424,17 +431,17 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
                 )
             placed = register_with_known_frame(model, one)
         else:
-            some = frame_poses or min(FRAME_POSES, max(MIN_POSES, len(np.unique(one.pose)) // 2))
+            some = frame_poses or min(FRAME_POSES, max(MIN_POSES, len(np.unique(one.pose_id)) // 2))
             with raise_explanation(model.state.vjm):
                 placed = fit_frame_and_mount(with_drift(model), one, evenly_spaced_rows(one, some))
-        rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.frame_rows))
-        if not rest.rows:
+        rest = select_rows(one, np.setdiff1d(np.arange(one.n_rows), placed.frame_rows))
+        if not rest.n_rows:
             raise BenchError(
                 f"{one.name}: all {len(placed.frame_rows)} rows fit its frame, so no row validates the model"
             )
         left, covariance = predict_series(model, placed, rest)
-        far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
-        within.append(inside_ellipsoid(left, covariance, one.quantile_95)[rest.seen])
+        far.append(1e3 * np.linalg.norm(left, axis=2)[rest.is_measured])
+        within.append(inside_ellipsoid(left, covariance, one.chi_squared_95)[rest.is_measured])
     return PositionErrors(
         **distance_statistics(np.concatenate(far)), coverage_95=float(np.concatenate(within).mean())
     )

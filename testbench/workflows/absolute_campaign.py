@@ -226,14 +226,14 @@ def simulate_distances(
     [station], rng = truth.stations, trial_rng(seed, 3)
     world = (exact.position - station.position) @ station.rotation
     used = [name for name in cell.arm.markers if name in {own.marker for own in mounted}]
-    bare = replace(exact, markers=tuple(used), position=np.zeros((exact.rows, len(used), 3)))
+    bare = replace(exact, markers=tuple(used), position=np.zeros((exact.n_rows, len(used), 3)))
     found = []
     for own, face, name in zip(mounted, _true_faces(mounted, rng), names_of(mounted), strict=True):
         places = world[:, cell.arm.markers.index(own.marker)]
-        series = distances_of(own, bare, _read_distances(own, face, places, exact.pose, rng))
+        series = distances_of(own, bare, _read_distances(own, face, places, exact.pose_id, rng))
         if own.direction is not None:  # beside a face nothing is read
-            series = select_rows(series, np.asarray(series.seen.any(axis=1)))
-        if not series.rows:
+            series = select_rows(series, np.asarray(series.is_measured.any(axis=1)))
+        if not series.n_rows:
             raise BenchError(f"--instrument: no pose brings {own.marker} near {name}; expected poses on it")
         found.append(replace(series, name=name, frame=own.block or name))
     return tuple(found), truth
@@ -347,9 +347,9 @@ def _series(
         name=f"series {k + 1}",
         markers=cell.arm.markers[: absolute_campaign.targets],
         frame=f"tracker {1 if absolute_campaign.share_frame else k + 1}",
-        target=f"mount {1 if absolute_campaign.share_target else k + 1}",
-        row=np.arange(len(rows.q)) + 1,
-        pose=rows.pose,
+        mount=f"mount {1 if absolute_campaign.share_target else k + 1}",
+        row_id=np.arange(len(rows.q)) + 1,
+        pose_id=rows.pose_id,
         q=rows.q,
         wrench=rows.wrench + 0.0,  # no load is 0, not -0
         point=rows.point,
@@ -389,7 +389,7 @@ def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: flo
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import
 
-    pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
+    pose = np.unique(clean.pose_id, return_inverse=True)[1].ravel()
     station = pose % len(trackers)
     rng, noise = trial_rng(seed, 2), trial_rng(seed, 1)
     before, after = np.empty_like(clean.before), np.empty_like(clean.after)

@@ -7,7 +7,7 @@ import numpy as np
 from testbench.identify.conic import TIE_BREAK_WEIGHT, total_trace
 from testbench.identify.estimate import Estimate, ModelAverage
 from testbench.identify.prior import WeightedPrior
-from testbench.identify.solve import COMPLETED_METHOD, REJECTED_RESIDUAL, TOO_MANY_OUTLIERS_CAUSE
+from testbench.identify.solve import COMPLETED_METHOD_NAME, REJECTED_RESIDUAL, TOO_MANY_OUTLIERS_CAUSE
 from testbench.model.structure import PAPER_GCO_METHOD
 from testbench.workflows.rows import FitRow
 
@@ -110,7 +110,7 @@ def _of_method(estimate: Estimate) -> list[str]:
                 "predictions away from the measured poses depend on it"
             )
         return said
-    if estimate.method.startswith(COMPLETED_METHOD):
+    if estimate.method.startswith(COMPLETED_METHOD_NAME):
         return [NEAREST]
     if estimate.constraint not in ("none", "free"):
         return []
@@ -123,7 +123,7 @@ def of_prior(weighted_prior: WeightedPrior) -> str:
     uncertainty, name = weighted_prior.uncertainty, weighted_prior.scaling.prior_name
     if uncertainty.link_coupling is not None:
         shape, coupling = (
-            100 * weighted_prior.misfit * u for u in (uncertainty.relative, uncertainty.link_coupling)
+            100 * weighted_prior.noise_factor * u for u in (uncertainty.relative, uncertainty.link_coupling)
         )
         return (
             f"the prior is {name}, with a scale for each link and joint that is estimated from the readings. "

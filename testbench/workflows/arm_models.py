@@ -208,7 +208,7 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
 def read_model(folder: Path) -> ArmModel:
     """Read a calibrated arm from its folder; InputError where it holds none."""
     model = load_model(folder)
-    if not model.absolute:
+    if not model.is_absolute:
         problem = "expected a model of testbench calibrate, got one of testbench identify"
         raise InputError(folder / DOCUMENT, "noise", problem)
     return model
@@ -270,14 +270,14 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
     columns = np.array(document.columns, dtype=int)
     n, unknowns = len(columns), Unknowns(state.vjm, (), {}, state.error_terms, structure)
     posterior = Posterior(
-        x=unknowns.values(state)[columns],
-        root=check_array(arrays["root"], (None, n), "root"),
-        unobservable=check_array(arrays["unseen"], (None, n), "unseen"),
-        scale=check_array(arrays["scale"], (n,), "scale"),
+        mean=unknowns.values(state)[columns],
+        covariance_root=check_array(arrays["root"], (None, n), "root"),
+        unobservable_directions=check_array(arrays["unseen"], (None, n), "unseen"),
+        typical_sizes=check_array(arrays["scale"], (n,), "scale"),
         student_dof=math.inf if spread.degrees_of_freedom is None else spread.degrees_of_freedom,
         cone_distance=spread.pull,
-        on_boundary=spread.on_boundary,
-        prior_rows=spread.heavy_rows,
+        on_cone_boundary=spread.on_boundary,
+        n_prior_rows=spread.heavy_rows,
     )
     return ArmModel(state, structure, columns, posterior, origin, scatter)
 
@@ -363,7 +363,13 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
     copy_arm(model.arm, folder)
     files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
     posterior = model.posterior
-    arrays = dict(zip(ARRAYS, (posterior.root, posterior.unobservable, posterior.scale), strict=True))
+    arrays = dict(
+        zip(
+            ARRAYS,
+            (posterior.covariance_root, posterior.unobservable_directions, posterior.typical_sizes),
+            strict=True,
+        )
+    )
     np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]
 
 
@@ -410,12 +416,12 @@ def _document(model: ArmModel) -> dict[str, object]:
             }
             for name, mount in state.mounts.items()
         },
-        "columns": model.columns.tolist(),
+        "columns": model.uncertain_columns.tolist(),
         "spread": {
             "degrees_of_freedom": finite(posterior.student_dof),
-            "heavy_rows": posterior.prior_rows,
+            "heavy_rows": posterior.n_prior_rows,
             "pull": posterior.cone_distance,
-            "on_boundary": posterior.on_boundary,
+            "on_boundary": posterior.on_cone_boundary,
         },
     }
 

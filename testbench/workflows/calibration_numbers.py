@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import ArmJoint
-from testbench.data.dataset import Series, numbers_per_target, select_rows
+from testbench.data.dataset import Series, mean_numbers_per_reading, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
@@ -93,7 +93,7 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
     found = []
     for group in functionals(active):
         a = group.of[:, active.columns]
-        value, half = group.scale * (a @ known.x), group.scale * known.half_widths(a)
+        value, half = group.scale * (a @ known.mean), group.scale * known.half_widths(a)
         rows = zip(group.names, value.tolist(), half.tolist(), group.units, strict=True)
         found += [Interval(group.part, *row) for row in rows]
     return tuple(found)
@@ -214,17 +214,20 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     """
     calibration, series = calibrated.calibration, calibrated.series
     before, after = (
-        [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
+        [np.linalg.norm(x, axis=2)[one.is_measured] for one, x in zip(series, every, strict=True)]
+        for every in left
     )
     vjm, estimate = calibration.state.vjm, calibration.estimate
-    q = np.concatenate([np.repeat(one.q, one.seen.sum(axis=1), axis=0) for one in series])
+    q = np.concatenate([np.repeat(one.q, one.is_measured.sum(axis=1), axis=0) for one in series])
     every = np.concatenate(before), np.concatenate(after)
     f = Row(
         arm=vjm.arm.name,
         series=[_errors_of_series(*parts) for parts in zip(series, before, after, strict=True)],
         total_before=distance_statistics(MM * every[0]),
         total_after=distance_statistics(MM * every[1]),
-        steps=[_step(step, math.sqrt(numbers_per_target(series))) for step in calibration.selection.steps],
+        steps=[
+            _step(step, math.sqrt(mean_numbers_per_reading(series))) for step in calibration.selection.steps
+        ],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
         pattern=_pattern(calibration.active_unknowns.unknowns),
@@ -243,7 +246,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     f["models"] = [_model(estimate, f)]
     f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
     f["pressed"] = calibration.constraint_chi2 > max(
-        PRESSED[0], PRESSED[1] * sum(one.equations for one in series)
+        PRESSED[0], PRESSED[1] * sum(one.n_equations for one in series)
     )
     f["more"] = more and Row(poses=FURTHER, now_mm=MM * more[0], after_mm=MM * more[1])
     f["doubts"] = [f"{name}: {text}" for name, text in calibration_doubts(f)]
@@ -253,7 +256,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
 def _errors_of_series(series: Series, before: Array, after: Array) -> Row:
     """Errors of a series, of the nominal and of the calibrated arm, (readings,) each [m]."""
     errors = {"before": distance_statistics(MM * before), "after": distance_statistics(MM * after)}
-    return Row(series=series.name, rows=series.rows, **errors)
+    return Row(series=series.name, rows=series.n_rows, **errors)
 
 
 def _noise(noise: Noise, series: Sequence[Series]) -> Row:
@@ -451,11 +454,11 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
             continue
         on = first + k * size + np.arange(2 * len(orders)).reshape(2, -1)  # sines, cosines
         columns = np.searchsorted(active.columns, on)
-        pair = known.x[columns].T
+        pair = known.mean[columns].T
         amplitude = np.linalg.norm(pair, axis=1)
         along = np.where(amplitude[:, None] > 0, pair, 1.0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        lines = known.root[:, columns]  # (c, 2, orders)
+        lines = known.covariance_root[:, columns]  # (c, 2, orders)
         deviation = np.linalg.norm(np.einsum("oa,cao->co", along, lines), axis=0)
         rows = [
             Row(order=order, amplitude_urad=a, deviation_urad=s)
@@ -487,11 +490,11 @@ def joint_curve(known: Posterior, columns: Ids, orders: Sequence[int], q: Array)
     """
     angle = np.linspace(q.min(), q.max(), CURVE)
     turns = np.outer(angle, orders)
-    functionals = np.zeros((CURVE, len(known.x)))
+    functionals = np.zeros((CURVE, len(known.mean)))
     functionals[:, columns[0]], functionals[:, columns[1]] = np.sin(turns), np.cos(turns)
     return Row(
         angle_deg=rounded(np.degrees(angle)),
-        error_urad=rounded(UM * functionals @ known.x),
+        error_urad=rounded(UM * functionals @ known.mean),
         half_urad=rounded(UM * known.half_widths(functionals)),
     )
 
@@ -542,17 +545,19 @@ def _compliances(calibration: Calibration) -> list[Row]:
 def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
     """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
     influences = [x[: len(one.markers)].T for x, one in zip(calibration.robust_weights, series, strict=True)]
-    counted = np.concatenate([influence[one.seen] for influence, one in zip(influences, series, strict=True)])
+    counted = np.concatenate(
+        [influence[one.is_measured] for influence, one in zip(influences, series, strict=True)]
+    )
     outliers = [
         Row(
             series=one.name,
-            row=int(one.row[row]),
+            row=int(one.row_id[row]),
             marker=one.markers[k],
             error_mm=float(MM * np.linalg.norm(left[row, k])),
             pull=float(influence[row, k]),
         )
         for one, influence, left in zip(series, influences, after, strict=True)
-        for row, k in np.argwhere((influence < SPOILED) & one.seen)
+        for row, k in np.argwhere((influence < SPOILED) & one.is_measured)
     ]
     worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:LISTED_OUTLIERS]
     return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)
@@ -617,24 +622,24 @@ def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:
     parts = []
     targets = max(len(one.markers) for one in calibrated.series)
     for series, *both in zip(calibrated.series, *left, strict=True):
-        at = some[(first <= some) & (some < first + series.rows)] - first
+        at = some[(first <= some) & (some < first + series.n_rows)] - first
         parts.append(_rows_of_one(state, select_rows(series, at), [x[at] for x in both], targets))
-        first += series.rows
+        first += series.n_rows
     return Row({key: np.concatenate([part[key] for part in parts]) for key in parts[0]})
 
 
 def _rows_of_one(state: ArmState, series: Series, left: Sequence[Array], targets: int) -> Row:
     equilibrium = series_equilibrium(state, series)
     read = equilibrium.chain.tool_points_in_world(state.mount(series).points) + left[1]
-    before, after, at = (np.full((series.rows, targets, 3), np.nan) for _ in range(3))
+    before, after, at = (np.full((series.n_rows, targets, 3), np.nan) for _ in range(3))
     for values, own in ((before, left[0]), (after, left[1]), (at, read)):
-        values[:, : len(series.markers)] = np.where(series.seen[..., None], own, np.nan)
+        values[:, : len(series.markers)] = np.where(series.is_measured[..., None], own, np.nan)
     sag = (state.C_theta @ equilibrium.u).T
-    names = np.full(series.rows, series.name, dtype=object)
+    names = np.full(series.n_rows, series.name, dtype=object)
     return Row(
         **{
             "name": names,
-            "row": series.row,
+            "row": series.row_id,
             "q": series.q,
             "tool": equilibrium.chain.tool_position,
             "sag": sag,
@@ -654,7 +659,7 @@ def largest_remaining_error(calibrated: Calibrated, left: RemainingErrors) -> Ar
         Error, (rows,) [m]; -1 of unread rows.
     """
     sizes = [
-        np.where(series.seen, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
+        np.where(series.is_measured, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
         for series, x in zip(calibrated.series, left[1], strict=True)
     ]
     return np.concatenate(sizes)

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, Va
 from testbench.arm.document import first_finding
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows, split
+from testbench.data.dataset import Dataset, concatenate_rows, line_precision, select_rows, split_by_pose
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, PoseError, check_type
 from testbench.model.vjm import WorkArea, marker_positions, tool_points, tool_poses
@@ -158,7 +158,7 @@ class Campaign(Displayed):
         own: dict[str, object] = {"arm": self.scenario.arm, "seed": self.seed}
         for name in ("identification", "check", "truth"):
             data = getattr(self, name)
-            own[name] = f"{data.runs} runs in {len(np.unique(data.pose))} poses"
+            own[name] = f"{data.n_runs} runs in {len(np.unique(data.pose_id))} poses"
         return own | {"sigma_um": f"{1e6 * self.measured.sigma:g}"}
 
 
@@ -239,7 +239,7 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: CampaignPoses)
     measured, true = measure_both(cell, scenario, loaded, trial_rng(seed, 1))
     everywhere = poses_with_weight(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.mass)
     (fitted, check), (_, check_true) = (
-        split(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
+        split_by_pose(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
     )
     return Campaign(
         scenario, seed, measured, fitted, check, check_true, measure_markers(cell, scenario, everywhere)
@@ -264,7 +264,7 @@ class LoadedPoses:
     """Describe what is measured: one pose and one load per run."""
 
     q: Array  #: Actuated joints, (runs, n) [rad, m].
-    pose: Ids  #: Identifier of the pose, (runs,).
+    pose_id: Ids  #: Identifier of the pose, (runs,).
     wrench: Array  #: Force and moment, world axes, (runs, 6) [N, N m].
     point: Array  #: Point where the load acts, in the tool's frame, (runs, 3) [m].
 
@@ -446,8 +446,8 @@ def simulate_full_pose(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     checks = at_tool(check_q, ids, check_wrench)
     identification = measure_markers(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
     check, true = measure_both(cell, scenario, checks, noise_rng)
-    both = join_rows([identification, check])
-    measured = replace(both, run=np.arange(both.runs) + 1)
+    both = concatenate_rows([identification, check])
+    measured = replace(both, run_id=np.arange(both.n_runs) + 1)
     return Campaign(scenario, seed, measured, identification, check, true, true, drawn)
 
 
@@ -537,11 +537,11 @@ def read_instruments(
     settled = settle_both(cell.plant, truth, loaded.q, loaded.wrench, loaded.point)
     parts = [_read(cell, loaded, settled, layer, rng) for layer in _layers(cell, mounted)]
     if probes or all(part.direction is None for part in parts):
-        data = join_rows(parts)
+        data = concatenate_rows(parts)
     else:
-        data = join_rows([_with_lines(part) for part in parts])
+        data = concatenate_rows([_with_lines(part) for part in parts])
     order = np.argsort(np.tile(np.arange(len(loaded.q)), len(parts)), kind="stable")
-    return replace(select_rows(data, order), run=np.arange(data.runs) + 1)
+    return replace(select_rows(data, order), run_id=np.arange(data.n_runs) + 1)
 
 
 def _layers(cell: Cell, mounted: Sequence[Mounted]) -> list[list[Mounted]]:
@@ -587,27 +587,27 @@ def _read(
         places = tuple(equilibrium.markers[:, k] for equilibrium in settled)
         if isinstance(own.instrument, Gauge):
             rotations = tuple(equilibrium.rotation for equilibrium in settled)
-            numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
+            numbers = own.instrument.read(u, places, rotations, loaded.pose_id, rng)  # type: ignore[arg-type]
         else:
             assert isinstance(own.instrument, DistanceMeter)
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
         lost = np.asarray(np.isnan(numbers).any(axis=0))
         direction[:, k] = u
         read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
-        P[:, k] = along_lines(u, own.instrument.sigma) * ~lost[:, None, None]
+        P[:, k] = line_precision(u, own.instrument.sigma) * ~lost[:, None, None]
     lines = bool(direction.any() or tilt.any() or reach.any())
     whole = not lines and bool(P.any(axis=(2, 3)).all())
     return Dataset(
         markers=markers,
-        run=np.arange(runs) + 1,
+        run_id=np.arange(runs) + 1,
         **vars(loaded),
         before=read[0],
         after=read[1],
         sigma=layer[0].instrument.sigma,
         precision=None if whole else P,
         direction=direction if lines else None,
-        tilt=tilt if lines else None,
-        reach=reach if lines else None,
+        direction_deviation=tilt if lines else None,
+        line_length=reach if lines else None,
         **turned,  # type: ignore[arg-type]
     )
 
@@ -634,4 +634,6 @@ def _with_lines(data: Dataset) -> Dataset:
     none = np.zeros(data.before.shape[:2])
     P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (*data.before.shape, 3)).copy()
     P = P if data.precision is None else data.precision
-    return replace(data, direction=np.zeros_like(data.before), tilt=none, reach=none, precision=P)
+    return replace(
+        data, direction=np.zeros_like(data.before), direction_deviation=none, line_length=none, precision=P
+    )

@@ -119,7 +119,7 @@ def places_of(cell: Cell, data: Dataset) -> WorkspacePoses:
     """
     position, _ = tool_poses(cell.vjm, data.q)
     workspace_poses = places_at(cell.arm, data.q, position, rms(data.deflection))
-    return replace(workspace_poses, run=tuple(data.run.tolist()))
+    return replace(workspace_poses, run=tuple(data.run_id.tolist()))
 
 
 def rms(moved: Array) -> Array:

@@ -10,7 +10,7 @@ from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import trace_units
-from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors
+from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors_p_value
 from testbench.identify.observability import (
     DECIDED,
     Identifiability,
@@ -65,7 +65,7 @@ def residual_histogram(residuals: Array) -> Row:
         n=len(x),
         mean_um=float(x.mean()),
         deviation_um=float(x.std(ddof=1)) if enough else None,
-        lilliefors_p=lilliefors(x) if enough else None,
+        lilliefors_p=lilliefors_p_value(x) if enough else None,
         edges_um=edges.tolist(),
         counts=counts.tolist(),
     )
@@ -91,8 +91,8 @@ def numbers_read(data: Dataset, residuals: Array) -> Array:
         The residuals of those numbers, (numbers,) [m].
     """
     if data.direction is None:
-        return np.ravel(residuals[data.seen])
-    placed, lines = data.seen & ~data.lines, data.seen & data.lines
+        return np.ravel(residuals[data.is_measured])
+    placed, lines = data.is_measured & ~data.is_line_reading, data.is_measured & data.is_line_reading
     along = (data.direction * residuals).sum(axis=2)
     return np.concatenate([np.ravel(residuals[placed]), along[lines]])
 
@@ -170,7 +170,7 @@ def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
         with its `least_percent` and `most_percent`.
     """
     vjm, arm = vjm_for_structure(vjm, estimate.structure), vjm.arm
-    where = evaluate_chain(set_load_history(vjm, data.taken_off), data.q)
+    where = evaluate_chain(set_load_history(vjm, data.unloaded_after_load), data.q)
     theta = estimate.C_theta @ generalised_load(where, data.wrench, data.point)
     arm_of_load = np.einsum("rxy,ry->xr", where.tool_rotation, data.point)[:, None]
     moved = (where.J_theta[:3] + cross(where.J_theta[3:], arm_of_load)) * theta  # (3, n_theta, runs)
@@ -373,7 +373,7 @@ def fit_details(
         `residuals`, `predictions`, `eigenvalues`, `sag`, `compliances`, `singular_values` and `joints`, as
         the functions of this module have them.
     """
-    seen, taken = runs.seen, [*estimates.values()][-1]
+    seen, taken = runs.is_measured, [*estimates.values()][-1]
     sag = sag_by_part(vjm, taken, runs)
     left = {name: residuals[name][seen] for name in estimates}
     return Row(
@@ -522,10 +522,10 @@ def held_out(
         Errors by model, (n,) each, and what one of the n is.
     """
     data, check = identified.runs.every, identified.runs.check
-    held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
+    held = np.isin(data.pose_id, [] if check is None else check.pose_id) & data.is_measured.any(axis=1)
     if held.sum() < fewest and identified.held_out:
         return identified.held_out, "group of fitted runs held out in turn"
-    count = np.maximum(data.seen[held].sum(axis=1), 1)
+    count = np.maximum(data.is_measured[held].sum(axis=1), 1)
     rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
     return rms, "run held out"
 
@@ -568,7 +568,7 @@ def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Arra
     data, names = identified.runs.every, list(identified.estimates)
     moved = deflections_of_models(cell.vjm, [identified.estimates[name] for name in names], data)
     left = data.deflection - data.measured_components(moved)
-    return dict(zip(names, np.where(data.seen[..., None], left, 0.0), strict=True))
+    return dict(zip(names, np.where(data.is_measured[..., None], left, 0.0), strict=True))
 
 
 def largest_vector(vectors: Array) -> Array:
@@ -579,20 +579,20 @@ def largest_vector(vectors: Array) -> Array:
 def _residuals(identified: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
     """List per run the largest motion of a target, and the largest residual of each model."""
     data, check = identified.runs.every, identified.runs.check
-    held = np.isin(data.pose, [] if check is None else check.pose)
-    moved = MM * largest_vector(np.where(data.seen[..., None], data.deflection, 0.0))
+    held = np.isin(data.pose_id, [] if check is None else check.pose_id)
+    moved = MM * largest_vector(np.where(data.is_measured[..., None], data.deflection, 0.0))
     sizes = {name: (MM * largest_vector(own)).tolist() for name, own in left.items()}
     return [
         Row(
-            run=int(data.run[k]),
-            which_run=f"{data.run[k]}{' (held out)' if held[k] else ''}",
-            pose=int(data.pose[k]),
+            run=int(data.run_id[k]),
+            which_run=f"{data.run_id[k]}{' (held out)' if held[k] else ''}",
+            pose=int(data.pose_id[k]),
             held_back=bool(held[k]),
             moved_mm=float(moved[k]),
             residual_mm={name: mm[k] for name, mm in sizes.items()},
             taken_mm=sizes[identified.fits.recommended][k],
         )
-        for k in range(data.runs)
+        for k in range(data.n_runs)
     ]
 
 
@@ -667,7 +667,7 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
                 raise
             missing.append(name)
         else:
-            moved[name], half[name] = there.deflection[:, 0], there.widest[:, 0]
+            moved[name], half[name] = there.deflection[:, 0], there.largest_half_width[:, 0]
     workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
     # joints alone are not compared: what they leave out is in no half width
     shown = [name for name in half if name != JOINTS_ONLY or name == taken]
@@ -699,8 +699,8 @@ def _noise_limit(data: Dataset) -> float:
     from scipy.special import gammaincinv  # here: importing it takes longer than most fits
 
     share = 0.95 ** (1 / len(data.markers))
-    if data.lines.any():  # one component each, of a variance that contains the tilt
-        variance = np.trace(data.covariance, axis1=2, axis2=3)[data.lines]
+    if data.is_line_reading.any():  # one component each, of a variance that contains the tilt
+        variance = np.trace(data.covariance, axis1=2, axis2=3)[data.is_line_reading]
         return float(np.sqrt(2 * gammaincinv(1 / 2, share) * variance.mean()))
     squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
     return float(data.sigma * np.sqrt(2 * squared))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import gammainc
 
-from testbench.data.dataset import MAX_SHOWN, Dataset, select_evenly, select_rows
+from testbench.data.dataset import MAX_EVALUATED_RUNS, Dataset, select_evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
 from testbench.files.read_pairs import SIGMA
 from testbench.identify.estimate import DeflectionErrors, Estimate, deflections, score
@@ -159,8 +159,8 @@ def fit_models(
     fits = Row(
         dataset=runs.name,
         arm=cell.arm.name,
-        runs=runs.used.runs,
-        poses=len(np.unique(runs.used.pose)),
+        runs=runs.used.n_runs,
+        poses=len(np.unique(runs.used.pose_id)),
         models=tuple(
             _fit(cell, fitted_models, k, shown if wanted else None)
             for k, wanted in enumerate(stepwise(sure, "intervals"))
@@ -186,12 +186,12 @@ def fit_models(
 
 
 def _shown_runs(runs: MeasuredRuns) -> tuple[MeasuredRuns, Dataset]:
-    """Select the runs for intervals, to check with or else those used; more than `MAX_SHOWN` are thinned."""
+    """Select runs for intervals: those to check with or else those used, at most `MAX_EVALUATED_RUNS`."""
     shown = runs.check or runs.used
-    if shown.runs <= MAX_SHOWN:
+    if shown.n_runs <= MAX_EVALUATED_RUNS:
         return runs, shown
-    note = f"intervals are computed for {MAX_SHOWN} of {shown.runs} runs"
-    every = select_evenly(np.arange(shown.runs), MAX_SHOWN)
+    note = f"intervals are computed for {MAX_EVALUATED_RUNS} of {shown.n_runs} runs"
+    every = select_evenly(np.arange(shown.n_runs), MAX_EVALUATED_RUNS)
     return replace(runs, notes=(*runs.notes, note)), select_rows(shown, every)
 
 
@@ -203,7 +203,7 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     Raises:
         BenchError: When they move none.
     """
-    blocks = [slice(k, k + RUNS_PER_BATCH) for k in range(0, data.runs, RUNS_PER_BATCH)]
+    blocks = [slice(k, k + RUNS_PER_BATCH) for k in range(0, data.n_runs, RUNS_PER_BATCH)]
     loads = (
         generalised_load(evaluate_chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks
     )
@@ -277,7 +277,7 @@ def _plain(model: Model) -> Method | None:
 
 def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> DeflectionErrors:
     moved = data.measured_components(deflections(cell.vjm, estimate, data))
-    return score(moved[data.seen], data.deflection[data.seen])
+    return score(moved[data.is_measured], data.deflection[data.is_measured])
 
 
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
@@ -349,7 +349,7 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:
     ends = {"centre_mm": found.centre, "lower_mm": found.lower, "upper_mm": found.upper}
     return Row(
         confidence=found.confidence,
-        on_boundary=found.on_boundary,
+        on_boundary=found.on_cone_boundary,
         unbounded=half.size - known.size,
         components=half.size,
         half_width_mm=float(np.median(known)) if known.size else None,
@@ -360,7 +360,7 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:
                 "marker": marker,
                 **{key: [finite(MM * x) for x in own[i, k]] for key, own in ends.items()},
             }
-            for i, run in enumerate(data.run.tolist())
+            for i, run in enumerate(data.run_id.tolist())
             for k, marker in enumerate(data.markers)
         ),
     )
@@ -390,9 +390,9 @@ def write_stiffness(
         "conservative": estimate.conservative,
         "prior": None if estimate.weighted_prior is None else _prior(estimate.weighted_prior),
         "runs": {
-            "runs": used.runs,
-            "poses": len(np.unique(used.pose)),
-            "held_back": [] if runs.check is None else np.unique(runs.check.pose).tolist(),
+            "runs": used.n_runs,
+            "poses": len(np.unique(used.pose_id)),
+            "held_back": [] if runs.check is None else np.unique(runs.check.pose_id).tolist(),
             "rejected": len(estimate.rejected),
             "sigma_m": used.sigma,
             "sigma_rotation_rad": used.sigma_rotation,
@@ -400,7 +400,7 @@ def write_stiffness(
         "unseen": {
             "directions": estimate.compliance_regression.structure.n_parameters
             - estimate.compliance_regression.rank,
-            "without_bound": len(model.posterior.unobservable),
+            "without_bound": len(model.posterior.unobservable_directions),
             "stiffer": list(fits.unchecked.stiffer),
             "softer": list(fits.unchecked.softer),
             "words": list(advice(estimate)),
@@ -418,9 +418,9 @@ def _prior(weighted_prior: WeightedPrior) -> object:
         "uncertainty": float(uncertainty.relative),
         "scale_uncertainty": finite(uncertainty.scale),
         "coupling": None if uncertainty.link_coupling is None else float(uncertainty.link_coupling),
-        "misfit": float(weighted_prior.misfit),
+        "misfit": float(weighted_prior.noise_factor),
         "scales": [
             {"name": scale.name, "factor": float(scale.factor), "deviation": finite(scale.log_deviation)}
-            for scale in weighted_prior.scales
+            for scale in weighted_prior.learnt_scales
         ],
     }

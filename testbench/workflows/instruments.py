@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.data.dataset import NOMINAL_FIXED, NOMINAL_TILT, Series
+from testbench.data.dataset import NOMINAL_FIXED_POINT_DEVIATION, NOMINAL_NORMAL_DEVIATION, Series
 from testbench.errors import Array, BenchError, Ids, InputError
 from testbench.model.vjm import evaluate_chain, marker_positions, tool_points, translational_jacobian
 from testbench.plant.tracker import (
@@ -242,10 +242,10 @@ def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
     """
     assert own.fixed is not None
     normal: tuple[float, float, float] | None = None
-    tilt, zero = NOMINAL_TILT, 0.0
+    tilt, zero = NOMINAL_NORMAL_DEVIATION, 0.0
     if isinstance(own.instrument, PlaneProbe):
         x, y, z = unit_normal(own).tolist()
-        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_TILT)
+        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_NORMAL_DEVIATION)
         sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
     else:
         assert isinstance(own.instrument, DistanceMeter)
@@ -256,11 +256,11 @@ def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
         sigma=sigma,
         precision=None if seen.all() else seen[..., None, None] * np.eye(3) / sigma**2,
         distance=np.where(seen, read[:, None], 0.0),
-        fixed=tuple(own.fixed.tolist()),
-        fixed_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED),
+        fixed_point=tuple(own.fixed.tolist()),
+        fixed_point_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED_POINT_DEVIATION),
         normal=normal,
-        tilt=tilt,
-        zero_sigma=zero,
+        normal_sigma=tilt,
+        distance_offset_sigma=zero,
     )
 
 

@@ -103,8 +103,8 @@ def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Datase
     )
     data = Dataset(
         markers=arm.markers,
-        run=table["run"][::m].astype(int),
-        pose=table["pose"][::m].astype(int),
+        run_id=table["run"][::m].astype(int),
+        pose_id=table["pose"][::m].astype(int),
         q=arm.to_chain_joints(q[::m]),
         wrench=np.hstack([force, moment])[::m],
         point=point[::m],
@@ -114,7 +114,7 @@ def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Datase
     )
     number, sets = table["campaign"][::m], table["set"][::m]
     found = {}
-    for rows in np.split(np.arange(data.runs), np.flatnonzero(np.diff(number)) + 1):
+    for rows in np.split(np.arange(data.n_runs), np.flatnonzero(np.diff(number)) + 1):
         own = {
             name: select_rows(data, rows[sets[rows] == name]) for name in dict.fromkeys(sets[rows].tolist())
         }

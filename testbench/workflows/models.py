@@ -20,7 +20,7 @@ import numpy as np
 
 from testbench.arm.elastic import rotated_compliance
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, select_runs
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_type
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
@@ -479,7 +479,7 @@ def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRu
     structures = {m.structure.name: m.structure for m in models}
     part = cross_validation_groups(data)
     parts = reduce_by_group(cell.vjm, list(structures.values()), data, part)
-    return ReducedRuns(data, len(np.unique(data.pose)), part, dict(zip(structures, parts, strict=True)))
+    return ReducedRuns(data, len(np.unique(data.pose_id)), part, dict(zip(structures, parts, strict=True)))
 
 
 def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) -> Recommendation:
@@ -506,13 +506,13 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
     every = tuple(HeldOutErrors(m.name, _errors(cell, m, runs)) for m in models)
     rivals = [c for c in every if first.name != default or c.model_name in (default, JOINTS_ONLY)]
     duel = keep_first_unless_beaten(rivals, first.name)
-    return Recommendation(duel.selected, _why(duel, first.name, default), every)
+    return Recommendation(duel.selected_name, _why(duel, first.name, default), every)
 
 
 def _why(duel: ModelComparison, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
     taken = "the default" if first == default else "the model with fewest unknowns"
-    if duel.selected == first:
+    if duel.selected_name == first:
         return f"it is {taken}; in cross-validation no other model is significantly better"
     return (
         f"in cross-validation its F_M is {-duel.difference:.2g} ± {duel.standard_error:.2g} lower than "
@@ -528,7 +528,7 @@ def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
         if isinstance(method, Method):
             pi = method.fit_reduced(cell.vjm, fold.fitted_equations, for_intervals=False).pi
             return np.pad(pi, (0, model.structure.n_parameters - len(pi)))  # laws are last
-        return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.fitted_groups))).pi
+        return fit_model(cell, model, select_runs(runs.data, np.isin(runs.part, fold.fitted_groups))).pi
 
     held = folds(runs.parts[model.structure.name])
     return np.array([f_m(fold.held_out, fit(fold)) for fold in stepwise(held, "cross-validating")])

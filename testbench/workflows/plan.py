@@ -493,7 +493,7 @@ def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series,
         distances_of(
             own,
             replace(pose, name=name, frame=own.block or name),
-            np.full(pose.rows, 1.0 if own.direction is None else 0.0),
+            np.full(pose.n_rows, 1.0 if own.direction is None else 0.0),
         )
         for own, name in zip(instruments, names_of(instruments), strict=True)
     ]
@@ -525,10 +525,10 @@ def absolute_setup_after_readings(given: ArmModel, settings: PlanSettings) -> Ab
     pose = replace(pose, sigma=sigma, sigma_rotation=turn if settings.orientations else None)
     unknowns = unknowns_of(given.vjm, (pose,), given.state.error_terms, given.structure)
     state = replace(given.state, frames={FRAME: Frame(np.eye(3), np.zeros(3))}, mounts={MOUNT: mount})
-    first, root = unknowns.first_columns["geometry"], given.posterior.root
+    first, root = unknowns.first_columns["geometry"], given.posterior.covariance_root
     L = np.zeros((unknowns.size, first + len(root)))
     L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
-    L[first + given.columns, first:] = root.T
+    L[first + given.uncertain_columns, first:] = root.T
     return AbsoluteSetup(
         unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.MIN_INFORMATION_LATER
     )
@@ -546,9 +546,9 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
         name="plan",
         markers=markers,
         frame=FRAME,
-        target=MOUNT,
-        row=np.arange(rows),
-        pose=np.zeros(rows, dtype=int),
+        mount=MOUNT,
+        row_id=np.arange(rows),
+        pose_id=np.zeros(rows, dtype=int),
         q=np.zeros((rows, vjm.arm.n_joints)),
         wrench=load.wrench,
         point=load.point,

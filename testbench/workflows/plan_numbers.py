@@ -451,7 +451,7 @@ def joint_coverage(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row
     for j, joint in enumerate(arm.joints):
         read = np.zeros(BINS, dtype=bool)
         for one in series:
-            read[_bin(joint, one.q[one.seen.any(axis=1), j])] = True
+            read[_bin(joint, one.q[one.is_measured.any(axis=1), j])] = True
         there = ~read[_bin(joint, q[:, j])]
         yield Row(joint=joint.name, unread_percent=100 * float((~read).mean()), poses=int(there.sum()))
 

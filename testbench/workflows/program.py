@@ -80,7 +80,7 @@ class CorrectedProgram:
     @property
     def reasons(self) -> tuple[str | None, ...]:
         """Say why points cannot be corrected; None where they are."""
-        return tuple(refusal_words(self.model.arm, refusal) for refusal in self.found.refused)
+        return tuple(refusal_words(self.model.arm, refusal) for refusal in self.found.refusals)
 
     @property
     def unreached(self) -> tuple[str, ...]:
@@ -128,7 +128,7 @@ def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | No
         return _robot_joints(model, program, program.content, start)
     near = start if program.q is None else program.q
     reached = joints_along_path(
-        model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point)
+        model.vjm, program.position, program.rotation, start=near, point=np.array(aim.tool_point)
     )
     _refuse_far(program, reached, np.arange(program.points))
     if not program.jumps:
@@ -140,7 +140,7 @@ def _refuse_far(program: Program, reached: InverseKinematics, points: Ids) -> No
     """Refuse poses of the tool at some points, (k,), that the drawn arm does not reach."""
     far = np.flatnonzero(~reached.converged)
     if len(far):
-        missing = 1e3 * np.column_stack([reached.distance, reached.angle])
+        missing = 1e3 * np.column_stack([reached.distance_error, reached.angle_error])
         names = [
             "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[points[k]], *missing[k])
             for k in far[:NAMED]
@@ -199,7 +199,7 @@ def _of_flags(model: ArmModel, program: Program, motions: RobotMotions, k: int) 
 def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
     """Loads at every point, one at least: the process at the tool or where the file says; what hangs."""
     position, rotation = tool_poses(model.vjm, q)
-    tip = np.array(aim.point)
+    tip = np.array(aim.tool_point)
     try:
         names = [f"line {line}" for line in program.line]
         spindle = rotation @ np.array(aim.spindle)
@@ -370,7 +370,7 @@ def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
     hinges = [not joint.prismatic for joint in arm.file_joints]
     before, after = (
         turn_flags(language, arm.to_file_joints(q)[:, hinges])
-        for q in (corrected_program.found.start, corrected_program.found.q)
+        for q in (corrected_program.found.programmed_q, corrected_program.found.q)
     )
     turned = program.content.posed & (before != after).any(axis=1)
     if language.flags is None or not turned.any():
@@ -421,13 +421,13 @@ def configuration_notes(program: Program, start: Array | None) -> tuple[str, ...
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     """Collect what a corrected program says beside its joints, by column."""
     compensated, arm = corrected_program.found, corrected_program.model.arm
-    moved = arm.change_to_file_joints(compensated.q - compensated.start)
+    moved = arm.change_to_file_joints(compensated.q - compensated.programmed_q)
     columns: dict[str, Array | Sequence[str]] = {
         f"correction_{joint.display_column}": joint.display_factor * moved[:, k]
         for k, joint in enumerate(arm.file_joints)
     }
-    columns |= {f"before_{x}_mm": 1e3 * compensated.before[:, k] for k, x in enumerate("xyz")}
-    half = np.where(np.isfinite(compensated.half_width), compensated.half_width, np.nan)
+    columns |= {f"before_{x}_mm": 1e3 * compensated.error_before[:, k] for k, x in enumerate("xyz")}
+    half = np.where(np.isfinite(compensated.error_half_width), compensated.error_half_width, np.nan)
     columns |= {f"half_95_{x}_mm": 1e3 * half[:, k] for k, x in enumerate("xyz")}
     columns["turn_left_mrad"] = 1e3 * np.linalg.norm(compensated.rotation_error, axis=1)
     columns["left_out"] = [reason or "" for reason in corrected_program.reasons]
@@ -578,7 +578,7 @@ class Predicted:
     @property
     def worst_first(self) -> Ids:
         """Order poses by the deflection of the tool, the largest first, (poses,)."""
-        return np.argsort(-self.found.size[:, 0], kind="stable")
+        return np.argsort(-self.found.deflection_length[:, 0], kind="stable")
 
     def push_halves(self, poses: Ids) -> Array:
         """Find half widths of how far the map's force moves the loaded tool along its softest axis.
@@ -637,7 +637,7 @@ def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> St
     half = compliance_half_widths(model, q, found, force)
     worst: Array = force * found.displacement_per_force[:, 0]
     order = np.argsort(-worst, kind="stable")
-    return StiffnessMap(force, *(x[order] for x in (q, position, worst, found.softest, half)))
+    return StiffnessMap(force, *(x[order] for x in (q, position, worst, found.softest_direction, half)))
 
 
 def extrapolation_warnings(found: LoadExtent) -> tuple[str, ...]:
@@ -674,13 +674,13 @@ def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
     """
     if refusal is None:
         return None
-    if refusal.why == "limit":
-        joint = next(joint for joint in arm.joints if joint.name in refusal.names)
-        beyond = f"{joint.display_factor * refusal.size:.3g} {joint.display_unit}"
+    if refusal.reason == "limit":
+        joint = next(joint for joint in arm.joints if joint.name in refusal.involved_names)
+        beyond = f"{joint.display_factor * refusal.excess:.3g} {joint.display_unit}"
         return f"{joint.name} would pass its limit by {beyond}"
-    if refusal.why == "collision":
-        return f"{refusal.names[0]} would collide with {refusal.names[1]}"
-    return f"out of reach by {1e3 * refusal.size:.3g} mm" if refusal.why == "reach" else "no equilibrium"
+    if refusal.reason == "collision":
+        return f"{refusal.involved_names[0]} would collide with {refusal.involved_names[1]}"
+    return f"out of reach by {1e3 * refusal.excess:.3g} mm" if refusal.reason == "reach" else "no equilibrium"
 
 
 def direction_words(direction: Array) -> str:

@@ -11,15 +11,15 @@ from testbench.arm.folder import ArmJoint
 from testbench.correct.newton import equilibrium
 from testbench.correct.predicted import (
     LoadedPoses,
-    fitted_half_widths,
     largest_uncertainty,
     load_extent,
+    relative_half_widths,
     stiffness,
 )
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
-from testbench.identify.posterior import CONFIDENCE, quantile
+from testbench.identify.posterior import CONFIDENCE, student_quantile
 from testbench.model.vjm import add_law_deflections, tool_poses
 from testbench.runs.rows import Row, finite
 from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at
@@ -103,7 +103,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
     before, half = ([row[key] for row in loaded or points] for key in ("before_mm", "half_95_mm"))
     unseen = sum(row.half_95_mm is None for row in points)
     force = np.linalg.norm(sum(load.wrench[:, :3] for load in corrected_program.loads), axis=1)
-    absolute = model.absolute and compensated.reference == "drawn"
+    absolute = model.is_absolute and compensated.joint_meaning == "drawn"
     held = (compensated.at_limit & compensated.corrected[:, None]).sum(axis=0)
     before_mm, half_mm = error_statistics(before), None if unseen else error_statistics(half)
     most = [[row[key] for row in loaded or points] for key in ("before_most_mm", "most_mm")]
@@ -111,9 +111,9 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         program=program.path.name,
         arm=model.arm.name,
         method=model.origin.method,
-        absolute=model.absolute,
-        asked=compensated.reference,
-        hold=corrected_program.aim.hold,
+        absolute=model.is_absolute,
+        asked=compensated.joint_meaning,
+        hold=corrected_program.aim.corrected_part,
         points=program.points,
         corrected=int(compensated.corrected.sum()),
         force_n=[float(force.min()), float(force.max())],
@@ -129,9 +129,15 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         **_turns(corrected_program),
         jump=_jump(corrected_program),
         worst=max(points, key=lambda row: float(row.before_mm)),
-        extrapolated=extrapolation_warnings(load_extent(model, compensated.start, corrected_program.loads)),
+        extrapolated=extrapolation_warnings(
+            load_extent(model, compensated.programmed_q, corrected_program.loads)
+        ),
         open=largest_uncertainty(
-            model, compensated.q, corrected_program.loads, np.array(corrected_program.aim.point), absolute
+            model,
+            compensated.q,
+            corrected_program.loads,
+            np.array(corrected_program.aim.tool_point),
+            absolute,
         ),
         doubts=model.origin.warnings,
         unread=unread_columns(program),
@@ -149,7 +155,7 @@ def _ellipsoids_of_program(corrected_program: CorrectedProgram, force: float) ->
     some = some_poses(corrected_program.program.points)
     q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]
     tool = stiffness(model, q, [load.select(some) for load in corrected_program.loads])
-    lever = tool_poses(model.vjm, q)[1] @ np.array(corrected_program.aim.point)
+    lever = tool_poses(model.vjm, q)[1] @ np.array(corrected_program.aim.tool_point)
     return ellipsoids(tool.compliance, lever, compensated.target.position[some], labels, force)
 
 
@@ -185,7 +191,7 @@ def _chances(before: Sequence[float], half: Sequence[float]) -> Array:
         half: Half width of the 95 % interval along the worst axis, (n,) [mm].
     """
     with np.errstate(divide="ignore"):  # what has no error at all is sure
-        deviations = quantile(np.inf, (1 + CONFIDENCE) / 2) * np.divide(before, half) / 2
+        deviations = student_quantile(np.inf, (1 + CONFIDENCE) / 2) * np.divide(before, half) / 2
     return np.array([NormalDist().cdf(x) for x in deviations.tolist()])
 
 
@@ -205,9 +211,12 @@ def _points(corrected_program: CorrectedProgram, tolerance_mm: float | None) -> 
     program = corrected_program.program
     reasons = corrected_program.reasons
     arm = corrected_program.model.arm
-    correction = arm.display_factors * arm.change_to_file_joints(compensated.q - compensated.start)
-    before, half = MM * np.linalg.norm(compensated.before, axis=1), MM * compensated.half_width.max(axis=1)
-    after = MM * np.linalg.norm(compensated.after, axis=1)
+    correction = arm.display_factors * arm.change_to_file_joints(compensated.q - compensated.programmed_q)
+    before, half = (
+        MM * np.linalg.norm(compensated.error_before, axis=1),
+        MM * compensated.error_half_width.max(axis=1),
+    )
+    after = MM * np.linalg.norm(compensated.error_after, axis=1)
     verdicts: list[str | None] = [None] * program.points
     if tolerance_mm is not None:
         verdicts = np.where(after + half <= tolerance_mm, "pass", "fail").tolist()
@@ -238,7 +247,7 @@ def _turns(corrected_program: CorrectedProgram) -> Row:
     """How far the tool turns where nothing holds it, and what is left of its turn where that is held."""
     compensated = corrected_program.found
     turned = MRAD * np.linalg.norm(compensated.rotation_error, axis=1) * compensated.corrected
-    free = turned * (corrected_program.aim.hold == "position")
+    free = turned * (corrected_program.aim.corrected_part == "position")
     left = (turned - free) * ~compensated.at_limit.any(axis=1)
     return Row(
         turns_mrad=float(free.max()), turned=int((left > TURNED).sum()), turn_left_mrad=float(left.max())
@@ -252,7 +261,7 @@ def _jump(corrected_program: CorrectedProgram) -> Row | None:
     joints = corrected_program.model.arm.file_joints
     if len(compensated.q) < 2:
         return None
-    steps = np.abs(np.diff(arm.change_to_file_joints(compensated.q - compensated.start), axis=0))
+    steps = np.abs(np.diff(arm.change_to_file_joints(compensated.q - compensated.programmed_q), axis=0))
     k, j = np.unravel_index(int(steps.argmax()), steps.shape)
     load = np.sum([load.wrench[:, :3] for load in corrected_program.loads], axis=0)
     change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
@@ -272,9 +281,9 @@ def _fitted(corrected_program: CorrectedProgram) -> Row | None:
         return None
     some = np.unique(np.linspace(0, count - 1, min(MAX_FITTED, count)).round().astype(int))
     stand = LoadedPoses(compensated.q, corrected_program.loads).select(some)
-    half = MM * fitted_half_widths(corrected_program.model, stand, np.array(corrected_program.aim.point)).max(
-        axis=1
-    )
+    half = MM * relative_half_widths(
+        corrected_program.model, stand, np.array(corrected_program.aim.tool_point)
+    ).max(axis=1)
     return error_statistics(half) if np.isfinite(half).all() else None
 
 
@@ -288,9 +297,9 @@ def predicted_bending(corrected_program: CorrectedProgram, some: Ids) -> Array:
     Returns:
         Virtual joints, (points, n_theta) [m, rad].
     """
-    state, q = corrected_program.model.state, corrected_program.found.start[some]
+    state, q = corrected_program.model.state, corrected_program.found.programmed_q[some]
     loaded = equilibrium(state, q, [load.select(some) for load in corrected_program.loads]).theta
-    own = loaded if corrected_program.found.reference == "drawn" else loaded - equilibrium(state, q).theta
+    own = loaded if corrected_program.found.joint_meaning == "drawn" else loaded - equilibrium(state, q).theta
     return add_law_deflections(state.vjm, own)
 
 
@@ -318,7 +327,7 @@ def write_predictions(made: Predicted, folder: Path) -> None:
         folder: Where the file goes.
     """
     prediction, tool = made.found, made.stiffness
-    of_tool = np.hstack([prediction.rotation_vector, tool.principal, tool.softest])
+    of_tool = np.hstack([prediction.rotation_vector, tool.principal_stiffness, tool.softest_direction])
     parts = (
         prediction.position,
         prediction.position_half_width,
@@ -345,13 +354,13 @@ def _cells(*values: Array) -> list[str]:
 
 def prediction_numbers(made: Predicted) -> Row:
     """Collect all numbers but those of every pose, which are in predictions.csv; keys of report.json."""
-    prediction, size = made.found, MM * made.found.size
+    prediction, size = made.found, MM * made.found.deflection_length
     origin, extent = made.model.origin, made.extent
     some = np.array([made.stiffness.displacement_per_force[:, 0].argmax(), *made.worst_first[:LISTED_POSES]])
     poses = [_pose(made, int(k), half) for k, half in zip(some, made.push_halves(some), strict=True)]
     return Row(
         arm=made.model.arm.name,
-        absolute=made.model.absolute,
+        absolute=made.model.is_absolute,
         method=origin.method,
         file=made.asked.path.name,
         loads=made.asked.words or "no load",
@@ -394,20 +403,20 @@ def _pose(made: Predicted, k: int, push_half: float) -> Row:
     """
     prediction = made.found
     file_poses = made.asked
-    direction = made.stiffness.softest[k]
-    half = finite(MM * prediction.widest[k, 0])
+    direction = made.stiffness.softest_direction[k]
+    half = finite(MM * prediction.largest_half_width[k, 0])
     return Row(
         pose=file_poses.labels[k],
         line=int(file_poses.line[k]),
         joints=made.model.arm.pose_text(file_poses.q[k]),
         tool_m=prediction.position[k, 0].tolist(),
-        deflection_mm=float(MM * prediction.size[k, 0]),
+        deflection_mm=float(MM * prediction.deflection_length[k, 0]),
         deflections_mm=(MM * prediction.deflection[k, 0]).tolist(),
         half_mm=half,
         half_words="not seen" if half is None else f"{half:.3f}",
         halves_mm=[finite(x) for x in MM * prediction.half_width[k, 0]],
         turn_mrad=float(1e3 * np.linalg.norm(prediction.rotation_vector[k])),
-        stiffness_n_per_um=[finite(x) for x in 1e-6 * made.stiffness.principal[k]],
+        stiffness_n_per_um=[finite(x) for x in 1e-6 * made.stiffness.principal_stiffness[k]],
         softest=direction_words(direction),
         softest_direction=direction.tolist(),
         push_mm=float(MM * made.map.force * made.stiffness.displacement_per_force[k, 0]),

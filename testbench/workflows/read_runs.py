@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 
 from testbench.arm.document import StrictModel, first_finding, parse_toml, toml_place
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset, split
+from testbench.data.dataset import Dataset, split_by_pose
 from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.mapping import Map
@@ -139,11 +139,11 @@ def _sag(vjm: Vjm, data: Dataset) -> float | None:
     except InputError:
         return None
     total = 0.0
-    for first in range(0, data.runs, RUNS_PER_BATCH):
+    for first in range(0, data.n_runs, RUNS_PER_BATCH):
         where = evaluate_chain(vjm, data.q[first : first + RUNS_PER_BATCH])
         moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight_load(where, weights))
         total += float((moved**2).sum())
-    return math.sqrt(total / data.runs)
+    return math.sqrt(total / data.n_runs)
 
 
 MAX_BYTES = 20_000
@@ -306,10 +306,10 @@ def read_runs(
     if not held:
         return cell, runs
     try:
-        check, used = split(registered.data, np.array(held))
+        check, used = split_by_pose(registered.data, np.array(held))
     except BenchError as err:
         raise BenchError(f"--check-pose: {err}") from err
-    if not check.seen.any():
+    if not check.is_measured.any():
         problem = f"expected readings in pose {list(held)}, every target was lost there"
         raise BenchError(f"--check-pose: {problem}")
     return cell, replace(runs, used=used, check=check)
@@ -427,20 +427,20 @@ def contents(export: Export) -> Row:
         export: The file as it was read.
     """
     data, table = export.data, export.columns.table
-    size = np.where(data.seen, MM * np.linalg.norm(data.deflection, axis=-1), np.nan)
-    known = size[data.seen]
+    size = np.where(data.is_measured, MM * np.linalg.norm(data.deflection, axis=-1), np.nan)
+    known = size[data.is_measured]
     least, median, most = np.quantile(known, [0, 0.5, 1]).tolist() if len(known) else [np.nan] * 3
     downward = (data.wrench[:, [0, 1, 3, 4, 5]] == 0).all() and (data.wrench[:, 2] <= 0).all()
     return Row(
         columns=list(column_rows(export.columns)),
         ignored=export.columns.ignored,
         rows=table.rows,
-        runs=data.runs,
-        poses=len(np.unique(data.pose)),
+        runs=data.n_runs,
+        poses=len(np.unique(data.pose_id)),
         stations=1 if data.station is None else len(np.unique(data.station)),
         markers=data.markers,
-        targets=int((data.seen | data.lost).sum()),
-        lost=[_where(data, i, k) for i, k in np.argwhere(data.lost)],
+        targets=int((data.is_measured | data.is_lost).sum()),
+        lost=[_where(data, i, k) for i, k in np.argwhere(data.is_lost)],
         without=list(_without_instrument(data)),
         loads=_loads(data, hung=bool(downward)),
         deflection_mm=Row(least=least, median=median, most=most),
@@ -452,14 +452,14 @@ def contents(export: Export) -> Row:
 
 def _without_instrument(data: Dataset) -> Iterator[str]:
     """Name the markers that no instrument reads, in any run or in some."""
-    without = ~data.seen & ~data.lost
+    without = ~data.is_measured & ~data.is_lost
     never = without.all(axis=0)
     yield from (data.markers[k] for k in np.flatnonzero(never))
     yield from (_where(data, i, k) for i, k in np.argwhere(without & ~never))
 
 
 def _where(data: Dataset, run: int, marker: int) -> str:
-    return f"{data.markers[marker]} in run {data.run[run]}"
+    return f"{data.markers[marker]} in run {data.run_id[run]}"
 
 
 def _loads(data: Dataset, *, hung: bool) -> list[str]:
@@ -520,7 +520,7 @@ def _values(found: Columns, columns: list[ReadColumn]) -> str:
 def farthest_off(registered: RegisteredDataset) -> Row | None:
     """Find the unloaded reading that fits the arm without sag worst, and how far it is off [mm]."""
     data = registered.data
-    placed = data.seen & ~data.lines
+    placed = data.is_measured & ~data.is_line_reading
     if not placed.any():
         return None
     off = np.where(placed, np.linalg.norm(data.before - nominal_targets(registered), axis=-1), -1.0)
@@ -546,7 +546,7 @@ def shown_runs(registered: RegisteredDataset, some: Ids) -> Row:
         `tool` and load point `hook`, (runs, 1, 3) [m].
     """
     data = registered.data
-    hidden = np.where(data.seen[some], 0.0, np.nan)[..., None]
+    hidden = np.where(data.is_measured[some], 0.0, np.nan)[..., None]
     position, rotation = tool_poses(registered.vjm, data.q[some])
     return Row(
         nominal=nominal_targets(registered)[some] + hidden,

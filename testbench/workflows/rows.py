@@ -35,7 +35,7 @@ class DatasetRow:
 def dataset_row(data: Dataset) -> DatasetRow:
     """Count what a dataset holds."""
     size = MM * np.linalg.norm(data.deflection, axis=-1)
-    return DatasetRow(data.runs, data.points, float(size.min()), float(size.max()), UM * data.sigma)
+    return DatasetRow(data.n_runs, data.n_points, float(size.min()), float(size.max()), UM * data.sigma)
 
 
 @dataclass(frozen=True)

@@ -877,7 +877,7 @@ def test_gauges_and_wires_are_known_by_their_names(name, tmp_path):
         table(["Run", "Target", *(f"J{k} (deg)" for k in range(1, 7)), "Load (kg)", header], rows)
     )
     found = pairs(file)
-    assert found.lines[:, found.markers.index("P1")].all()
+    assert found.is_line_reading[:, found.markers.index("P1")].all()
     along = np.einsum("ri,ri->r", found.deflection[:, 0], found.direction[:, 0])
     np.testing.assert_allclose(along, moved, rtol=0, atol=1e-12)
 

@@ -99,7 +99,7 @@ class Export:
     def write(self, series):
         """The content of both files as bytes, None without a log."""
         ms = range(1 if self.beside else self.targets)
-        every = itertools.product(range(0, series.rows, 1 if self.loaded else 2), ms, self.over)
+        every = itertools.product(range(0, series.n_rows, 1 if self.loaded else 2), ms, self.over)
         rows = [Reading(series, *at, self.mark) for at in every]
         content = cells(self.columns, rows)
         if self.sheet:
@@ -110,7 +110,7 @@ class Export:
             whole = (self.above + lines(content, self.between)).encode()
         at = [
             Reading(series, i, 0, part, self.log_mark)
-            for i in range(0, series.rows, 2)
+            for i in range(0, series.n_rows, 2)
             for part in self.log_over
         ]
         return whole, self.log and lines(cells(self.log, at), self.log_between).encode()
@@ -366,7 +366,7 @@ def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
     found = read_series(file, load_arm(find_arm(ARM)), file.with_suffix(".toml"))
     [series] = found.series
     loaded = bool(series.wrench.any())
-    rows = np.arange(known.rows) if loaded else np.flatnonzero(~known.wrench.any(axis=1))
+    rows = np.arange(known.n_rows) if loaded else np.flatnonzero(~known.wrench.any(axis=1))
     rows = np.setdiff1d(rows, [5]) if name == "api_fr" else rows
     if name.startswith("pairs"):  # all unloaded ones, then all loaded ones
         rows = np.r_[rows[::2], rows[1::2]]
@@ -375,7 +375,7 @@ def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
     np.testing.assert_allclose(series.q, known.q[rows], atol=3e-7)
     np.testing.assert_allclose(series.position[:, order], known.position[rows][:, targets], atol=2e-7)
     np.testing.assert_allclose(series.wrench, known.wrench[rows] if loaded else 0, atol=1e-6)
-    assert f"{series.rows} readings" in said
+    assert f"{series.n_rows} readings" in said
     assert "The median distance of these readings from the nominal arm is" in said
     assert ("no joints for NEST1" in said) is (name == "nested")
     shots = name in ("leica_en", "leica_shots")

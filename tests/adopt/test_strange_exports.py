@@ -525,7 +525,7 @@ GAUGES = {
 def test_gauges_are_read_to_the_last_digit(name, tmp_path):
     (file := tmp_path / "gauges.csv").write_text(GAUGES[name])
     found = pairs(file)
-    assert found.lines.all()
+    assert found.is_line_reading.all()
     order = [found.markers.index(marker) for marker in ("P1", "P2", "P3")]
     rise = np.einsum("rmi,rmi->rm", found.deflection, found.direction)[:, order]
     signs = found.direction[:, order, 2]
@@ -566,7 +566,7 @@ def test_gauges_that_touch_one_target_in_turn_are_paired_each_with_itself(tmp_pa
     header = ["Pose", "Target", *DEG, "Load [kg]", "Gauge [mm]", "Direction"]
     (file := tmp_path / "gauges.csv").write_text(table(header, rows))
     found = pairs(file)
-    assert found.runs == 3 * N
+    assert found.n_runs == 3 * N
     moved = found.deflection[:, 0]
     np.testing.assert_allclose(moved, 1e-3 * found.direction[:, 0] * [1, 2, 3], rtol=0, atol=1e-12)
     rows[0][-1] = "-X"

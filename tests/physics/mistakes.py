@@ -55,7 +55,7 @@ def bump(rng, size):
 
 
 def any_run(own, rng):
-    return int(rng.integers(own.data.runs))
+    return int(rng.integers(own.data.n_runs))
 
 
 def any_reading(own, rng):
@@ -82,7 +82,7 @@ def exchanged(x):
 
 
 def names_once(own, rng):
-    here = (own.data.pose == rng.choice(own.data.pose))[:, None, None]
+    here = (own.data.pose_id == rng.choice(own.data.pose_id))[:, None, None]
     return both(lambda x: np.where(here, exchanged(x), x))(own, rng)
 
 
@@ -103,8 +103,8 @@ def joint(change):
 
 
 def one_pose(own, rng):
-    q, pose = own.data.q.copy(), rng.choice(own.data.pose)
-    q[own.data.pose == pose, int(rng.integers(1, 4))] += 0.15
+    q, pose = own.data.q.copy(), rng.choice(own.data.pose_id)
+    q[own.data.pose_id == pose, int(rng.integers(1, 4))] += 0.15
     return {"q": q}
 
 
@@ -112,7 +112,7 @@ def pose_before(*names):
     """Readings of the pose before."""
 
     def of(own, _):
-        by = own.data.runs // len(np.unique(own.data.pose))
+        by = own.data.n_runs // len(np.unique(own.data.pose_id))
         return put(lambda x: np.roll(x, by, axis=0), *names)(own, _)
 
     return of
@@ -132,19 +132,19 @@ def readings(name, rows, change):
 def swapped_once(own, _):
     d = own.data
     r = int(np.argmax(np.linalg.norm(d.deflection, axis=2).max(axis=1)))
-    here = (np.arange(d.runs) == r)[:, None, None]
+    here = (np.arange(d.n_runs) == r)[:, None, None]
     return {"before": np.where(here, d.after, d.before), "after": np.where(here, d.before, d.after)}
 
 
 def copied(own, rng):
-    after, pose = own.data.after.copy(), own.data.pose
+    after, pose = own.data.after.copy(), own.data.pose_id
     first, other = rng.choice(np.unique(pose), 2, replace=False)
     after[np.flatnonzero(pose == first)[0]] = own.data.after[np.flatnonzero(pose == other)[0]]
     return {"after": after}
 
 
 def first_station(d):
-    return np.ones(d.runs, dtype=bool) if d.station is None else d.station == d.station[0]
+    return np.ones(d.n_runs, dtype=bool) if d.station is None else d.station == d.station[0]
 
 
 def tracker_touched(own, rng):
@@ -159,8 +159,8 @@ def tracker_touched(own, rng):
 def bumped(own, rng):
     """The tracker moves between two poses, three of which at least are before it and behind."""
     d, here = own.data, first_station(own.data)
-    poses = np.unique(d.pose[here])
-    behind = here & (d.pose >= poses[int(rng.integers(3, len(poses) - 2))])
+    poses = np.unique(d.pose_id[here])
+    behind = here & (d.pose_id >= poses[int(rng.integers(3, len(poses) - 2))])
     shift = np.where(behind[:, None, None], bump(rng, 5e-4), 0.0)
     return both(lambda x: x + shift)(own, rng)
 
@@ -286,7 +286,7 @@ def not_hung(own):
 
 def long(own):
     """Whether a set-up has the poses that tell a small move of the tracker from errors of the arm."""
-    return len(np.unique(own.data.pose[first_station(own.data)])) >= POSES
+    return len(np.unique(own.data.pose_id[first_station(own.data)])) >= POSES
 
 
 def several(own):

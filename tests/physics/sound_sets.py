@@ -82,11 +82,13 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
     wrench = (asked.wrench.reshape(-1, 2, 3) @ mount).reshape(-1, 6)  # in the base's axes
     before, after = solve_unloaded_and_loaded(true, asked.q, wrench, asked.point)
     sigma = float(rng.choice([20e-6, 50e-6, 100e-6]))
-    first = np.unique(asked.pose, return_index=True)[1][asked.pose - 1]  # one unloaded reading of a pose
+    first = np.unique(asked.pose_id, return_index=True)[1][
+        asked.pose_id - 1
+    ]  # one unloaded reading of a pose
     data = Dataset(
         markers=cell.arm.markers,
-        run=np.arange(len(asked.q)) + 1,
-        pose=asked.pose,
+        run_id=np.arange(len(asked.q)) + 1,
+        pose_id=asked.pose_id,
         q=asked.q,
         wrench=asked.wrench,
         point=asked.point,
@@ -108,7 +110,7 @@ def _in_tracker(
 ) -> tuple[Cell, Dataset]:
     """The readings from one or two set-ups, and an arm's folder that has its targets roughly."""
     stations = int(rng.integers(1, 3))
-    station = 1 + data.pose * stations // (data.pose.max() + 1)
+    station = 1 + data.pose_id * stations // (data.pose_id.max() + 1)
     before, after = data.before.copy(), data.after.copy()
     for k in range(1, stations + 1):
         turn = np.array([0, 0, rng.uniform(-np.pi, np.pi)]) + np.deg2rad(0.5) * rng.standard_normal(3)

@@ -90,7 +90,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
     rows = series_equations(unknowns, state, one)
     after = series_equations(
-        unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one
+        unknowns, replace(state, frames={one.frame: frame}, mounts={one.mount: mount}), one
     )
     left = rows[:, :, -1] - np.einsum("sxcr,c->sxr", rows[:, :, : len(step)], step)
     np.testing.assert_allclose(after[:, :, -1], left, rtol=0, atol=1e-7)  # of 1e-5
@@ -144,7 +144,7 @@ def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_t
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
     # Or nothing would tell it from its square.
     assert np.abs(found.selection.error_scales.noise_factor - 1).max() > 0.02
-    own, root = found.active_unknowns, posterior_of_calibration(found).root
+    own, root = found.active_unknowns, posterior_of_calibration(found).covariance_root
     precision, r = np.linalg.inv(root.T @ root), own.n_rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
@@ -304,7 +304,7 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     L = 1e-7 * (np.tril(rng.normal(size=(6, 6))) + 2 * np.eye(6))  # joints give way together
     root = np.triu(rng.normal(size=(36, 36))) + 4 * np.eye(36)
     noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
-    arm = Posterior.normal(np.zeros(36), covariance_root(1e4 * root, L))
+    arm = Posterior.from_covariance_root(np.zeros(36), covariance_root(1e4 * root, L))
     model = ArmModel(state, structure, np.arange(36), arm, ModelOrigin("made up"), noise)
     C = np.tile(SIGMA**2 * np.eye(3), (20, 1, 1, 1)) if alike else covariances(rng, 20, 1)
     series = read_by(state, still(20, rng, **({} if alike else {"precision": np.linalg.inv(C)})))
@@ -312,7 +312,9 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     placed = fit_frame_and_mount(model, series, told)
     # the frame was there before
     again = register_with_known_frame(replace(model, state=placed.state), select_rows(series, told))
-    np.testing.assert_allclose(again.posterior.root, placed.posterior.root, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        again.posterior.covariance_root, placed.posterior.covariance_root, rtol=1e-6, atol=1e-12
+    )
     left, covariance = predict_series(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrorTerms(), structure)
@@ -332,7 +334,7 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
 def test_of_a_series_to_come_a_model_is_less_sure_by_how_far_geometry_moves(kr500, rng):
     """Of the 30 numbers of geometry alone, each by itself."""
     model = unsure_everywhere(kr500)
-    a = rng.standard_normal((3, len(model.columns)))
+    a = rng.standard_normal((3, len(model.uncertain_columns)))
     before, after = (one.posterior.covariance(a) for one in (model, with_drift(model)))
     np.testing.assert_allclose(after - before, DRIFT**2 * a[:, :30] @ a[:, :30].T, atol=1e-6 * DRIFT**2)
 
@@ -475,8 +477,8 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
 def longer(one, times):
     """The same readings again and again, two a pose."""
     tiled = {x: np.concatenate([getattr(one, x)] * times) for x in ("q", "wrench", "position", "rotation")}
-    row = np.arange(times * one.rows)
-    return replace(one, row=row, pose=row // 2, point=np.zeros((len(row), 3)), **tiled)
+    row = np.arange(times * one.n_rows)
+    return replace(one, row_id=row, pose_id=row // 2, point=np.zeros((len(row), 3)), **tiled)
 
 
 def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series(series):
@@ -484,13 +486,13 @@ def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series
     many, huge = longer(one, 40), longer(one, 200)
     few, short = thin_series((many, one))
     assert short is one
-    assert MAX_INTERMEDIATE_ROWS / 2 < few.rows <= MAX_INTERMEDIATE_ROWS or few.rows == many.rows
-    _, count = np.unique(few.pose, return_counts=True)
+    assert MAX_INTERMEDIATE_ROWS / 2 < few.n_rows <= MAX_INTERMEDIATE_ROWS or few.n_rows == many.n_rows
+    _, count = np.unique(few.pose_id, return_counts=True)
     assert (count == 2).all()
     few, short = thin_series((huge, many))
-    assert MIN_SERIES_ROWS <= short.rows < many.rows
-    assert few.rows + short.rows <= 1.05 * MAX_INTERMEDIATE_ROWS
-    assert set(np.unique(few.pose)) < set(huge.pose)
+    assert MIN_SERIES_ROWS <= short.n_rows < many.n_rows
+    assert few.n_rows + short.n_rows <= 1.05 * MAX_INTERMEDIATE_ROWS
+    assert set(np.unique(few.pose_id)) < set(huge.pose_id)
 
 
 def test_errors_of_a_joint_together_are_those_of_every_kind_alone_in_their_order(slides, rng):

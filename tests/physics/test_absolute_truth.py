@@ -57,7 +57,7 @@ def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
     errors = Disturbances(geometry=GeometryErrors(5e-3, 10e-3), sensor_offset=1e-3)
     both, truth = simulate_series(cell, EXACT.model_copy(update={"disturbances": errors}), 3)
     for k, series in enumerate(both):
-        where = evaluate_chain(cell.vjm, series.q, np.tile(truth.theta_0, (series.rows, 1)))
+        where = evaluate_chain(cell.vjm, series.q, np.tile(truth.theta_0, (series.n_rows, 1)))
         position, rotation = seen(truth, k, where)
         np.testing.assert_allclose(series.position, position, rtol=0, atol=1e-12)  # rounding of 10 m
         np.testing.assert_allclose(series.rotation, rotation, rtol=0, atol=1e-12)
@@ -99,10 +99,10 @@ def test_loads_hang_one_after_the_other_in_the_pose_that_was_approached(kr500):
     """A pair bends as the arm does from where it stands; scatter of the approach is common to it."""
     update = {"masses": (0.0, 460.3), "loaded_poses": 5, "repeatability": 1e-3, "series": 1}
     (pairs,), truth = simulate_series(kr500, EXACT.model_copy(update=update), 3)
-    assert pairs.rows == 12 + 5
-    assert pairs.pose.tolist() == sorted([*range(1, 13), *range(1, 6)])
+    assert pairs.n_rows == 12 + 5
+    assert pairs.pose_id.tolist() == sorted([*range(1, 13), *range(1, 6)])
     first, loaded = pairs.wrench[:, 2] == 0, pairs.wrench[:, 2] < 0
-    assert np.unique(pairs.pose[loaded]).tolist() == [1, 2, 3, 4, 5]
+    assert np.unique(pairs.pose_id[loaded]).tolist() == [1, 2, 3, 4, 5]
     at = [(pairs.q[some], pairs.wrench[some], pairs.point[some]) for some in (first, loaded)]
     no_scatter = [true_poses(truth, 0, *some)[0] for some in at]
     moved = pairs.position[loaded] - pairs.position[first][:5]

@@ -160,7 +160,7 @@ READINGS = Path(__file__).parents[2] / "models" / "ur10" / "readings"
 def readings(request, ur10):
     name, rows = request.param
     [series] = read_series(READINGS / f"{name}.csv", ur10.arm).series
-    assert series.rows == rows
+    assert series.n_rows == rows
     return series
 
 

@@ -13,17 +13,17 @@ from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibriu
 from testbench.correct.predicted import (
     LoadedPoses,
     compliance_half_widths,
-    fitted_half_widths,
-    half_widths,
     largest_uncertainty,
     load_extent,
-    motion_rows,
+    motion_half_widths,
+    motion_jacobian,
+    relative_half_widths,
     stiffness,
 )
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.align import Noise
 from testbench.identify.posterior import (
-    CURVATURE_COUNT,
+    SECOND_ORDER_FACTOR,
     ModelOrigin,
     Posterior,
     elastic_state,
@@ -91,7 +91,7 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
 def test_what_is_free_makes_the_way_shorter(kr500, state, hold):
     q, loads = drawn(kr500, np.random.default_rng(7))
     target = programmed_target(state, q, "unloaded", TIP)
-    whole, freer = (correct(state, q, loads, target, aim) for aim in (AIM, replace(AIM, hold=hold)))
+    whole, freer = (correct(state, q, loads, target, aim) for aim in (AIM, replace(AIM, corrected_part=hold)))
     assert freer.solved.all()
     away = regular(kr500, q)
     assert (np.linalg.norm(freer.q - q, axis=1) <= np.linalg.norm(whole.q - q, axis=1) + 1e-9)[away].all()
@@ -129,7 +129,7 @@ def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, su
     assert found.at_limit[:, 4].tolist() == [True, True, False]
     assert found.corrected.all()
     assert (found.q >= lower).all()
-    met = equilibrium(state, found.q, load).at(TIP) - equilibrium(state, q).at(TIP)
+    met = equilibrium(state, found.q, load).position_of(TIP) - equilibrium(state, q).position_of(TIP)
     assert np.abs(met).max() < 1e-9
     assert (np.linalg.norm(found.rotation_error, axis=1) > 1e-6).tolist() == [True, True, False]
 
@@ -144,9 +144,9 @@ def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, sure)
     q[0, 1] = clear
     up = [Load(np.array([0, 0, 3e3, 0, 0, 0]), TIP)]
     found = compensate(sure, q, up, AIM, kr500.room)
-    assert found.refused[0].why == "collision"
+    assert found.refusals[0].reason == "collision"
     assert np.array_equal(found.q, q)
-    assert np.array_equal(found.after, found.before)
+    assert np.array_equal(found.error_after, found.error_before)
     q[0, 1] = touches  # what touches before may touch after: nothing new is in the way
     assert compensate(sure, q, up, AIM, kr500.room).corrected.all()
     assert compensate(sure, q, [Load(-up[0].wrench, TIP)], AIM, kr500.room).corrected.all()
@@ -217,7 +217,7 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_fo
         found = stiffness(own, poses, [hung])
         C = found.compliance[:, :3, :3]
         for k in range(3):
-            axis = found.axes[:, :, k]
+            axis = found.principal_axes[:, :, k]
             push = Load(np.hstack([axis, 0 * axis]), np.zeros(3))
             pull = replace(push, wrench=-push.wrench)
             more, less = (equilibrium(own.state, poses, [hung, one]).position for one in (push, pull))
@@ -227,13 +227,15 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_fo
                 np.abs(moved - found.displacement_per_force[:, k, None] * axis).max()
                 < most * found.displacement_per_force.max()
             )
-    assert (np.diff(found.principal, axis=1) >= 0).all()
+    assert (np.diff(found.principal_stiffness, axis=1) >= 0).all()
     tool = stiffness(model, poses[:2])
     halves = compliance_half_widths(model, poses[:2], tool, 700.0)
     for k, q in enumerate(poses[:2, None]):
-        for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
+        for axis, half in zip(tool.principal_axes[k].T, halves[k], strict=True):
             pushed = LoadedPoses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
-            assert half == pytest.approx(half_widths(model, pushed, LoadedPoses(q), np.zeros((1, 3))).max())
+            assert half == pytest.approx(
+                motion_half_widths(model, pushed, LoadedPoses(q), np.zeros((1, 3))).max()
+            )
 
 
 def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
@@ -245,8 +247,10 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     down, aside = (predict(blind, poses, [Load(force, model.vjm.load_point)]) for force in forces)
     assert np.isinf(aside.half_width[:, :, :2]).any(axis=2).all()
     assert np.isfinite(down.half_width).all()
-    assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
-    assert (down.widest < 0.05 * down.size).all()
+    assert (
+        down.largest_half_width > 0.002 * down.deflection_length
+    ).all()  # every entry is sure to 1 %, curvature is of that size
+    assert (down.largest_half_width < 0.05 * down.deflection_length).all()
 
 
 def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_twice(model, poses, load):
@@ -256,10 +260,12 @@ def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_
     more = rough.position_half_width**2 - calm.position_half_width**2
     np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
     assert np.array_equal(rough.half_width, calm.half_width)
-    known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
+    known = replace(
+        model, posterior=replace(model.posterior, covariance_root=np.zeros((1, len(model.posterior.mean))))
+    )
     straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
     left_out = np.abs(straight.deflection - bent.deflection)
-    for found, times in ((bent, 1), (straight, CURVATURE_COUNT)):
+    for found, times in ((bent, 1), (straight, SECOND_ORDER_FACTOR)):
         np.testing.assert_allclose(found.half_width, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
 
 
@@ -282,13 +288,13 @@ def absolute(kr500):
 def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = Q[None]
-    row = motion_rows(absolute, LoadedPoses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    row = motion_jacobian(absolute, LoadedPoses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
     x, tips = absolute.unknowns.values(absolute.state), []
     step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
     for sign in (1, -1):
         moved = x.copy()
         moved[column] += sign * step
-        tips.append(equilibrium(state_of(absolute, moved), q, [FORCE]).at(TIP)[0])
+        tips.append(equilibrium(state_of(absolute, moved), q, [FORCE]).position_of(TIP)[0])
     slope = (tips[0] - tips[1]) / (2 * step)
     assert np.abs(slope - row).max() < 0.03 * np.abs(slope).max() + 1e-6
 
@@ -298,16 +304,16 @@ def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     q[:, 0] = 0.3
     stand = LoadedPoses(q, [FORCE])
     whole, left = (
-        half_widths(absolute, stand, None, TIP[None])[:, 0],
-        fitted_half_widths(absolute, stand, TIP),
+        motion_half_widths(absolute, stand, None, TIP[None])[:, 0],
+        relative_half_widths(absolute, stand, TIP),
     )
     assert np.median(left) < 0.6 * np.median(whole)
-    base = np.zeros((1, len(absolute.posterior.root[0])))
+    base = np.zeros((1, len(absolute.posterior.covariance_root[0])))
     base[0, 3:6] = 1e-3  # a turn of link 1's end, joint 1 at rest: all go round as one
-    turned = replace(absolute, posterior=normal(absolute.posterior.x, base))
-    assert fitted_half_widths(turned, stand, TIP).max() < 1e-6
-    assert half_widths(turned, stand, None, TIP[None]).max() > 1e-3
-    noisy = fitted_half_widths(replace(absolute, noise=Noise(3e-4)), stand, TIP)
+    turned = replace(absolute, posterior=normal(absolute.posterior.mean, base))
+    assert relative_half_widths(turned, stand, TIP).max() < 1e-6
+    assert motion_half_widths(turned, stand, None, TIP[None]).max() > 1e-3
+    noisy = relative_half_widths(replace(absolute, noise=Noise(3e-4)), stand, TIP)
     np.testing.assert_allclose(noisy, np.hypot(left, 1.96 * 3e-4), rtol=1e-4)
 
 
@@ -316,34 +322,40 @@ def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(k
     found = compensate(known, q, [Load(wrench, np.array([TIP, TIP]))], AIM)
     assert np.array_equal(found.q[0], q[0])
     assert not np.array_equal(found.q[1], q[1])
-    half = half_widths(known, LoadedPoses(found.q, [Load(wrench, TIP)]), LoadedPoses(q), TIP[None])[:, 0]
-    np.testing.assert_allclose(found.half_width, half, rtol=1e-9)  # of the joints that are commanded
+    half = motion_half_widths(known, LoadedPoses(found.q, [Load(wrench, TIP)]), LoadedPoses(q), TIP[None])[
+        :, 0
+    ]
+    np.testing.assert_allclose(found.error_half_width, half, rtol=1e-9)  # of the joints that are commanded
     rests = solve_equilibrium(kr500.plant, q, wrench, np.array([TIP, TIP])), solve_equilibrium(kr500.plant, q)
-    np.testing.assert_allclose(found.before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
+    np.testing.assert_allclose(found.error_before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
     again = correct(known.state, q, [], programmed_target(known.state, q, "drawn", TIP), AIM)
-    sagged = compensate(known, q, [], replace(AIM, reference="drawn"))
-    assert sagged.before[0, 2] < -1e-3  # own weight
+    sagged = compensate(known, q, [], replace(AIM, joint_meaning="drawn"))
+    assert sagged.error_before[0, 2] < -1e-3  # own weight
     assert np.array_equal(sagged.q, again.q)
-    assert (sagged.half_width[0] > 1e-5).any()  # compliances are unsure by a tenth
+    assert (sagged.error_half_width[0] > 1e-5).any()  # compliances are unsure by a tenth
 
 
 def test_the_part_that_is_named_is_the_one_whose_knowledge_helps(kr500, known):
     """Two joints whose errors cancel leave nothing open between them, however unsure each is by itself."""
     q = Q + np.random.default_rng(7).uniform(-0.2, 0.2, (POINTS, 6))
-    pi, columns = known.posterior.x, len(known.posterior.x)
+    pi, columns = known.posterior.mean, len(known.posterior.mean)
     joint = {name: columns - 6 + k for k, name in enumerate(j.name for j in kr500.arm.joints)}
     root = np.zeros((1, columns))
     root[0, joint["joint_2"]] = 1e-7
-    open_ = largest_uncertainty(replace(known, posterior=normal(pi, root)), q, [FORCE], TIP, absolute=False)
-    assert (open_.name, open_.joint) == ("joint_2", True)
-    assert open_.share == pytest.approx(1)
+    open_ = largest_uncertainty(
+        replace(known, posterior=normal(pi, root)), q, [FORCE], TIP, of_positions=False
+    )
+    assert (open_.name, open_.is_joint) == ("joint_2", True)
+    assert open_.variance_share == pytest.approx(1)
     unseen = np.zeros((1, columns))
     unseen[0, joint["joint_1"]] = 1
     blind = replace(known, posterior=normal(pi, root, unseen))
-    assert largest_uncertainty(blind, q, [FORCE], TIP, absolute=False).name == "joint_1"
+    assert largest_uncertainty(blind, q, [FORCE], TIP, of_positions=False).name == "joint_1"
     both = np.zeros((2, columns))
     both[0, joint["joint_2"]] = both[1, joint["joint_3"]] = 1e-7
-    alike = largest_uncertainty(replace(known, posterior=normal(pi, both)), q, [FORCE], TIP, absolute=False)
+    alike = largest_uncertainty(
+        replace(known, posterior=normal(pi, both)), q, [FORCE], TIP, of_positions=False
+    )
     assert alike is None or alike.name in ("joint_2", "joint_3")
 
 
@@ -394,9 +406,9 @@ def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
 def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, monkeypatch, shares, name):
     told = {"a": shares[0], "b": shares[1], "c": 0.0}
     monkeypatch.setattr("testbench.correct.predicted._variance_shares", lambda *_: told)
-    found = largest_uncertainty(known, Q[None], [FORCE], TIP, absolute=False)
+    found = largest_uncertainty(known, Q[None], [FORCE], TIP, of_positions=False)
     assert (found and found.name) == name
-    assert found is None or (found.share, found.joint) == (told[name], False)
+    assert found is None or (found.variance_share, found.is_joint) == (told[name], False)
 
 
 #: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.
@@ -408,9 +420,9 @@ TO = [0.679618, -1.851264, 0.144247, 0.827643, 0.016682, -0.264803]
 def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     q = np.linspace(TORN, TO, 60)
     load = [Load(np.array([2434.54, 1322.173, 1151.032, 0, 0, 0]), np.array([0.3, 0.1, 0.1]))]
-    aim = Aim(hold, point=(0.3, 0.1, 0.1))
+    aim = Aim(hold, tool_point=(0.3, 0.1, 0.1))
     found = correct(
-        known.state, q, load, programmed_target(known.state, q, "unloaded", np.array(aim.point)), aim
+        known.state, q, load, programmed_target(known.state, q, "unloaded", np.array(aim.tool_point)), aim
     )
     assert found.solved.all()
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
@@ -420,10 +432,10 @@ def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_a
     known, kr500, state
 ):
     for one in (
-        {"hold": "positon"},
-        {"reference": "taught"},
+        {"corrected_part": "positon"},
+        {"joint_meaning": "taught"},
         {"spindle": (2.0, 0, 0)},
-        {"point": (300.0, 0, 0)},
+        {"tool_point": (300.0, 0, 0)},
     ):
         with pytest.raises(BenchError, match="aim"):
             Aim(**one)
@@ -432,7 +444,7 @@ def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_a
     with pytest.raises(BenchError, match="one for each of 2 poses"):
         equilibrium(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
     with pytest.raises(BenchError, match="need a model of absolute readings"):
-        half_widths(known, LoadedPoses(Q[None], [FORCE]), None, TIP[None])
+        motion_half_widths(known, LoadedPoses(Q[None], [FORCE]), None, TIP[None])
     q = np.outer([0.2, 0.3], kr500.arm.limits[0])
     wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
     with pytest.raises(NoEquilibrium) as err:

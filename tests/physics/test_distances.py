@@ -90,7 +90,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
 ):
     one = touched[1] if kind == "plane" else read[0]
     if kind == "point and constant":
-        one = replace(one, zero_sigma=1.0, distance=one.distance - 0.7)
+        one = replace(one, distance_offset_sigma=1.0, distance=one.distance - 0.7)
     state = align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
     rows, (u, _) = (
@@ -103,12 +103,12 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
 
     def length(x):
         frame = moved_frame(state.frame(one), x[unknowns.columns(f"frame {one.frame}")])
-        mount = moved_mount(state.mount(one), x[unknowns.columns(f"mount {one.target}")])
+        mount = moved_mount(state.mount(one), x[unknowns.columns(f"mount {one.mount}")])
         theta_0 = state.theta_0.copy()
         theta_0[unknowns.geometry_slice] += x[unknowns.columns("geometry")]
         C = unknowns.structure.matrix(x[unknowns.columns("elastic")])
         moved = replace(
-            state, theta_0=theta_0, C_theta=C, frames={one.frame: frame}, mounts={one.target: mount}
+            state, theta_0=theta_0, C_theta=C, frames={one.frame: frame}, mounts={one.mount: mount}
         )
         return distance_directions(moved, one, series_equilibrium(moved, one))[1]
 
@@ -127,7 +127,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
 def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
     """4,000 distances off by 100 um: their standard deviation is known to 1.1 %."""
     rows, size = 4000, 1e-4
-    still = {"wrench": np.zeros((rows, 6)), "point": np.zeros((rows, 3)), "pose": np.arange(rows)}
+    still = {"wrench": np.zeros((rows, 6)), "point": np.zeros((rows, 3)), "pose_id": np.arange(rows)}
     one = Series(
         "s",
         ("P1",),
@@ -138,7 +138,7 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
         position=np.zeros((rows, 1, 3)),
         sigma=1e-6,
         distance=np.ones((rows, 1)),
-        fixed=POINTS[0],
+        fixed_point=POINTS[0],
         **still,
     )
     weightless = read_body_masses(kr500.arm)
@@ -163,7 +163,7 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
     state = nominal_state(stiff.vjm, replace(weightless, mass=0 * weightless.mass), np.ones(6))
     mount = Mount(stiff.vjm.markers[:1], np.eye(3), ("P1",))
     placed = {name: Frame(np.eye(3), np.zeros(3)) for name in frames}
-    state = replace(state, frames=placed, mounts={touched[0].target: mount})
+    state = replace(state, frames=placed, mounts={touched[0].mount: mount})
     for spread, expected in zip((0.0, 0.01), directions, strict=True):
         series = [
             replace(one, frame=name, q=one.q + spread * rng.standard_normal(one.q.shape))
@@ -204,7 +204,9 @@ def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, re
     series = {
         "a block with two parallel faces": tuple(replace(one, sigma=EXACT.sigma) for one in block),
         "one point": read[:1],
-        "one point and a constant": (replace(read[0], zero_sigma=1.0, distance=read[0].distance - 2.5),),
+        "one point and a constant": (
+            replace(read[0], distance_offset_sigma=1.0, distance=read[0].distance - 2.5),
+        ),
         "planes": touched,
         "planes, two points and a tracker": (
             *(replace(one, sigma=EXACT.sigma) for one in faces),
@@ -214,7 +216,7 @@ def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, re
     }[what]
     options = CalibrationOptions(used_errors=frozenset({"joint springs"}))
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
-    model, other = found.model(), replace(check, frame="new", target="new")
+    model, other = found.model(), replace(check, frame="new", mount="new")
     assert position_errors(model, [other], 30).max_mm < (0.02 if what == "planes" else 1e-3)
     rigid = replace(model, state=nominal_state(stiff.vjm, model.state.masses, np.ones(6)))
     assert position_errors(rigid, [other], 30).rms_mm > 0.5
@@ -285,7 +287,7 @@ def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, 
     numbers = {
         f"{one.name}, row {row}": number
         for one in every
-        for row, number in zip(one.row, one.distance[:, 0], strict=True)
+        for row, number in zip(one.row_id, one.distance[:, 0], strict=True)
     }
     for k, one in enumerate(every):
         own = np.array([name.startswith(f"{one.name},") for name in group.names])
@@ -304,29 +306,29 @@ def test_distances_are_read_back_by_fixed_point_and_lost_ones_are_blank(kr500, t
     short = replace(EXACT, travel=0.8)
     asked = [*bars(*POINTS, instrument=short), Mounted(EXACT, "P3", fixed=np.array(POINTS[0]))]
     every, _ = simulate_distances(kr500, CAMPAIGN.model_copy(update={"poses": 8}), asked, 2)
-    assert not every[0].seen.all()
-    assert every[0].seen.any()
+    assert not every[0].is_measured.all()
+    assert every[0].is_measured.any()
     file = tmp_path / "d.csv"
-    write_series(file, kr500.arm, [replace(one, name=f"d {one.name}", target="d") for one in every])
+    write_series(file, kr500.arm, [replace(one, name=f"d {one.name}", mount="d") for one in every])
     again = read_series(file, kr500.arm).series
-    assert [one.fixed for one in again] == [POINTS[0], POINTS[1], POINTS[0]]
+    assert [one.fixed_point for one in again] == [POINTS[0], POINTS[1], POINTS[0]]
     assert len({one.frame for one in again}) == 3
-    assert {one.target for one in again} == {"d"}
+    assert {one.mount for one in again} == {"d"}
     for one, own in zip(again, every, strict=True):
-        there = own.seen.any(axis=1)
-        np.testing.assert_array_equal(one.seen, own.seen[there])
-        np.testing.assert_array_equal(one.distance[one.seen], own.distance[own.seen])
+        there = own.is_measured.any(axis=1)
+        np.testing.assert_array_equal(one.is_measured, own.is_measured[there])
+        np.testing.assert_array_equal(one.distance[one.is_measured], own.distance[own.is_measured])
         np.testing.assert_array_equal(one.q, own.q[there])
-        assert (one.sigma, one.fixed_sigma) == (own.sigma, own.fixed_sigma)
+        assert (one.sigma, one.fixed_point_sigma) == (own.sigma, own.fixed_point_sigma)
 
 
 def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(kr500, tmp_path):
     few = CAMPAIGN.model_copy(update={"poses": 9})
     planes, _ = heights(kr500, few, 2, 1e-5)
     twice = heights(kr500, CAMPAIGN.model_copy(update={"poses": 1}), 2, 1e-5, planes=PLANES[:1] * 2)[0]
-    assert [len(np.unique(one.pose)) for one in twice] == [1, 1]  # fewer poses than planes
+    assert [len(np.unique(one.pose_id)) for one in twice] == [1, 1]  # fewer poses than planes
     wire = simulate_distances(kr500, few, bars(POINTS[0], instrument=replace(EXACT, zero_sigma=1.0)), 2)[0]
-    file, stem = tmp_path / "d.csv", {"target": "d", "markers": ("P1",)}
+    file, stem = tmp_path / "d.csv", {"mount": "d", "markers": ("P1",)}
     named = [replace(one, name=f"d {k}", **stem) for k, one in enumerate((*planes, *wire))]
     named[:2] = [replace(one, frame="d block") for one in named[:2]]
     write_series(file, kr500.arm, named)
@@ -334,16 +336,20 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
     assert [one.frame for one in again] == [one.frame for one in named]
     for one, own in zip(again, named, strict=True):
         np.testing.assert_allclose(one.distance, own.distance, atol=1e-15)
-        assert (one.fixed, one.normal, one.zero_sigma) == (own.fixed, own.normal, own.zero_sigma)
-        assert one.frame_deviation == own.frame_deviation
-    rough = replace(again[0], tilt=2 * again[0].tilt)
+        assert (one.fixed_point, one.normal, one.distance_offset_sigma) == (
+            own.fixed_point,
+            own.normal,
+            own.distance_offset_sigma,
+        )
+        assert one.frame_deviations == own.frame_deviations
+    rough = replace(again[0], normal_sigma=2 * again[0].normal_sigma)
     for block in ((rough, again[1]), (again[1], rough)):  # the largest of its faces, in any order
         unknowns = unknowns_of(kr500.vjm, block, JointErrorTerms(), joints_only(kr500.arm))
-        assert unknowns.frame_deviations["d block"] == rough.frame_deviation
-    mixed = replace(again[3], frame="d block", zero_sigma=0.0, distance=np.abs(again[3].distance))
+        assert unknowns.frame_deviations["d block"] == rough.frame_deviations
+    mixed = replace(again[3], frame="d block", distance_offset_sigma=0.0, distance=np.abs(again[3].distance))
     with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
         calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))
-    known = replace(again[3], zero_sigma=0.0, distance=mixed.distance)
+    known = replace(again[3], distance_offset_sigma=0.0, distance=mixed.distance)
     with pytest.raises(BenchError, match="and a constant within 1 m and"):
         calibrate(kr500.vjm, [again[3], known], cad_prior(kr500.arm))
 
@@ -362,9 +368,9 @@ def test_every_fixed_point_of_a_workshops_table_is_a_series_of_its_own(kr500, tm
     assert [one.name for one in export.series] == ["d point 1", "d point 2"]
     assert [one.frame for one in export.series] == ["d point 1", "d point 2"]
     np.testing.assert_allclose(
-        [one.fixed for one in export.series], [(2.2, 0, 0.1), (2.3, 0, 0.1)], rtol=1e-12
+        [one.fixed_point for one in export.series], [(2.2, 0, 0.1), (2.3, 0, 0.1)], rtol=1e-12
     )
-    assert [one.fixed_sigma for one in export.series] == [0.02, 0.02]
+    assert [one.fixed_point_sigma for one in export.series] == [0.02, 0.02]
     assert any("20 mm for the fixed point is assumed" in note for note in export.notes)
 
 
@@ -415,16 +421,19 @@ def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, n
         ),
         (lambda one: {"normal": (-0.6, 0.0, 0.8)}, "another .*normal"),
         pytest.param(
-            lambda one: {"fixed": (1.7, 0.0, 1.4)}, "its plane is 0.60. m and", marks=pytest.mark.study
+            lambda one: {"fixed_point": (1.7, 0.0, 1.4)}, "its plane is 0.60. m and", marks=pytest.mark.study
         ),
-        (lambda one: {"q": np.tile(one.q[:1], (one.rows, 1))}, "1 poses with a reading are too few"),
+        (lambda one: {"q": np.tile(one.q[:1], (one.n_rows, 1))}, "1 poses with a reading are too few"),
         (lambda one: {"q": in_a_row(one.q)}, "its poses touch the plane along a line"),
     ],
     ids=["mm for m", "another normal", "another place", "one pose", "in a row"],
 )
 def test_heights_that_do_not_fit_or_show_no_plane_are_refused(kr500, touched, spoiled, words):
     one = replace(touched[1], **spoiled(touched[1]))
-    both = [one, replace(one, row=one.row + 1000)]  # either may have the frame and mount that they share
+    both = [
+        one,
+        replace(one, row_id=one.row_id + 1000),
+    ]  # either may have the frame and mount that they share
     with pytest.raises(BenchError, match=words):
         calibrate(kr500.vjm, both, cad_prior(kr500.arm))
 
@@ -464,7 +473,7 @@ def test_a_wrong_table_of_distances_is_refused_in_one_line(kr500, tmp_path, old,
             lambda one: {"distance": 1e-3 * one.distance},
             "0.000999 times as long as expected; is it another unit",
         ),
-        (lambda one: {"fixed": (-2.2, 0.0, 0.1)}, "its fixed point is 4.4 m from where it is stated"),
+        (lambda one: {"fixed_point": (-2.2, 0.0, 0.1)}, "its fixed point is 4.4 m from where it is stated"),
         (lambda one: {"q": one.q[::-1].copy()}, "do not fit this arm and a fixed point near 2.2, 0, 0.1 m"),
     ],
     ids=["mm for m", "another point", "other poses"],
@@ -480,4 +489,4 @@ def test_two_fixed_points_in_one_frame_and_distances_without_one_are_refused(kr5
     with pytest.raises(BenchError, match="frame 'A': expected one fixed point, got"):
         calibrate(kr500.vjm, both, cad_prior(kr500.arm))
     with pytest.raises(BenchError, match="expected distances and a fixed point together"):
-        replace(read[0], fixed=None)
+        replace(read[0], fixed_point=None)

@@ -17,7 +17,7 @@ from scipy.stats import f as f_ratio
 from scipy.stats import multivariate_normal
 from sound_sets import sound
 
-from testbench.data.dataset import Dataset, select, select_rows
+from testbench.data.dataset import Dataset, select_rows, select_runs
 from testbench.identify.base_frame import RegisteredDataset, register_dataset
 from testbench.identify.diagnosis import diagnose as diagnosis
 from testbench.identify.diagnosis.deflections import (
@@ -101,12 +101,12 @@ def test_rows_that_slipped_are_named_with_the_first(kr500, made, seed, k, shift)
     assert own.declared == (k is None)
     d = own.data
     if k is None:
-        k, runs = np.flatnonzero(d.station == 2)[0] + 3, d.runs - 1
+        k, runs = np.flatnonzero(d.station == 2)[0] + 3, d.n_runs - 1
         assert k > 8
     else:
         own, runs = replace(own, cell=kr500), 14
-    q = np.where(np.arange(d.runs)[:, None] < k, d.q, np.roll(d.q, shift, axis=0))
-    [first, *_] = named(replace(own, data=select(replace(d, q=q), np.arange(d.runs) < runs)))
+    q = np.where(np.arange(d.n_runs)[:, None] < k, d.q, np.roll(d.q, shift, axis=0))
+    [first, *_] = named(replace(own, data=select_runs(replace(d, q=q), np.arange(d.n_runs) < runs)))
     assert first.name == "order"
     assert f"those of the pose {'after' if shift > 0 else 'before'} from run {k + 1} on" in first.sentence
 
@@ -142,7 +142,7 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
     vjm, data, s = own.cell.vjm, own.data, all153(own.cell.arm)
     C = own.cell.arm.C_theta
     found = backlash_and_stiffening_columns(vjm, data, s, s.entries(C)).reshape(
-        data.runs, len(data.markers), 3, -1, 2
+        data.n_runs, len(data.markers), 3, -1, 2
     )
     turn = (C @ generalised_load(evaluate_chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
     for j in range(turn.shape[1]):
@@ -160,11 +160,11 @@ def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, m
     after = own.data.after.copy()
     after[3, 1] = own.data.before[3, 1] + np.array([-3.0, 2.0, 8.0])  # metres, against the load
     [first, *_] = named(replace(own, data=replace(own.data, after=after)))
-    marker, run = own.data.markers[1], own.data.run[3]
+    marker, run = own.data.markers[1], own.data.run_id[3]
     assert f"{marker} in run {run}" in first.sentence or f"run {run}: {marker}" in first.sentence
     own = made(4)
     assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
-    data = select(own.data, own.data.run == 1)
+    data = select_runs(own.data, own.data.run_id == 1)
     given = Submission(
         own.cell.vjm, data, RegisteredDataset(own.cell.vjm, data, None, "base", ()), frame_stated=False
     )
@@ -176,7 +176,7 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(made):
     """It alone makes all ten scatter 40 times their noise, in which it hides."""
     seed = 1029
     own = made(seed)
-    run = own.data.run[np.argmax(np.linalg.norm(own.data.deflection, axis=2).max(axis=1))]
+    run = own.data.run_id[np.argmax(np.linalg.norm(own.data.deflection, axis=2).max(axis=1))]
     [doubt] = named(MISTAKES["swapped_once"].plant(own, trial_rng(seed, 40)))
     assert (doubt.name, doubt.sentence.split(":")[0]) == ("run", f"run {run}")
     assert named(MISTAKES["noise"].plant(own, trial_rng(seed, 40)))[0].name == "noise"
@@ -298,18 +298,18 @@ def told(vjm, data, frame="base"):
 def test_single_runs_are_found_among_many(sets):
     """More runs than are weighed together."""
     once, rng = sets["levels"].data, np.random.default_rng(3)
-    many = select_rows(once, np.tile(np.arange(once.runs), MAX_RUNS_PER_BATCH // once.runs + 1))
+    many = select_rows(once, np.tile(np.arange(once.n_runs), MAX_RUNS_PER_BATCH // once.n_runs + 1))
     before, after = (x + 1e-6 * rng.standard_normal(x.shape) for x in (many.before, many.after))
-    run = np.arange(many.runs) + 1
+    run = np.arange(many.n_runs) + 1
     data = replace(
-        many, run=run, pose=many.pose + 1000 * ((run - 1) // once.runs), before=before, after=after
+        many, run_id=run, pose_id=many.pose_id + 1000 * ((run - 1) // once.n_runs), before=before, after=after
     )
-    assert data.runs > MAX_RUNS_PER_BATCH
-    after[[3, data.runs - 2], 1] += 3e-3
+    assert data.n_runs > MAX_RUNS_PER_BATCH
+    after[[3, data.n_runs - 2], 1] += 3e-3
     told = named(replace(sets["levels"], data=replace(data, after=after)))
     assert {(d.name, d.sentence.split(":")[0]) for d in told} == {
         ("reading", "run 4"),
-        ("reading", f"run {data.runs - 1}"),
+        ("reading", f"run {data.n_runs - 1}"),
     }
 
 
@@ -317,8 +317,8 @@ def bumped(given, run, shift, *, loaded):
     """The tracker moved before a run or between its two readings."""
     d = given.data
     before, after = d.before.copy(), d.after.copy()
-    before[d.run >= run + loaded] += shift
-    after[d.run >= run] += shift
+    before[d.run_id >= run + loaded] += shift
+    after[d.run_id >= run] += shift
     return replace(given, data=replace(d, before=before, after=after))
 
 
@@ -340,12 +340,12 @@ def test_a_tracker_that_moved_between_two_readings_is_named_with_run_and_size(hu
     said = float(re.search(r"moved by (\S+) mm", first.sentence)[1])
     assert said == pytest.approx(np.sqrt(np.mean(size**2)), rel=0.3)
     assert ("runs with readings on both sides of the move have this error" in first.sentence) == loaded
-    station = 1 + (moved.data.run >= 9)  # of their own
+    station = 1 + (moved.data.run_id >= 9)  # of their own
     assert loaded or named(replace(moved, data=replace(moved.data, station=station))) == []
 
 
 def test_targets_that_slipped_on_the_tool_are_told_from_a_tracker_that_moved(hung):
-    d, behind = hung.data, (hung.data.run >= 9)[:, None, None]
+    d, behind = hung.data, (hung.data.run_id >= 9)[:, None, None]
     slip = behind * (tool_poses(hung.cell.vjm, d.q)[1] @ [1.2e-3, -0.9e-3, 1.3e-3])[:, None]
     slipped = replace(hung, data=replace(d, before=d.before + slip, after=d.after + slip))
     [doubt] = named(slipped)

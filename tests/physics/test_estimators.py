@@ -92,7 +92,7 @@ def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
     with pytest.raises(BenchError, match="with a prior, no direction is left"):
         with_prior(completed_least_squares, cad_prior(arm_6r.arm))
     structure, data = mgco147(arm_6r.arm), simulate_full_pose(arm_6r, SECTION_5_2, 1).identification
-    data = replace(data, after=data.after + 0.01 * (data.run == 8)[:, None, None])
+    data = replace(data, after=data.after + 0.01 * (data.run_id == 8)[:, None, None])
     methods = robust(least_squares), robust(completed_least_squares)
     plain, filled = (method(arm_6r.vjm, structure, data) for method in methods)
     assert {r.run for r in filled.rejected} == {r.run for r in plain.rejected} == {8}
@@ -110,8 +110,11 @@ def seen(kr500):
     regression = reduce(kr500.vjm, beams, data)
     each = [make_estimate(regression, 1e-6 * e, method="one") for e in np.eye(beams.n_parameters)]
     sigma = np.sqrt(2) * data.sigma * 1e-6
-    A = deflections_of_models(kr500.vjm, each, data)[:, data.seen].reshape(beams.n_parameters, -1).T / sigma
-    return data, beams, A, 1e-6 * data.deflection[data.seen].ravel() / sigma
+    A = (
+        deflections_of_models(kr500.vjm, each, data)[:, data.is_measured].reshape(beams.n_parameters, -1).T
+        / sigma
+    )
+    return data, beams, A, 1e-6 * data.deflection[data.is_measured].ravel() / sigma
 
 
 def test_ridge_leaves_readings_out_by_their_weight_and_clipping_makes_the_nearest_matrices(kr500, seen):
@@ -129,7 +132,7 @@ def test_ridge_leaves_readings_out_by_their_weight_and_clipping_makes_the_neares
 
     best = min(RIDGES, key=score)
     found = ridge(kr500.vjm, beams, data)
-    moved = deflections_of_models(kr500.vjm, [found], data)[0][data.seen].ravel()
+    moved = deflections_of_models(kr500.vjm, [found], data)[0][data.is_measured].ravel()
     expected = A @ fit(best) @ y * np.sqrt(2) * data.sigma
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     assert found.constraint == "ridge"

@@ -50,7 +50,7 @@ def test_least_squares_solves_eq_15_and_f_m_is_eq_19_with_its_gradient(arm_6r, r
     estimate = least_squares(arm_6r.vjm, s, data)
     np.testing.assert_allclose(estimate.pi, np.linalg.solve(A.T @ A + B.T @ B, A.T @ y + B.T @ z), rtol=1e-8)
     regression, pi = reduce(arm_6r.vjm, s, data), rng.uniform(0, 1e-6, s.n_parameters)
-    expected = (np.linalg.norm(A @ pi - y) + np.linalg.norm(B @ pi - z)) / np.sqrt(data.runs)
+    expected = (np.linalg.norm(A @ pi - y) + np.linalg.norm(B @ pi - z)) / np.sqrt(data.n_runs)
     assert f_m(regression, pi) == pytest.approx(expected, rel=1e-12)
     dual = gradient_dual(regression, pi).y
     g = sum(term.R.T @ own for term, own in zip(regression.terms, dual, strict=True))
@@ -68,7 +68,7 @@ def test_an_empty_dataset_and_a_structure_that_leaves_the_symmetry_open_are_refu
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_reduced_rows_are_those_of_the_full_weight_matrix(kr500, data, lost):
-    A = np.random.default_rng(0).normal(size=(data.runs, 3, 3, 3))
+    A = np.random.default_rng(0).normal(size=(data.n_runs, 3, 3, 3))
     P = 1e8 * (A @ A.swapaxes(2, 3) + 0.1 * np.eye(3))
     if lost:
         P[2, 1] = P[5] = 0
@@ -79,14 +79,14 @@ def test_reduced_rows_are_those_of_the_full_weight_matrix(kr500, data, lost):
     ours = term.n_equations / 3 * term.R.T @ np.column_stack([term.R, term.z])
     np.testing.assert_allclose(ours[:, :-1], normal, atol=1e-10 * np.abs(normal).max())
     np.testing.assert_allclose(ours[:, -1], right, atol=1e-10 * np.abs(right).max())
-    assert term.n_equations == 3 * data.seen.sum()
+    assert term.n_equations == 3 * data.is_measured.sum()
     rest = np.einsum("rmi,rmij,rmj->", y, P, y)
     assert term.n_equations / 3 * (term.z @ term.z + term.unexplained) == pytest.approx(rest)
 
 
 @pytest.mark.parametrize("wrong", [np.diag([1.0, 1, -1]), np.eye(3) + np.eye(3, k=1), np.diag([1.0, 1, 0])])
 def test_a_precision_that_is_none_is_refused(data, wrong):
-    P = np.array(np.broadcast_to(np.eye(3), (data.runs, 3, 3, 3)))
+    P = np.array(np.broadcast_to(np.eye(3), (data.n_runs, 3, 3, 3)))
     P[1, 2] = wrong
     with pytest.raises(BenchError, match=r"precision .* in place 1, 2"):
         replace(data, precision=P)

@@ -82,7 +82,7 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
         found = least_squares(arm_6r.vjm, s, axis_loads(arm_6r, rng, poses=6))
         there = axis_loads(arm_6r, rng, noise=0.0, poses=1)
         row, true = rows_of(arm_6r, s, there)[k % 18], there.deflection.ravel()[k % 18]
-        z.append((row @ found.pi - true) / posterior_of_estimate(found).deviations(row[None])[0])
+        z.append((row @ found.pi - true) / posterior_of_estimate(found).standard_deviations(row[None])[0])
     check_ranks(z)
 
 
@@ -110,7 +110,7 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
             own.is_link_coupling,
         ]
         a = np.vstack([row, any_ @ back, some @ back, own.expected_x @ back])
-        z.append(a @ (found.pi - own.L @ x) / posterior_of_estimate(found).deviations(a))
+        z.append(a @ (found.pi - own.L @ x) / posterior_of_estimate(found).standard_deviations(a))
     for found in np.transpose(z)[: 4 if scale else 3]:
         check_ranks(found)
 
@@ -125,7 +125,7 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
         some = np.isin(columns, rigid) & (true != 0)
         prior = own.selection.error_scales.deviation[columns[some]]
-        W, off = found.root[:, some] / prior, (true - found.x)[some] / prior
+        W, off = found.covariance_root[:, some] / prior, (true - found.mean)[some] / prior
         left, V = np.linalg.eigh(W.T @ W)
         z.extend(V.T @ off / np.sqrt(left))
         told.extend(left < 0.5)
@@ -140,19 +140,19 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
 def test_predict_and_compensate_are_as_sure_as_arms_of_their_doubts_differ_and_miss(kr500, make, rng):
     """A point of the tool: its deflection, where a calibrated arm has it, what a correction leaves."""
     model, q = make(kr500), Q + rng.uniform(-0.3, 0.3, (DRAWS, 6))
-    told, meant = predict(model, q, [FORCE], points=TIP[None]), ("unloaded", "drawn")[: 1 + model.absolute]
-    z, put = [], [compensate(model, q, [FORCE], replace(AIM, reference=how)) for how in meant]
+    told, meant = predict(model, q, [FORCE], points=TIP[None]), ("unloaded", "drawn")[: 1 + model.is_absolute]
+    z, put = [], [compensate(model, q, [FORCE], replace(AIM, joint_meaning=how)) for how in meant]
     assert all(own.corrected.all() for own in put)
     for k in range(DRAWS):
         true, one, axis = drawn_state(model, rng), slice(k, k + 1), k % 3
-        bent, free = (equilibrium(true, q[one], loads).at(TIP)[0] for loads in ([FORCE], []))
+        bent, free = (equilibrium(true, q[one], loads).position_of(TIP)[0] for loads in ([FORCE], []))
         off, half = [bent - free - told.deflection[k, 1]], [told.half_width[k, 1]]
-        if model.absolute:
+        if model.is_absolute:
             off, half = [*off, bent - told.position[k, 1]], [*half, told.position_half_width[k, 1]]
         for own in put:
-            target = programmed_target(true, q[one], own.reference, TIP).position[0]
-            off.append(equilibrium(true, own.q[one], [FORCE]).at(TIP)[0] - target)
-            half.append(own.half_width[k])
+            target = programmed_target(true, q[one], own.joint_meaning, TIP).position[0]
+            off.append(equilibrium(true, own.q[one], [FORCE]).position_of(TIP)[0] - target)
+            half.append(own.error_half_width[k])
         z.append([Z * x[axis] / h[axis] for x, h in zip(off, half, strict=True)])
     for own in np.transpose(z):
         check_ranks(own)
@@ -177,7 +177,7 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
     """In quadrature: neither hides the other, and each alone is its own quantile."""
     noise, prior = rng.normal(size=(2, 4, 6))
     root, none = np.vstack([noise, prior]), np.zeros((0, 6))
-    own = Posterior(np.zeros(6), root, none, np.ones(6), student_dof=3.0, prior_rows=4)
+    own = Posterior(np.zeros(6), root, none, np.ones(6), student_dof=3.0, n_prior_rows=4)
     a = rng.normal(size=(5, 6))
     widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
     np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
@@ -190,7 +190,9 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
     at = own.active.columns.tolist().index(own.active.unknowns.first_columns["geometry"] + 13 - 6)
-    assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of_calibration(own).root[:, at]))
+    assert shift.half == pytest.approx(
+        1e3 * Z * np.linalg.norm(posterior_of_calibration(own).covariance_root[:, at])
+    )
     turned = by_name["joint errors", "joint_3 cos 2"]
     assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.error_coefficients[2, 5]))
     assert all(one.half > 0 for one in by_name.values())
@@ -212,7 +214,7 @@ def test_bad_input_is_named(kr500, campaign):
         scale_by_prior(Prior("small", np.eye(6)), kr500.vjm, s)
     for rows in (np.ones((1, 5)), np.ones(s.n_parameters), np.full((1, s.n_parameters), np.nan)):
         with pytest.raises(BenchError, match="functionals"):
-            linear.deviations(rows)
+            linear.standard_deviations(rows)
     with pytest.raises(BenchError, match="draws: expected at least 39 for 95 %, got 38"):
         bootstrap(estimate, np.eye(s.n_parameters), 0.95, draws=38, rng=rng)
     with pytest.raises(BenchError, match="expected a conservative model among"):
@@ -230,19 +232,21 @@ def full_pose(arm_6r):
 def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, campaign, rng):
     """Joint 1 under a weight; a prior that is hardly believed takes no bound from what readings show."""
     joint_1 = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])
-    sd = posterior_of_estimate(least_squares(kr500.vjm, joint_1, campaign.identification)).deviations(
-        np.eye(2)
-    )
+    sd = posterior_of_estimate(
+        least_squares(kr500.vjm, joint_1, campaign.identification)
+    ).standard_deviations(np.eye(2))
     assert np.isinf(sd[0])
     assert 0 < sd[1] < 1e-7
     s = all153(kr500.arm)
     estimate = least_squares(kr500.vjm, s, campaign.identification)
     linear = posterior_of_estimate(estimate)
-    assert np.isinf(linear.deviations(np.eye(s.n_parameters))[s.row_labels.index("joint_1") - s.n_theta])
-    assert np.isinf(linear.deviations(rows_of(kr500, s, campaign.truth))).mean() > 0.5
+    assert np.isinf(
+        linear.standard_deviations(np.eye(s.n_parameters))[s.row_labels.index("joint_1") - s.n_theta]
+    )
+    assert np.isinf(linear.standard_deviations(rows_of(kr500, s, campaign.truth))).mean() > 0.5
     data = campaign.identification
     seen = rows_of(kr500, s, data, kr500.vjm.markers)
-    sd = linear.deviations(seen)
+    sd = linear.standard_deviations(seen)
     # the measured deflections themselves: never worse than one reading, better for what they share
     assert (sd < 1.001 * np.sqrt(2) * data.sigma).all()
     two = np.vstack([rows_of(kr500, s, campaign.truth)[:1], seen[:1]])
@@ -257,9 +261,11 @@ def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, camp
     rows = observation_matrix(where, own.structure, data.wrench, data.point, points).reshape(
         -1, own.structure.n_parameters
     )
-    assert len(found.unobservable) > 0
-    assert np.isfinite(found.deviations(rows)).all()
-    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n_parameters)) / found.scale)).all()
+    assert len(found.unobservable_directions) > 0
+    assert np.isfinite(found.standard_deviations(rows)).all()
+    assert np.isinf(
+        found.standard_deviations(rng.normal(size=(5, own.structure.n_parameters)) / found.typical_sizes)
+    ).all()
 
 
 def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_pose):
@@ -281,7 +287,7 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
     )
 
     def peak(times):
-        where = select_rows(campaign.truth, np.tile(np.arange(campaign.truth.runs), times))
+        where = select_rows(campaign.truth, np.tile(np.arange(campaign.truth.n_runs), times))
         tracemalloc.start()
         found = intervals(kr500.vjm, estimate, where)
         most = tracemalloc.get_traced_memory()[1]
@@ -295,10 +301,10 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
 
 def test_of_many_runs_some_have_intervals_evenly_and_the_notes_say_so(kr500, monkeypatch):
     data = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 3).identification
-    monkeypatch.setattr("testbench.workflows.fits.MAX_SHOWN", 4)
+    monkeypatch.setattr("testbench.workflows.fits.MAX_EVALUATED_RUNS", 4)
     runs = MeasuredRuns("runs.csv", data, data, None)
     fits = fit_models(kr500, named_models(kr500, ["Joints"]), runs, lambda: 0.0, widths=True).fits
     shown = [row["run"] for row in fits.models[0].intervals.deflections[:: len(data.markers)]]
     assert len(set(shown)) == 4
-    assert (shown[0], shown[-1]) == (data.run[0], data.run[-1])
-    assert f"intervals are computed for 4 of {data.runs} runs" in fits.notes[-1]
+    assert (shown[0], shown[-1]) == (data.run_id[0], data.run_id[-1])
+    assert f"intervals are computed for 4 of {data.n_runs} runs" in fits.notes[-1]

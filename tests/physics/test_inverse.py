@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from serial_arms import write_arm
 
-from testbench.correct.compensated import POSE_TOLERANCE, joints_along_path, solve_poses
+from testbench.correct.compensated import POSE_TOLERANCE, joints_along_path, solve_inverse_kinematics
 from testbench.correct.newton import Target
 from testbench.model.vjm import rotation_about_axis, tool_poses
 from testbench.workflows.cell import build_cell
@@ -58,8 +58,8 @@ def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
     assert not lost[[0, -1]].any()
     first, last = np.flatnonzero(lost)[[0, -1]]
     assert lost[first : last + 1].all()
-    assert (found.distance[lost] + found.angle[lost] > POSE_TOLERANCE).all()
-    assert found.distance[60] == pytest.approx(3 - out[first], abs=0.5)
+    assert (found.distance_error[lost] + found.angle_error[lost] > POSE_TOLERANCE).all()
+    assert found.distance_error[60] == pytest.approx(3 - out[first], abs=0.5)
     np.testing.assert_allclose(found.q[-1], q0, rtol=0, atol=1e-8)
 
 
@@ -70,7 +70,7 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     q = np.tile(np.radians([10.0, -60, 70, 20, 50, 0]), (40, 1))
     q[:, 5] = upper + np.linspace(-0.5, 0.5, 40)
     position, R = tool_poses(vjm, q)
-    found = solve_poses(vjm, Target(position, R), np.tile(q[0], (40, 1)))
+    found = solve_inverse_kinematics(vjm, Target(position, R), np.tile(q[0], (40, 1)))
     np.testing.assert_array_equal(found.converged, q[:, 5] <= upper)
     assert (found.q <= vjm.arm.limits[1]).all()
     q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))

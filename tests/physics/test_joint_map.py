@@ -15,7 +15,7 @@ import testbench as tb
 from testbench.arm.folder import ArmJoint, build_joint_map
 from testbench.correct.compensated import joints_along_path
 from testbench.correct.newton import Aim
-from testbench.data.dataset import series_of
+from testbench.data.dataset import series_from_runs
 from testbench.design.exchange import Feasibility, PoseSearch
 from testbench.errors import InputError
 from testbench.files.export import draft_new, export
@@ -112,7 +112,7 @@ def absolute(both, read, folder):
     """The readings of two arms as absolute ones, with torques of their chains, written by each."""
     torque = trial_rng(5).normal(size=read[0].q.shape)
     for name, cell, data in zip(("plain", "pendant"), both, read, strict=True):
-        [one] = series_of(data, name, name)
+        [one] = series_from_runs(data, name, name)
         write_series(folder / f"{name}_abs.csv", cell.arm, replace(one, torque=np.tile(torque, (2, 1))))
     return [folder / f"{name}_abs.csv" for name in ("plain", "pendant")]
 

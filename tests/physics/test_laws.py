@@ -108,11 +108,11 @@ def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
 def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaigns):
     """Fits, predictions and intervals take friction as the run was read."""
     plain, truth = simulate(kr500, SCENARIO, 5).identification, campaigns["all"][1]
-    off = np.arange(plain.runs) % 2 == 1
+    off = np.arange(plain.n_runs) % 2 == 1
     arm = disturb(kr500.plant, TYPICAL, trial_rng(5, 20))
     before, after = taken_off_again(arm, plain.q, plain.wrench, plain.point, off)
     silent = replace(plain, before=before.markers, after=after.markers)
-    data = replace(silent, taken_off=off)
+    data = replace(silent, unloaded_after_load=off)
     found, wrong = (default(kr500, own) for own in (data, silent))
     ours, theirs = rms(kr500, truth, found, wrong)
     assert ours < 0.9 * theirs

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.data.dataset import along_lines, select
+from testbench.data.dataset import line_precision, select_runs
 from testbench.errors import BenchError
 from testbench.identify.absolute.state import compliance_unknowns
 from testbench.identify.equations import (
@@ -44,9 +44,11 @@ def measured(cell, mounted, seed=3, poses=4, mass=100.0, truth="linear", pose=No
 
 def unresolved_rows(cell, data, structure):
     """Rows of a dataset in metres, its directions as they are stated."""
-    still = replace(data, slide=np.zeros_like(data.before))
+    still = replace(data, tilt_error=np.zeros_like(data.before))
     state = undeflected_arm(cell.vjm, data.q, [Load(data.wrench, data.point)])
-    A, _ = deflection_equations(compliance_unknowns(cell.vjm, structure), state, still, np.arange(data.runs))
+    A, _ = deflection_equations(
+        compliance_unknowns(cell.vjm, structure), state, still, np.arange(data.n_runs)
+    )
     return A[:, 0, :-1] * np.sqrt(np.trace(data.covariance, axis1=2, axis2=3)).T[:, None]
 
 
@@ -157,8 +159,8 @@ def test_readings_of_one_set_up_share_their_tilt_and_no_others_do(kr500):
     rows = np.concatenate([A.transpose(0, 2, 1), y[..., None]], axis=2).reshape(
         -1, structure.n_parameters + 1
     )
-    slide = data.slide.swapaxes(0, 1).reshape(-1, 3)
-    group = (np.arange(3)[:, None] * 10 + data.pose).ravel()
+    slide = data.tilt_error.swapaxes(0, 1).reshape(-1, 3)
+    group = (np.arange(3)[:, None] * 10 + data.pose_id).ravel()
     C = np.where(group[:, None] == group, slide @ slide.T, 0.0) + 2 * 5e-6**2 * np.eye(len(slide))
     expected = rows.T @ np.linalg.solve(C, rows)
     A, y = reduce(kr500.vjm, structure, data).weighted_equations
@@ -173,13 +175,13 @@ def test_a_reading_along_a_line_is_one_equation_and_finds_the_joints(kr500):
     assert regression.n_equations == 18
     found = least_squares(kr500.vjm, joints_only(kr500.arm), data)
     assert found.regression.rank == 5  # a weight does not load joint 1
-    assert reduce(kr500.vjm, joints_only(kr500.arm), select(data, data.pose < 3)).n_equations == 6
+    assert reduce(kr500.vjm, joints_only(kr500.arm), select_runs(data, data.pose_id < 3)).n_equations == 6
 
 
 def test_single_readings_have_the_deviation_of_their_number(kr500):
     data = measured(kr500, [replace(own, instrument=Gauge(sigma=5e-6)) for own in XYZ])
     read = weighted_readings(kr500.vjm, joints_only(kr500.arm), data)
-    slide = np.linalg.norm(resolve_line_readings(kr500.vjm, data).slide, axis=2).ravel()
+    slide = np.linalg.norm(resolve_line_readings(kr500.vjm, data).tilt_error, axis=2).ravel()
     np.testing.assert_allclose(read.deviation, np.sqrt(2 * 5e-6**2 + slide**2), rtol=1e-9)
     assert not read.y[:, 1:].any()
 
@@ -187,17 +189,17 @@ def test_single_readings_have_the_deviation_of_their_number(kr500):
 def test_a_gauge_out_of_range_and_a_ballbar_too_long_are_lost_readings(kr500):
     short = Gauge(travel=1e-4)
     data = measured(kr500, [Mounted(short, "P1", np.eye(3)[2]), *XYZ[1:]], mass=400.0)
-    assert not data.seen[:, 0].all()
-    assert data.seen[:, 1:].all()
-    assert not data.precision[~data.seen].any()
+    assert not data.is_measured[:, 0].all()
+    assert data.is_measured[:, 1:].all()
+    assert not data.precision[~data.is_measured].any()
     lost = measured(kr500, [Mounted(replace(WIRE, travel=1e-6), "P1", fixed=FIXED), XYZ[1]], mass=400.0)
-    assert lost.seen.sum(axis=0).tolist() == [0, 4, 0]
+    assert lost.is_measured.sum(axis=0).tolist() == [0, 4, 0]
 
 
 def test_a_tracker_and_gauges_read_one_after_the_other_give_a_run_each(kr500):
     data = measured(kr500, [Mounted(Tracker(50e-6)), *XYZ])
-    assert data.runs == 8
-    assert data.lines.sum(axis=1).tolist() == [0, 3] * 4
+    assert data.n_runs == 8
+    assert data.is_line_reading.sum(axis=1).tolist() == [0, 3] * 4
     both = reduce(kr500.vjm, joints_only(kr500.arm), data)
     assert both.n_equations == 4 * 9 + 4 * 3
 
@@ -205,11 +207,14 @@ def test_a_tracker_and_gauges_read_one_after_the_other_give_a_run_each(kr500):
 def test_wrong_readings_along_lines_are_refused(kr500):
     data = measured(kr500, XYZ)
     for change, words in (
-        ({"tilt": None}, "together"),
+        ({"direction_deviation": None}, "together"),
         ({"precision": None}, "expected their precision"),
         ({"direction": 2 * data.direction}, "unit vectors"),
-        ({"tilt": data.tilt - 1}, "tilt .rad.: expected 0 or more"),
-        ({"precision": along_lines(np.roll(data.direction, 1, axis=2), 1e-6)}, "u u.T"),
+        (
+            {"direction_deviation": data.direction_deviation - 1},
+            "direction_deviation .rad.: expected 0 or more",
+        ),
+        ({"precision": line_precision(np.roll(data.direction, 1, axis=2), 1e-6)}, "u u.T"),
     ):
         with pytest.raises(BenchError, match=words):
             replace(data, **change)

@@ -80,7 +80,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
     seen = []
 
     def mine(vjm, structure, data):
-        seen.append((vjm, len(np.unique(data.pose))))
+        seen.append((vjm, len(np.unique(data.pose_id))))
         return rigid(vjm, structure, data)
 
     data, own = campaign.identification, Model("mine", template56(kr500.arm), mine)
@@ -95,7 +95,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
         assert np.isnan(np.diag(vjm.arm.C_theta)).all()
         np.testing.assert_array_equal(tool_poses(vjm, q)[0], tool_poses(kr500.vjm, q)[0])
     # a rigid arm's F_M is the RMS deflection over sqrt(2) sigma, fold by fold; a hair is 1e-4 of C
-    moved = [data.deflection[data.pose == pose] for pose in np.unique(data.pose)]
+    moved = [data.deflection[data.pose_id == pose] for pose in np.unique(data.pose_id)]
     expected = [np.sqrt((d**2).sum() / d[..., 0].size) / (np.sqrt(2) * data.sigma) for d in moved]
     np.testing.assert_allclose(found.candidates[1].errors, expected, rtol=1e-3)
 
@@ -142,7 +142,7 @@ def failing(vjm, structure, data):
 
 def of_few(vjm, structure, data):
     """Fails where a pose is held out."""
-    if len(np.unique(data.pose)) < 8:
+    if len(np.unique(data.pose_id)) < 8:
         raise ValueError("too few\nposes")
     return rigid(vjm, structure, data)
 
@@ -289,14 +289,14 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     off[6] = [0, 0, 20e-3]  # the tracker was pushed between the two readings
     fit = robustly(kr500, s, replace(data, after=data.after + off), "psd", rough(kr500, s, 1))
     first, *others = fit.rejected
-    assert (first.run, first.marker) == (data.run[4], data.markers[1])
-    assert {(one.run, one.marker) for one in others} == {(data.run[6], name) for name in data.markers}
+    assert (first.run, first.marker) == (data.run_id[4], data.markers[1])
+    assert {(one.run, one.marker) for one in others} == {(data.run_id[6], name) for name in data.markers}
     assert first.residual == pytest.approx(3e-3, abs=4 * np.sqrt(3) * 50e-6)  # noise and fit: 4 sd
     assert first.residual_over_sigma == pytest.approx(first.residual / (np.sqrt(2) * 50e-6))
     assert fit.regression.n_equations == 3 * (45 - 4)
     said = advice(fit)
     assert f"4 of 45 readings are rejected: they lie beyond {REJECTED_RESIDUAL} standard deviations" in said
-    assert any(f"all readings of run {data.run[6]} are rejected:" in words for words in said)
+    assert any(f"all readings of run {data.run_id[6]} are rejected:" in words for words in said)
 
 
 @pytest.mark.study
@@ -327,10 +327,10 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
     s = all153(arm_6r.arm)
     units = scale_by_prior(cad_prior(arm_6r.arm), arm_6r.vjm, s)
     fit = robustly(arm_6r, s, spoiled, "psd", units)
-    assert {(data.run[10], ORIENTATION_READING), (data.run[50], ORIENTATION_READING)} <= found(fit)
+    assert {(data.run_id[10], ORIENTATION_READING), (data.run_id[50], ORIENTATION_READING)} <= found(fit)
     assert len(fit.rejected) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
     kinds = [term.n_equations for term in fit.regression.terms]
-    assert sum(kinds) == 3 * (2 * data.runs - len(fit.rejected))
+    assert sum(kinds) == 3 * (2 * data.n_runs - len(fit.rejected))
     assert fit.f_m < 1.2 * fit.f_m_floor  # the prior holds some of the rank
 
 

@@ -139,9 +139,9 @@ PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 def test_campaign_is_that_of_section_5_2_its_noise_root_two_of_a_readings(arm_6r):
     campaign = simulate_full_pose(arm_6r, FullPose(**PAPER), 1)
     data = campaign.identification
-    assert (data.runs, len(np.unique(data.pose)), campaign.check.runs) == (108, 18, 120)
-    for pose in np.unique(data.pose):
-        runs = data.pose == pose
+    assert (data.n_runs, len(np.unique(data.pose_id)), campaign.check.n_runs) == (108, 18, 120)
+    for pose in np.unique(data.pose_id):
+        runs = data.pose_id == pose
         np.testing.assert_array_equal(data.wrench[runs], 1000 * np.eye(6))
         assert len(np.unique(data.q[runs], axis=0)) == 1
     size = np.linalg.norm(campaign.truth.deflection, axis=-1)

@@ -272,7 +272,7 @@ def places(kr500):
 def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
     q, rng = places[:1], np.random.default_rng(0)
-    series, state = absolute.series_in_poses(union.pose, q), union.state
+    series, state = absolute.series_in_poses(union.pose_id, q), union.state
     draws = rng.normal(0, union.unmodelled, (4000, len(union.unmodelled)))
 
     def targets(moved):
@@ -332,7 +332,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
         parts = []
         for one in readers:
             series = absolute.series_in_poses(one, q)
-            [k] = np.flatnonzero(one.seen[0])
+            [k] = np.flatnonzero(one.is_measured[0])
             _, length = distance_directions(state, series, series_equilibrium(state, series))
             parts.append(length[k].reshape(2, -1) / one.sigma)
         return np.concatenate(parts, axis=1)
@@ -443,7 +443,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     )
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
-    series = absolute.series_in_poses(union.pose, places[:POSES])
+    series = absolute.series_in_poses(union.pose_id, places[:POSES])
     pull = further_information(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))

@@ -21,7 +21,7 @@ from testbench import (
     simulate,
     with_prior,
 )
-from testbench.data.dataset import select
+from testbench.data.dataset import select_runs
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
 from testbench.identify.average import (
@@ -33,7 +33,7 @@ from testbench.identify.average import (
 from testbench.identify.estimate import ModelAverage, make_estimate
 from testbench.identify.hierarchy import evidence_hessian, evidence_posterior, maximise_evidence
 from testbench.identify.posterior import (
-    CURVATURE_COUNT,
+    SECOND_ORDER_FACTOR,
     Posterior,
     intervals,
     posterior_of_estimate,
@@ -134,11 +134,11 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     names = "run pose q wrench point before after".split()
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
     folds = shrinkage.every_fold(kr500.vjm, structure, both)
-    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * light.runs, 9 * heavy.runs]
-    turned = np.where(np.arange(heavy.runs)[:, None] % 3 == 0, [0, 0, 0, 0, 40.0, 0], 0.0)
+    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * light.n_runs, 9 * heavy.n_runs]
+    turned = np.where(np.arange(heavy.n_runs)[:, None] % 3 == 0, [0, 0, 0, 0, 40.0, 0], 0.0)
     folds = shrinkage.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
-    some = -(-heavy.runs // 3)
-    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
+    some = -(-heavy.n_runs // 3)
+    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * (heavy.n_runs - some), 9 * some]
     own, errors = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure), {}
     folds = shrinkage.every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in shrinkage.UNCERTAINTIES:
@@ -153,10 +153,10 @@ def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
     first, noise = HeldOutErrors("first", hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
     alike = HeldOutErrors("alike", hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
     better, best = (HeldOutErrors(f"less by {d}", hard - d + noise) for d in (0.15, 0.3))
-    assert keep_first_unless_beaten([first, alike], "first").selected == "first"
-    assert keep_first_unless_beaten([alike, first], "alike").selected == "alike"
+    assert keep_first_unless_beaten([first, alike], "first").selected_name == "first"
+    assert keep_first_unless_beaten([alike, first], "alike").selected_name == "alike"
     duel = keep_first_unless_beaten([first, alike, better, best], "first")
-    assert (duel.selected, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
+    assert (duel.selected_name, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
     assert duel.standard_error == pytest.approx(np.std(noise, ddof=1) / np.sqrt(6))
 
 
@@ -266,7 +266,7 @@ def shares(seen, h):
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
     regression, own = seen_by(kr500, campaign, all153(kr500.arm))
     weighted_prior = hierarchy.learn_prior(regression, own)
-    (A, y), D = rows_in_prior_units(regression, weighted_prior.scaling), weighted_prior.misfit**2
+    (A, y), D = rows_in_prior_units(regression, weighted_prior.scaling), weighted_prior.noise_factor**2
     e, uncertainty = weighted_prior.scaling.expected_x, weighted_prior.uncertainty
     assert np.std(np.log(uncertainty.block_factors[:7])) > 0.01  # links of one arm are unlike
     own = np.repeat(uncertainty.block_factors, [21] * 7 + [1] * 6)
@@ -294,7 +294,7 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     variance += left**2 @ (P * (weighted_prior.size_uncertainty**2 - 1))
     variance += np.square(functionals @ weighted_prior.hyperparameter_effect.T).sum(axis=1)
     np.testing.assert_allclose(
-        posterior_of_estimate(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5
+        posterior_of_estimate(estimate).standard_deviations(functionals), np.sqrt(variance), rtol=1e-5
     )
 
 
@@ -335,7 +335,7 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     for name, own in (("right", prior), ("wrong", Prior("joints off", C))):
         estimate = with_prior(gco, own)(kr500.vjm, all153(kr500.arm), campaign.identification)
         errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
-    [joints] = [scale for scale in estimate.weighted_prior.scales if scale.name == "joints"]
+    [joints] = [scale for scale in estimate.weighted_prior.learnt_scales if scale.name == "joints"]
     assert abs(np.log(joints.factor * factor)) < 4 * joints.log_deviation < np.log(10)  # told from 1
     [doubt] = [
         scale for scale in hierarchy.contradicted_scales(estimate.weighted_prior) if scale.name == "joints"
@@ -373,7 +373,7 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     half = posterior_of_estimate(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
     left_out = second_order_deflection(kr500.vjm, estimate.C_theta, data)
     np.testing.assert_allclose(
-        found.upper - found.centre, np.hypot(half, CURVATURE_COUNT * left_out), rtol=1e-9
+        found.upper - found.centre, np.hypot(half, SECOND_ORDER_FACTOR * left_out), rtol=1e-9
     )
 
 
@@ -488,7 +488,9 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
     )
     roots = {id(own): rng.normal(size=(3, own.structure.n_parameters)) for own in (links, laws, ties, joints)}
     monkeypatch.setattr(
-        posteriors, "posterior_of_estimate", lambda own: Posterior.normal(own.pi, roots[id(own)])
+        posteriors,
+        "posterior_of_estimate",
+        lambda own: Posterior.from_covariance_root(own.pi, roots[id(own)]),
     )
     likely = {
         "joint_laws_probability": 0.8,
@@ -565,7 +567,7 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
 
     def learn(_regression, prior, *, for_intervals):
         return WeightedPrior(
-            prior, PriorUncertainty(1.0), log_evidence=e_laws if prior.is_law_size.any() else e_links
+            prior, PriorUncertainty(1.0), log_evidence=e_laws if prior.is_joint_law_size.any() else e_links
         )
 
     def solve(regression, constraint, weighted_prior):
@@ -600,10 +602,10 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
 def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
     """Levels are pairs of a force and a moment: of equal sums or lengths two of them may still differ."""
     level = np.array([[100.0, 0.0], [0.0, 100.0], [100.0, 50.0], [100.04, 0.0], [50.0, 100.0]])
-    data = select(campaign.identification, np.arange(campaign.identification.runs) < 5)
+    data = select_runs(campaign.identification, np.arange(campaign.identification.n_runs) < 5)
     wrench = np.zeros((5, 6))
     wrench[:, [2, 4]] = -level
-    data = replace(data, pose=np.array([7, 7, 9, 9, 11]), wrench=wrench)
+    data = replace(data, pose_id=np.array([7, 7, 9, 9, 11]), wrench=wrench)
     part = cross_validation_groups(data)
     assert (part // MAX_FOLDS).tolist() == [0, 0, 1, 1, 2]
     load = part % MAX_FOLDS
@@ -689,7 +691,15 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     M = np.linalg.inv(
         A.T @ A + np.diag(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0].diagonal() ** 2)
     )
-    open_ = weighted_prior.misfit**2 * weighted_prior.scaling.L @ M @ B.T @ B @ M @ weighted_prior.scaling.L.T
+    open_ = (
+        weighted_prior.noise_factor**2
+        * weighted_prior.scaling.L
+        @ M
+        @ B.T
+        @ B
+        @ M
+        @ weighted_prior.scaling.L.T
+    )
     rows = rng.standard_normal((5, own.structure.n_parameters)) / np.sqrt(np.diag(open_))
     expected = np.einsum(
         "ki,ij,kj->k",
@@ -714,8 +724,8 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     weighed = weight_for_pose_variation(regression, pi, rho)
     H = np.zeros((s.n_parameters + 1, s.n_parameters + 1))
     link = s.rows // 6
-    for pose in np.unique(data.pose):
-        [term] = reduce(kr500.vjm, s, select(data, data.pose == pose)).terms
+    for pose in np.unique(data.pose_id):
+        [term] = reduce(kr500.vjm, s, select_runs(data, data.pose_id == pose)).terms
         rows = math.sqrt(term.n_equations / 3) * np.c_[term.R, term.z]
         each = [rows[:, :-1][:, link == k] @ pi[link[:147] == k] for k in range(7)]
         S = np.eye(len(rows)) + rho**2 * sum(np.outer(a, a) for a in each)
@@ -726,7 +736,7 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     found[-1, -1] += sum(t.n_equations / 3 * t.unexplained for t in weighed.terms)
     norm = np.sqrt(np.diag(H)) + (np.diag(H) == 0)
     np.testing.assert_allclose(found / norm / norm[:, None], H / norm / norm[:, None], rtol=0, atol=1e-9)
-    poses = len(np.unique(data.pose))
+    poses = len(np.unique(data.pose_id))
     width = stats.t.ppf(0.975, poses - 1) / stats.norm.ppf(0.975)  # its size is learnt from so many poses
     np.testing.assert_allclose(weighed.pose_variation[3, link == 3], width * rho * pi[link[:147] == 3])
 
@@ -771,10 +781,12 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     np.testing.assert_allclose(found.pi[links], (1 - share) * changing.pi[links], rtol=1e-12, atol=1e-24)
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     told = posterior_of_estimate(found)
-    np.testing.assert_array_equal(told.x, found.pi)
+    np.testing.assert_array_equal(told.mean, found.pi)
     around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.average.under_each_prior)
-    own = sum(p * posterior_of_estimate(e).deviations(rows) ** 2 for p, e in found.average.under_each_prior)
-    np.testing.assert_allclose(told.deviations(rows) ** 2, own + around, rtol=1e-9)
+    own = sum(
+        p * posterior_of_estimate(e).standard_deviations(rows) ** 2 for p, e in found.average.under_each_prior
+    )
+    np.testing.assert_allclose(told.standard_deviations(rows) ** 2, own + around, rtol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -841,7 +853,8 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
     assert not found.pi[found.structure.rows < 6 * found.structure.n_links].any()
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     assert (
-        posterior_of_estimate(found).deviations(rows) > posterior_of_estimate(before).deviations(rows)
+        posterior_of_estimate(found).standard_deviations(rows)
+        > posterior_of_estimate(before).standard_deviations(rows)
     ).all()
 
 

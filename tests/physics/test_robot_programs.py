@@ -455,7 +455,7 @@ def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
     write_moves(path, known_languages()["krl"], Motion(q, ARM.joints, (), None, np.array([True, True]), p, R))
     program, _ = with_payload(model, read_program(path, model.arm), 300.0)
     found = correct_program(model, program, Aim(), start=q[0])
-    signs = [np.floor(own[:, 3] / (2 * np.pi)) for own in (found.found.start, found.found.q)]
+    signs = [np.floor(own[:, 3] / (2 * np.pi)) for own in (found.found.programmed_q, found.found.q)]
     expected = [line for line, a, b in zip(program.line, *signs, strict=True) if a != b]
     [note] = turn_notes(found) or [""]
     assert [int(x) for x in re.findall(r"\d+", note)] == expected
@@ -482,7 +482,7 @@ def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model,
             path.write_text(re.sub(r"(C [-\d.]+)\}", rf"\1,S 2,{flags}}}", path.read_text()))
         program, _ = with_payload(model, read_program(path, model.arm), 300.0)
         found = correct_program(model, program, Aim())
-        np.testing.assert_allclose(found.found.start, joints[some], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(found.found.programmed_q, joints[some], rtol=0, atol=1e-6)
         write_corrected(found, output_files(tmp_path / f"right{language.suffix}", name, path), name)
         pattern = r"S 2,T \d+" if name == "krl" else r"\],\[(?:-?\d,){3}-?\d\]"
         assert re.findall(pattern, (tmp_path / f"right{language.suffix}").read_text()) == re.findall(
@@ -503,7 +503,9 @@ def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start
     path = tmp_path / f"way{language.suffix}"
     write_moves(path, language, Motion(q, ARM.joints, (), None, posed, *tool_poses(model.vjm, q)))
     program, said = read_program(path, model.arm), language.flags.name
-    np.testing.assert_allclose(correct_program(model, program, Aim(), start=q[0]).found.start, q, atol=1e-6)
+    np.testing.assert_allclose(
+        correct_program(model, program, Aim(), start=q[0]).found.programmed_q, q, atol=1e-6
+    )
     with pytest.raises(
         InputError, match=rf"line \d+: the program begins with a pose: the .*{said} .*--start"
     ):
@@ -532,7 +534,7 @@ end
     (path := tmp_path / "way.script").write_text(text)
     program, _ = with_payload(model, read_program(path, model.arm), 300.0)
     found = correct_program(model, program, Aim())
-    np.testing.assert_allclose(found.found.start, FLIPPED[[1, 1]], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found.found.programmed_q, FLIPPED[[1, 1]], rtol=0, atol=1e-6)
     write_corrected(found, [tmp_path / "right.script"], "urscript")
     before, after = (own.read_text().splitlines() for own in (path, tmp_path / "right.script"))
     assert [k for k, line in enumerate(after[2:], 2) if line != before[k - 1]] == [3, 5]

@@ -76,7 +76,7 @@ def told_again(cell, structure, campaign, rng):
     for k in range(4):
         data = campaign.identification
         after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
-        changed = select_rows(replace(data, after=after), rng.permutation(data.runs))
+        changed = select_rows(replace(data, after=after), rng.permutation(data.n_runs))
         yield conic.solve_gco(reduce(cell.vjm, structure(cell.arm), changed))
 
 

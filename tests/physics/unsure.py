@@ -12,7 +12,7 @@ from testbench.model.load import read_body_masses
 from testbench.model.structure import all153
 
 TIP = np.array([0.2, 0.0, 0.1])
-AIM = Aim(point=tuple(TIP))
+AIM = Aim(tool_point=tuple(TIP))
 FORCE = Load(np.array([900.0, 1500, -700, 0, 0, 0]), TIP)
 Q = np.array([0.3, -1.2, 1.6, 0.3, -0.5, 0.1])
 RIGID = 30 + 24  #: Numbers of geometry and joint errors, before the compliances.
@@ -20,8 +20,8 @@ SCALE = np.array([9e3, 8e3, 3e3, 5e2, 4e2, 2e2])  #: Of the torque of every join
 
 
 def normal(x, root, unseen=None):
-    found = Posterior.normal(x, root)
-    return found if unseen is None else replace(found, unobservable=unseen)
+    found = Posterior.from_covariance_root(x, root)
+    return found if unseen is None else replace(found, unobservable_directions=unseen)
 
 
 def unsure(cell):
@@ -46,15 +46,19 @@ def unsure_everywhere(cell):
     root = np.zeros((RIGID + 153, RIGID + 153))
     root[:RIGID, :RIGID] = np.diag(sizes)
     root[1:RIGID, : RIGID - 1] += 0.5 * np.diag(sizes[1:])
-    root[RIGID:, RIGID:] = known.posterior.root
+    root[RIGID:, RIGID:] = known.posterior.covariance_root
     columns = np.arange(RIGID + 153)
-    return replace(model, columns=columns, posterior=normal(model.unknowns.values(state)[columns], root))
+    return replace(
+        model, uncertain_columns=columns, posterior=normal(model.unknowns.values(state)[columns], root)
+    )
 
 
 def drawn_state(model, rng):
     """The arm that a model may be, as its doubts have it."""
     x = model.unknowns.values(model.state)
-    x[model.columns] += rng.standard_normal(len(model.posterior.root)) @ model.posterior.root
+    x[model.uncertain_columns] += (
+        rng.standard_normal(len(model.posterior.covariance_root)) @ model.posterior.covariance_root
+    )
     return state_of(model, x)
 
 

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from refused import one_line
 
 from testbench import load_arm, read_csv, write_csv
-from testbench.data.dataset import Dataset, select, split
+from testbench.data.dataset import Dataset, select_runs, split_by_pose
 from testbench.errors import InputError
 from testbench.files.names import MAX_NUMBERS, MIN_NUMBER
 from testbench.files.read_pairs import SIGMA_RANGE
@@ -90,8 +90,8 @@ def datasets(draw: st.DrawFn) -> Dataset:
     turned = draw(st.booleans())
     return Dataset(
         **common,
-        run=integers(unique=True),
-        pose=integers(),
+        run_id=integers(unique=True),
+        pose_id=integers(),
         wrench=numbers(runs, 6),
         point=numbers(runs, 3),
         before=places(runs, m),
@@ -101,7 +101,7 @@ def datasets(draw: st.DrawFn) -> Dataset:
         rotation_after=numbers(runs, 3) if turned else None,
         sigma_rotation=draw(st.floats(*SIGMA_RANGE)) if turned else None,
         station=integers() if draw(st.booleans()) else None,
-        taken_off=draw(arrays(bool, runs)) if draw(st.booleans()) else None,
+        unloaded_after_load=draw(arrays(bool, runs)) if draw(st.booleans()) else None,
     )
 
 
@@ -119,8 +119,8 @@ def exported(draw: st.DrawFn) -> Dataset:
     )
     return Dataset(
         **common,
-        run=np.arange(runs) + draw(st.integers(-9, 9)),
-        pose=np.arange(runs) * 2 + 1,
+        run_id=np.arange(runs) + draw(st.integers(-9, 9)),
+        pose_id=np.arange(runs) * 2 + 1,
         wrench=wrench,
         point=point,
         before=np.where(seen[..., None], before + APART, 0.0),
@@ -145,14 +145,14 @@ def test_any_dataset_survives_its_file_and_a_split_by_poses_bit_by_bit(
         write_csv(data, ARM, file)
         assert bits(read_csv(file, ARM)) == bits(data)
         assert len(list(Path(folder).iterdir())) == 1
-    poses = np.unique(data.pose).tolist()
+    poses = np.unique(data.pose_id).tolist()
     if chosen := choose.draw(st.sets(st.sampled_from(poses), max_size=len(poses) - 1)):
-        mask = np.isin(data.pose, sorted(chosen))
-        inside, outside = split(data, np.array(sorted(chosen)))
+        mask = np.isin(data.pose_id, sorted(chosen))
+        inside, outside = split_by_pose(data, np.array(sorted(chosen)))
         for part, here in ((inside, mask), (outside, ~mask)):
             own = {f.name: getattr(data, f.name) for f in fields(Dataset)}
             own = {name: x[here] if isinstance(x, np.ndarray) else x for name, x in own.items()}
-            assert bits(part) == bits(Dataset(**own)) == bits(select(data, here))
+            assert bits(part) == bits(Dataset(**own)) == bits(select_runs(data, here))
 
 
 def written(data: Dataset, own: SimpleNamespace) -> bytes:
@@ -169,8 +169,8 @@ def written(data: Dataset, own: SimpleNamespace) -> bytes:
         for axis, value in zip("xyz", values, strict=True):
             row[name(f"{quantity}_{axis}", unit)] = repr(float(value) / scale).replace(".", own.decimal)
 
-    for r in range(data.runs):
-        common = {"run": str(data.run[r]), "Pose": str(data.pose[r]), "note": "abc", "time": "10:15"}
+    for r in range(data.n_runs):
+        common = {"run": str(data.run_id[r]), "Pose": str(data.pose_id[r]), "note": "abc", "time": "10:15"}
         for joint, value in zip(ARM.joints, data.q[r], strict=True):
             text = repr(float(value) / ANGLES[own.angle]).replace(".", own.decimal)
             common[name(joint.name, own.angle)] = text
@@ -187,7 +187,7 @@ def written(data: Dataset, own: SimpleNamespace) -> bytes:
                 put(row, what, own.length, LENGTHS[own.length], getattr(data, when)[r, m])
                 row |= {"marker": key[0]} if key[0] else {}
                 row |= {"state": key[1]} if key[1] else {}
-                if not data.seen[r, m]:
+                if not data.is_measured[r, m]:
                     row |= {name(f"{what}_{axis}", own.length): "" for axis in "xyz"}
         rows += parts.values()
     header = list(rows[0])
@@ -217,7 +217,7 @@ def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: SimpleNamespa
     for what in ("before", "after"):
         read_back = getattr(back, what)[:, order]
         np.testing.assert_allclose(read_back, getattr(data, what), rtol=1e-12, atol=1e-12, err_msg=what)
-    np.testing.assert_array_equal(back.seen[:, order], data.seen)
+    np.testing.assert_array_equal(back.is_measured[:, order], data.is_measured)
     if data.precision is not None:
         np.testing.assert_allclose(back.precision[:, order], data.precision, rtol=1e-12)
 
@@ -277,7 +277,7 @@ def check_reading(content: bytes) -> None:
         except InputError as err:
             one_line(err, file)
             return
-        assert back.runs == len(set(back.run.tolist())) >= 1
+        assert back.n_runs == len(set(back.run_id.tolist())) >= 1
         assert set(back.markers) <= set(ARM.markers)
         assert ((back.q >= LOWER - 1e-6) & (back.q <= UPPER + 1e-6)).all()
         write_csv(back, ARM, file)  # what was read can be written and read again

@@ -578,7 +578,9 @@ def test_what_reads_along_lines_is_drawn_and_a_lost_reading_is_not(kr500):
     assert line.at[:, 1] == pytest.approx(np.tile([2.2, 0, 0.1], (2, 1)), abs=1e-2)  # turned with the load
     lost = replace(data, precision=data.precision * np.array([[0, 1, 1]])[..., None, None])
     assert [layer.name for layer in read_along(lost, tool, reach)] == ["distances"]
-    plain = replace(data, direction=None, tilt=None, reach=None, slide=None, precision=None)
+    plain = replace(
+        data, direction=None, direction_deviation=None, line_length=None, tilt_error=None, precision=None
+    )
     assert read_along(plain, tool, reach) == []
 
 

@@ -9,10 +9,10 @@ from legible import _contrast, check_legible
 from matplotlib.colors import to_hex, to_rgb
 from scipy.stats import kstest, norm
 
-from testbench.data.dataset import along_lines, select_rows
+from testbench.data.dataset import line_precision, select_rows
 from testbench.errors import BenchError
 from testbench.identify.conic import LEVER_LENGTH
-from testbench.identify.estimate import deflections_of_models, lilliefors
+from testbench.identify.estimate import deflections_of_models, lilliefors_p_value
 from testbench.identify.method import gco, least_squares, with_prior
 from testbench.identify.posterior import posterior_of_estimate
 from testbench.identify.prior import aggregate_left_out_joints, cad_prior
@@ -84,17 +84,17 @@ def test_lilliefors_rejects_beyond_the_published_distance(n, critical, within):
     rng = np.random.default_rng(8)
     samples = [3 + 2 * rng.standard_normal(n) for _ in range(100)]
     distance = np.array([kstest(x, norm(x.mean(), x.std(ddof=1)).cdf).statistic for x in samples])
-    p = np.array([lilliefors(x) for x in samples])
+    p = np.array([lilliefors_p_value(x) for x in samples])
     assert distance[p < 0.05].min() > critical - within
     assert distance[p >= 0.05].max() < critical + within
     assert (np.diff(p[np.argsort(distance)]) <= 0).all()
 
 
 def test_lilliefors_tells_a_flat_distribution_and_refuses_what_is_none():
-    assert lilliefors(np.linspace(-1, 1, 400)) < 0.01
+    assert lilliefors_p_value(np.linspace(-1, 1, 400)) < 0.01
     for wrong in (np.ones(9), np.arange(4.0)):
         with pytest.raises(BenchError, match="residuals"):
-            lilliefors(wrong)
+            lilliefors_p_value(wrong)
 
 
 def test_eigenvalues_are_those_of_every_block_in_one_unit_and_signs_say_what_is_conservative(
@@ -164,10 +164,14 @@ def test_a_gauge_counts_as_one_residual_and_a_lost_target_as_none(fitted, rng):
     direction, shape = np.zeros((4, 3, 3)), (4, 3)
     direction[:, 0] = [0.6, 0, 0.8]  # P1 has a gauge, P2 and P3 are read by a tracker, but P3 is lost once
     precision = np.tile(np.eye(3) / (2 * runs.sigma**2), (4, 3, 1, 1))
-    precision[:, 0] = along_lines(direction, 5e-6)[:, 0]
+    precision[:, 0] = line_precision(direction, 5e-6)[:, 0]
     precision[2, 2] = 0
     data = replace(
-        runs, direction=direction, precision=precision, tilt=np.zeros(shape), reach=np.zeros(shape)
+        runs,
+        direction=direction,
+        precision=precision,
+        direction_deviation=np.zeros(shape),
+        line_length=np.zeros(shape),
     )
     along, vectors = rng.standard_normal(4), rng.standard_normal((4, 3, 3))
     vectors[:, 0] = along[:, None] * direction[:, 0]

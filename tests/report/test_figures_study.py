@@ -60,7 +60,7 @@ def test_the_error_of_a_joint_is_its_fourier_sum_with_the_interval_of_each_angle
     orders, q = (1, 3), np.radians([-170.0, 10, 120])
     x = np.array([7.0, 30e-6, -20e-6, 10e-6, 5e-6])  # an unknown of another kind, then sines, then cosines
     root = np.diag([1.0, 2e-6, 2e-6, 2e-6, 2e-6])
-    curve = joint_curve(Posterior.normal(x, root), np.array([[1, 2], [3, 4]]), orders, q)
+    curve = joint_curve(Posterior.from_covariance_root(x, root), np.array([[1, 2], [3, 4]]), orders, q)
     angle = np.radians(curve.angle_deg)
     assert (angle[0], angle[-1]) == pytest.approx((q.min(), q.max()), rel=1e-4)
     error = 30 * np.sin(angle) - 20 * np.sin(3 * angle) + 10 * np.cos(angle) + 5 * np.cos(3 * angle)

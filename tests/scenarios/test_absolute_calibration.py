@@ -15,7 +15,7 @@ quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "absolute_calibration.png")
     [read] = read_series(quick[0] / "dataset.csv", load_arm("ur10")).series
-    assert read.rows == 20
+    assert read.n_rows == 20
 
 
 def test_every_trial_has_the_rows_that_its_questions_need(rows, report):

@@ -91,7 +91,7 @@ def report(made):
 
 
 def distances(state, series):
-    left = [residuals(state, one)[: len(one.markers)].transpose(2, 0, 1)[one.seen] for one in series]
+    left = [residuals(state, one)[: len(one.markers)].transpose(2, 0, 1)[one.is_measured] for one in series]
     return 1e3 * np.linalg.norm(np.concatenate(left), axis=-1)
 
 
@@ -170,7 +170,7 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     assert f"{100 * found.coverage_95:.1f} %" in words
     assert "these readings were fitted" not in words
     assert "these readings were fitted" in fine("calibrate", made[0], readings[0], "--score")
-    twice = replace(series[0], pose=np.arange(series[0].rows) // 2)
+    twice = replace(series[0], pose_id=np.arange(series[0].n_rows) // 2)
     assert len(evenly_spaced_rows(twice, 20)) == 40
     for share, code, head in ((1.01, 0, "Holds: "), (0.99, 1, "Do not use: ")):
         done = do(*asked, "--at-most", share * found.mean_mm)
@@ -234,18 +234,24 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     model = read_model(made[0])
     [one], _ = read_all(list(map(File, readings[2:])), model.arm)
     held = align_all(without_frame_and_mount(model.state, one), (one,))
-    root = np.hstack([np.zeros((len(model.columns), 6 + 3 * len(one.markers))), model.posterior.root])
-    placed = RegisteredSeries(held, np.zeros(0, int), Posterior.normal(np.zeros(root.shape[1]), root))
+    root = np.hstack(
+        [np.zeros((len(model.uncertain_columns), 6 + 3 * len(one.markers))), model.posterior.covariance_root]
+    )
+    placed = RegisteredSeries(
+        held, np.zeros(0, int), Posterior.from_covariance_root(np.zeros(root.shape[1]), root)
+    )
     calm = replace(model, noise=replace(model.noise, factor=1e-9 * model.noise.factor))
     wanted = np.einsum("rmkk->rmk", predict_series(calm, placed, one)[1])
     unknowns = unknowns_of(model.vjm, (one,), held.error_terms, model.structure)
     first = unknowns.first_columns["geometry"]
-    rows = series_equations(unknowns, held, one)[: len(one.markers), :, first + model.columns]
-    found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
+    rows = series_equations(unknowns, held, one)[: len(one.markers), :, first + model.uncertain_columns]
+    found = model.posterior.standard_deviations(
+        rows.transpose(3, 0, 1, 2).reshape(-1, len(model.uncertain_columns))
+    )
     np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
-    assert np.array_equal(model.posterior.x, model.unknowns.values(model.state)[model.columns])
-    assert model.absolute
-    assert model.scatter > 0
+    assert np.array_equal(model.posterior.mean, model.unknowns.values(model.state)[model.uncertain_columns])
+    assert model.is_absolute
+    assert model.position_scatter > 0
 
 
 def test_a_model_says_where_it_comes_from(made):
@@ -304,7 +310,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
         left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}
         start, end = layer_of(group, f"error of the {name}")
         where = [re.match(r"(.*), row (\d+)", words).groups() for words in group["names"]]
-        rows = [(key, at[key].row.tolist().index(int(row))) for key, row in where]
+        rows = [(key, at[key].row_id.tolist().index(int(row))) for key, row in where]
         wanted = np.array([left[key][k] for key, k in rows])
         np.testing.assert_allclose((end - start) / times, wanted, atol=1e-4 / times + 1e-9)
         [line] = [one for one in drawn["runs"][0]["lines"] if one["name"] == name]

@@ -171,7 +171,7 @@ def test_set_points_of_the_tool_are_corrected_as_their_joints_are(kr500, folder,
     (tmp_path / "tool.csv").write_text("\n".join([f"{head},feed_N,cross_N,axial_N", *rows]) + "\n")
     model = load_model(folder / "true", None)
     program = read_program(tmp_path / "tool.csv", model.arm)
-    ours = correct_program(model, program, Aim(point=tuple(TIP)), start=q[0]).found.q
+    ours = correct_program(model, program, Aim(tool_point=tuple(TIP)), start=q[0]).found.q
     assert np.abs(ours - read_program(corrected[0] / "right.csv", kr500.arm).q).max() < 1e-8
 
 
@@ -200,7 +200,7 @@ def test_a_point_that_is_stated_counts_even_where_it_is_the_tools_origin(folder,
     (tmp_path / "origin.csv").write_text("\n".join([f"{head},point_x_mm", *(f"{row},0" for row in rows)]))
     model = load_model(folder / "true", None)
     program = read_program(tmp_path / "origin.csv", model.arm)
-    ours = correction_numbers(correct_program(model, program, Aim(point=tuple(TIP))))
+    ours = correction_numbers(correct_program(model, program, Aim(tool_point=tuple(TIP))))
     tips = json.loads((out / "right_report" / "report.json").read_text())
     assert abs(ours.before_mm.max / tips["before_mm"]["max"] - 1) > 0.01
 
@@ -351,7 +351,7 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
 def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bounded):
     model = load_model(folder / "sure", None)
     found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
-    most = 1e3 * (np.linalg.norm(found.found.after, axis=1) + found.found.half_width.max(axis=1))
+    most = 1e3 * (np.linalg.norm(found.found.error_after, axis=1) + found.found.error_half_width.max(axis=1))
     limit = float(np.median(most))
     said = report(found, limit)
     assert [row.verdict for row in said.numbers["rows"]] == ["pass" if mm <= limit else "fail" for mm in most]
@@ -404,14 +404,17 @@ def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bou
     model = load_model(folder / "sure", None)
     found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
     own = found.found
-    after = own.after.copy()
-    after[3] = own.before[3]
+    after = own.error_after.copy()
+    after[3] = own.error_before[3]
     found = replace(
-        found, found=replace(own, after=after, refused=(*own.refused[:3], Refusal("reach"), *own.refused[4:]))
+        found,
+        found=replace(
+            own, error_after=after, refusals=(*own.refusals[:3], Refusal("reach"), *own.refusals[4:])
+        ),
     )
     said = report(found)
     [chart] = draw_correction(kr500, found, said).runs
-    before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half_width.max(axis=1)
+    before, half = 1e3 * np.linalg.norm(own.error_before, axis=1), 1e3 * own.error_half_width.max(axis=1)
     uncorrected, corrected = (line.values for line in chart.lines)
     np.testing.assert_allclose(uncorrected, before + half, rtol=1e-9)
     np.testing.assert_allclose(corrected, 1e3 * np.linalg.norm(after, axis=1) + half, rtol=1e-9)
@@ -424,9 +427,9 @@ def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(fo
     model = load_model(folder / "sure", None)
     found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
     own = found.found
-    before, half = np.linalg.norm(own.before, axis=1), own.half_width.max(axis=1)
-    widened = own.half_width * (1.2 * before / half)[:, None]
-    said = report(replace(found, found=replace(own, half_width=widened)))
+    before, half = np.linalg.norm(own.error_before, axis=1), own.error_half_width.max(axis=1)
+    widened = own.error_half_width * (1.2 * before / half)[:, None]
+    said = report(replace(found, found=replace(own, error_half_width=widened)))
     chance = NormalDist().cdf(1.959964 / 1.2 / 2)
     assert said.numbers["chance"] == pytest.approx(chance, rel=1e-5)
     assert (said.badge.verdict, said.numbers["harmful"]) == ("likely", False)
@@ -440,10 +443,13 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     own = found.found
     held, turned, q = np.zeros_like(own.at_limit), np.zeros_like(own.rotation_error), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
-    refused = (*own.refused[:3], Refusal("reach", size=0.02), *own.refused[4:])
-    own = replace(own, at_limit=held, rotation_error=turned, q=q, refused=refused)
+    refused = (*own.refusals[:3], Refusal("reach", excess=0.02), *own.refusals[4:])
+    own = replace(own, at_limit=held, rotation_error=turned, q=q, refusals=refused)
     said = report(replace(found, found=own))
-    off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
+    off, moved = (
+        np.linalg.norm(own.error_before, axis=1),
+        np.degrees(np.abs(np.diff(q - own.programmed_q, axis=0)).max()),
+    )
     text = check(said, ["worst"])
     for warning in (
         "1 of 12 points are not corrected.",

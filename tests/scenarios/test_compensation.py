@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.correct.predicted import tangents
+from testbench.correct.predicted import path_tangents
 from testbench.files.read_pairs import read_csv
 from testbench.identify.posterior import model_of_estimate
 from testbench.model.load import read_body_masses, sum_generalised_loads
@@ -82,7 +82,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, report, bl
     page = (quick[0] / "report.html").read_text(encoding="utf-8")
     assert "off at each point, arm undisturbed (mm)" in page  # the answer is of the disturbed one
     data = read_csv(quick[0] / "dataset.csv", cell.arm)
-    assert (data.runs, set(data.wrench[:, 1])) == (24, {0.0, 3000.0})
+    assert (data.n_runs, set(data.wrench[:, 1])) == (24, {0.0, 3000.0})
 
 
 def left(rows, name, arm, loads):
@@ -117,7 +117,7 @@ def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, asked)
         assert size == pytest.approx(size[0], rel=5e-3)  # a chord is not quite at right angles to the spindle
         assert 1e3 < size[0] < 3e3
         assert ((force * job.axis).sum(axis=1) < -0.1 * size).all()
-        feed = tangents(job.position, np.ones(len(force), dtype=bool))
+        feed = path_tangents(job.position, np.ones(len(force), dtype=bool))
         if job.name == panel.MILLING:
             assert ((force * feed).sum(axis=1) < -0.1 * size).all()
         position, rotation = tool_poses(cell.vjm, work.q[part])

@@ -78,13 +78,15 @@ def test_numbers_and_picture_are_those_of_the_file(spreadsheet):
     data = read_export(
         MAPS / "spreadsheet.csv", load_arm(ROOT / "models" / ARM), mapped("spreadsheet")[2]
     ).data
-    size = np.where(data.seen, 1e3 * np.linalg.norm(data.deflection, axis=2), np.nan)
+    size = np.where(data.is_measured, 1e3 * np.linalg.norm(data.deflection, axis=2), np.nan)
     ends = np.nanquantile(size, [0, 0.5, 1])
     assert list(report["deflection_mm"].values()) == pytest.approx(ends)
     assert (report["runs"], report["poses"], report["sigma_um"]) == (16, 8, pytest.approx(1e6 * data.sigma))
     [M] = times_of(drawn["scene"]["title"])
     before, after = layer_of(drawn["scene"]["groups"][0], "deflection")
-    np.testing.assert_allclose((after - before)[data.seen] / M, data.deflection[data.seen], atol=2e-4 / M)
+    np.testing.assert_allclose(
+        (after - before)[data.is_measured] / M, data.deflection[data.is_measured], atol=2e-4 / M
+    )
     moved, away = drawn["runs"]
     for k, line in enumerate(moved["lines"]):
         assert line["name"] == data.markers[k]
@@ -113,7 +115,7 @@ def test_both_examples_hold_the_same_loads_and_deflections():
     )
     np.testing.assert_array_equal(one.wrench, other.wrench)
     np.testing.assert_allclose(one.q, other.q, atol=1e-9)
-    both = one.seen & other.seen
+    both = one.is_measured & other.is_measured
     size, again = (np.linalg.norm(data.deflection[both], axis=-1) for data in (one, other))
     np.testing.assert_allclose(size, again, atol=5e-4)  # two readings of each unloaded target, 50 um
 

@@ -34,7 +34,7 @@ def made(tmp_path_factory):
     theta = np.zeros(48)
     theta[6:36] = rng.uniform(-5e-4, 5e-4, 30)
     state = replace(nominal_state(vjm, BodyMasses(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
-    none = Posterior.normal(np.zeros(0), np.zeros((0, 0)))
+    none = Posterior.from_covariance_root(np.zeros(0), np.zeros((0, 0)))
     known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, ModelOrigin("geometry"), Noise())
     write_files(known, model, name="geometry", fit={})
     (folder / "in").mkdir()

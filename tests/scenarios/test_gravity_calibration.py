@@ -119,7 +119,7 @@ def test_the_dataset_is_that_of_section_6_and_of_the_seed_alone_byte_for_byte(qu
     assert (own["runs"], own["identification_points"], own["check_points"]) == (21, 45, 18)
     cell = build_cell("kr500_l480")
     data = read_csv(quick[0] / "dataset.csv", cell.arm)
-    assert (len(np.unique(data.pose)), data.sigma) == (11, 50e-6)
+    assert (len(np.unique(data.pose_id)), data.sigma) == (11, 50e-6)
     assert (data.wrench[:, 2] == -460.3 * 9.81).all()
     asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1))
     write_csv(calibrate(cell, asked, 3)[1].measured, cell.arm, tmp_path / "dataset.csv")
@@ -131,7 +131,7 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
     filled = [own.weighted_prior for name, [own] in results(true, campaign).items() if name.endswith("prior")]
     assert len(filled) == len(WITH_PRIOR) + 1  # what the default is without its cone
-    assert all(weighted_prior.scales for weighted_prior in filled)
+    assert all(weighted_prior.learnt_scales for weighted_prior in filled)
     model = true.arm.links[2].compliance
     assert (model == build_cell("kr500_l480").arm.links[2].compliance).all()
     assert np.abs(true.plant.arm.links[2].compliance - model).max() > 0

@@ -20,7 +20,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 def test_the_dataset_is_that_of_the_first_seed_and_the_report_counts_it(quick, report):
     data = read_csv(quick[0] / "dataset.csv", load_arm("kr500_l480"))
     counted = report["dataset"]
-    assert (data.runs, data.points, round(1e6 * data.sigma)) == (counted["runs"], counted["points"], 50)
+    assert (data.n_runs, data.n_points, round(1e6 * data.sigma)) == (counted["runs"], counted["points"], 50)
     assert counted["deflection_max_mm"] == pytest.approx(1e3 * np.linalg.norm(data.deflection, axis=-1).max())
 
 

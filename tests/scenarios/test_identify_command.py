@@ -12,7 +12,7 @@ from run_here import check_folder, numbers_alone
 from run_here import fine as run
 
 import testbench as tb
-from testbench.data.dataset import select
+from testbench.data.dataset import select_runs
 from testbench.model.load import Load, first_order_deflection, secant_theta
 from testbench.model.vjm import evaluate_chain
 from testbench.workflows.model_names import in_words
@@ -96,7 +96,7 @@ def test_residuals_are_readings_less_the_deflections_of_the_models(made, report,
         np.testing.assert_allclose(found, left.max(axis=1), rtol=1e-9)
         size = 1e3 * np.linalg.norm(data.deflection, axis=2).max(axis=1)
         np.testing.assert_allclose([row["moved_mm"] for row in report["residuals"]], size)
-        held = np.isin(data.pose, (4, 9))
+        held = np.isin(data.pose_id, (4, 9))
         assert [row["held_back"] for row in report["residuals"]] == held.tolist()
         [row] = [m for m in report["models"] if m["name"] == fit["name"]]
         for key, runs in (("identification", ~held), ("check", held)):
@@ -110,12 +110,12 @@ def test_without_runs_held_out_for_good_the_badge_is_of_poses_held_out_in_turn(m
     with numbers_alone():
         run("identify", "kr500_l480", file, *models, "--no-intervals", "--out", out)
     badge, cell = json.loads((out / "report.json").read_text())["badge"], tb.build_cell("kr500_l480")
-    group, left = np.arange(data.runs) % 8, {}
+    group, left = np.arange(data.n_runs) % 8, {}
     for name in models[1::2]:
         model, left[name] = tb.MODELS[name](cell), []
         for k in range(8):
-            fit = model.estimator(cell.vjm, model.structure, select(data, group != k))
-            off = tb.deflections(cell.vjm, fit, select(data, group == k)) - data.deflection[group == k]
+            fit = model.estimator(cell.vjm, model.structure, select_runs(data, group != k))
+            off = tb.deflections(cell.vjm, fit, select_runs(data, group == k)) - data.deflection[group == k]
             left[name].append((off**2).mean())
     factor = np.sqrt(np.sum(left[badge["rival"]]) / np.sum(left[badge["winner"]]))
     assert badge["factor"] == pytest.approx(factor, rel=1e-4)
@@ -127,10 +127,10 @@ def test_the_map_is_what_the_models_say_of_its_poses_and_the_worst_is_named(made
     k = int(np.linalg.norm(data.wrench, axis=1).argmax())
     load = Load(data.wrench[k], data.point[k])
     moved = tb.predict(model, np.array(errors["q"]), [load])
-    half, taken = 1e3 * moved.widest[:, 0], report["recommended"]
+    half, taken = 1e3 * moved.largest_half_width[:, 0], report["recommended"]
     rounded = {"rtol": 2e-3}  # joints are kept to 1e-5 rad, lengths in four digits
     np.testing.assert_allclose(errors["error_mm"][taken], half, **rounded)
-    np.testing.assert_allclose(errors["deflection_mm"], 1e3 * moved.size[:, 0], **rounded)
+    np.testing.assert_allclose(errors["deflection_mm"], 1e3 * moved.deflection_length[:, 0], **rounded)
     worst = errors["worst"][taken]
     assert worst["error_mm"] == max(errors["error_mm"][taken]) == errors["error_mm"][taken][worst["place"]]
     assert found["median_mm"] == pytest.approx(np.median(half), **{"rel": 2e-3})
@@ -198,7 +198,7 @@ def test_what_the_page_draws_are_the_models_and_the_numbers_of_the_report(made, 
     M, A = times_of(drawn["scene"]["title"])
     fits = {fit["name"]: fit for fit in json.loads((made[0] / "models.json").read_text())["models"]}
     shown = [line["name"] for line in drawn["runs"][0]["lines"]]
-    order = [data.run.tolist().index(int(label)) for label in drawn["runs"][0]["labels"]]
+    order = [data.run_id.tolist().index(int(label)) for label in drawn["runs"][0]["labels"]]
     assert [re.match(r"Run (\d+)", name)[1] for name in runs["names"]] == drawn["runs"][0]["labels"]
     read = data.before[order] + M * data.deflection[order]
     before, after = layer_of(runs, "deflection as read")

@@ -10,7 +10,7 @@ from run_here import refused
 
 import testbench as tb
 from testbench.errors import InputError
-from testbench.identify.posterior import CURVATURE_COUNT, posterior_of_estimate, second_order_deflection
+from testbench.identify.posterior import SECOND_ORDER_FACTOR, posterior_of_estimate, second_order_deflection
 from testbench.model.vjm import evaluate_chain, marker_positions, observation_matrix
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.models import named_models, with_priors
@@ -37,7 +37,7 @@ def written(cell, runs, name, folder, prior=False):
 def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_path, name, prior):
     estimate = written(kr500, runs, name, tmp_path / "model", prior=prior)
     model = tb.load_model(tmp_path / "model", "kr500_l480")
-    assert not model.absolute
+    assert not model.is_absolute
     assert model.arm.joints == kr500.arm.joints
     assert model.structure.name == estimate.structure.name
     assert np.array_equal(model.state.C_theta, estimate.C_theta)
@@ -50,7 +50,7 @@ def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_pat
     found = own.intervals(rows.reshape(-1, model.structure.n_parameters))
     half = np.hypot(
         found.upper - found.centre,
-        CURVATURE_COUNT * second_order_deflection(model.vjm, model.state.C_theta, runs).ravel(),
+        SECOND_ORDER_FACTOR * second_order_deflection(model.vjm, model.state.C_theta, runs).ravel(),
     )
     wanted = tb.intervals(kr500.vjm, estimate, runs)
     np.testing.assert_allclose(half, (wanted.upper - wanted.centre).ravel(), rtol=1e-12)
@@ -62,11 +62,11 @@ def test_what_least_squares_has_not_seen_stays_without_bound(kr500, runs, tmp_pa
     """A force along the horizontal turns joint 1, which no weight of the campaign did."""
     written(kr500, runs, "ALL153", tmp_path / "model")
     model = tb.load_model(tmp_path / "model")
-    push = np.tile([1e3, 1e3, 0, 0, 0, 0], (runs.runs, 1))
+    push = np.tile([1e3, 1e3, 0, 0, 0, 0], (runs.n_runs, 1))
     rows = observation_matrix(
         evaluate_chain(model.vjm, runs.q), model.structure, push, runs.point, np.zeros((1, 3))
     )
-    assert np.isinf(model.posterior.deviations(rows.reshape(-1, 153))).any()
+    assert np.isinf(model.posterior.standard_deviations(rows.reshape(-1, 153))).any()
 
 
 @pytest.fixture(scope="module")

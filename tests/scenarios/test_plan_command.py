@@ -284,7 +284,7 @@ def test_a_plan_with_gauges_is_rehearsed_by_simulate(tmp_path, kr500):
     assert "read by a tracker" in (tmp_path / "plan" / "plan.md").read_text()
     fine("simulate", ARM, plan, "--instrument", "planned", "--out", tmp_path / "data.csv")
     data = read_csv(tmp_path / "data.csv", kr500.arm)
-    assert data.lines.sum(axis=1).tolist() == [2] * 4
+    assert data.is_line_reading.sum(axis=1).tolist() == [2] * 4
 
 
 @pytest.mark.study

@@ -112,7 +112,9 @@ def test_the_interval_beside_the_softest_direction_is_that_of_a_force_along_it(m
     own = tb.load_model(model)
     file = poses_file(tmp_path / "poses.csv", q, [f"0,0,0,{MASS}"] * POSES)
     made = predict_file(own, read_pose_file(file, own, None, MASS), 1000.0)
-    push = tb.Load(np.hstack([1000 * made.stiffness.axes[:, :, 0], np.zeros((POSES, 3))]), np.zeros(3))
+    push = tb.Load(
+        np.hstack([1000 * made.stiffness.principal_axes[:, :, 0], np.zeros((POSES, 3))]), np.zeros(3)
+    )
     wanted = tb.predict(own, q, [push]).half_width[:, 0].max(axis=1)
     assert made.push_halves(np.arange(POSES)) == pytest.approx(wanted)
 

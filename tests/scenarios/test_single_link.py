@@ -16,7 +16,7 @@ quick, report, rows = quick_study(APP, "--seed", 1)
 def test_a_run_leaves_the_files_and_keys_of_the_contract(quick, report):
     check_files(quick, "single_link.png")
     data = read_csv(quick[0] / "dataset.csv", load_arm(ROOT / "models" / "single_link"))
-    assert (data.runs, data.sigma) == (6, pytest.approx(25e-6 / 2**0.5, rel=1e-12))
+    assert (data.n_runs, data.sigma) == (6, pytest.approx(25e-6 / 2**0.5, rel=1e-12))
     own = [report[key] for key in ("scenario", "seed", "draws", "noise_per", "loads")]
     assert own == ["single_link", 1, 100, "deflection", "axes"]
     assert report["dataset"]["runs"] == report["dataset"]["points"] == 6

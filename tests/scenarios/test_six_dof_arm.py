@@ -19,7 +19,7 @@ quick, report, rows = quick_study(APP, "--seed", 3, "--seeds", 2)
 def test_a_run_leaves_the_files_of_the_contract_and_the_first_seeds_runs_with_orientations(quick):
     check_files(quick, "six_dof_arm.png")
     data = read_csv(quick[0] / "dataset.csv", load_arm(ROOT / "models" / "arm_6r"))
-    assert (data.runs, data.rotation_before is None) == (108, False)
+    assert (data.n_runs, data.rotation_before is None) == (108, False)
     assert data.sigma == pytest.approx(25e-6 / np.sqrt(2), rel=1e-12)
     assert data.sigma_rotation == pytest.approx(250e-6 / np.sqrt(2), rel=1e-12)
 

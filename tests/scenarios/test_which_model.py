@@ -105,10 +105,10 @@ def test_fewer_poses_are_the_first_of_the_same_readings(kr500):
     campaign = simulate_at(true_cell(kr500, "cast", 2), scenario(asked), 2, poses)
     data = read(campaign)
     for own, count in zip(data, POSES, strict=True):
-        assert own.runs == RUNS * count
-        assert set(own.pose) == set(range(1, count + 1))
-        np.testing.assert_array_equal(own.after, data[-1].after[: own.runs])
-    assert not set(campaign.check.pose) & set(data[-1].pose)
+        assert own.n_runs == RUNS * count
+        assert set(own.pose_id) == set(range(1, count + 1))
+        np.testing.assert_array_equal(own.after, data[-1].after[: own.n_runs])
+    assert not set(campaign.check.pose_id) & set(data[-1].pose_id)
     noise = data[-1].deflection - campaign.identification.deflection
     assert np.std(noise) == pytest.approx(np.sqrt(2) * 50e-6, rel=0.1)  # 360 components: 4 % standard error
     assert campaign.truth.sigma == asked.sigma

@@ -53,7 +53,7 @@ def position_only(series):
 
 def target_moved(series, k, move, turn=(0, 0, 0)):
     """The mount moved and turned on the tool from place k on, in its own axes."""
-    R, behind = series.rotation, np.arange(series.rows) >= k
+    R, behind = series.rotation, np.arange(series.n_rows) >= k
     d, W = np.asarray(move), Rotation.from_rotvec(turn).as_matrix()
     position = series.position + behind[:, None, None] * (R @ d)[:, None]
     return replace(series, position=position, rotation=np.where(behind[:, None, None], R @ W, R))
@@ -61,7 +61,7 @@ def target_moved(series, k, move, turn=(0, 0, 0)):
 
 def tracker_moved(series, k, move, turn=(0, 0, 0)):
     """The tracker moved and turned about its own origin from place k on."""
-    behind, W = np.arange(series.rows) >= k, Rotation.from_rotvec(turn).as_matrix()
+    behind, W = np.arange(series.n_rows) >= k, Rotation.from_rotvec(turn).as_matrix()
     position = np.where(behind[:, None, None], series.position @ W.T + move, series.position)
     rotation = np.where(behind[:, None, None], W @ series.rotation, series.rotation)
     return replace(series, position=position, rotation=rotation)
@@ -75,9 +75,9 @@ def test_nothing_moves_in_sound_series(ur10, order):
     """
     (one,) = read(ur10, masses=(0.0, 5.0) if order == "loaded after a while" else (0.0,))
     time = one.q[:, 0] if order == "joint 1 rises" else np.linalg.norm(one.wrench, axis=1)
-    ordered = replace(select_rows(one, np.argsort(time, kind="stable")), row=one.row)
+    ordered = replace(select_rows(one, np.argsort(time, kind="stable")), row_id=one.row_id)
     if order == "half turned":
-        blank = np.arange(one.rows)[:, None, None] % 2
+        blank = np.arange(one.n_rows)[:, None, None] % 2
         ordered = replace(ordered, rotation=np.where(blank, np.nan, ordered.rotation))
     found = gathered(ur10, ordered)
     assert not found.issues
@@ -89,7 +89,7 @@ def test_what_a_pose_leaves_open_is_no_move_however_many_readings_it_has(kr500):
     """Three targets under three loads, 27 numbers a pose, share the errors of its gears; a move is seen."""
     (one,) = read(kr500, poses=24, targets=3, orientations=False, masses=(0.0, 200.0, 460.0))
     assert not gathered(kr500, one).issues
-    behind = np.arange(one.rows) >= 36
+    behind = np.arange(one.n_rows) >= 36
     moved = gathered(kr500, replace(one, position=one.position + behind[:, None, None] * 5e-3))
     (words,) = moves(moved, kr500)
     size = float(re.search(r"the tracker moved by (\S+) mm.* between rows 36 and 37,", words)[1])
@@ -117,7 +117,7 @@ def test_what_moved_in_mid_series_is_found_at_its_row_and_parted(ur10, fault):
     (words,) = moves(found, ur10)
     assert f"the {what} moved" in words
     assert f"between rows {k} and {k + 1}," in words
-    assert [part.rows for part in found.series] == [k, ROWS - k]
+    assert [part.n_rows for part in found.series] == [k, ROWS - k]
     assert found.noise.position_model_error < 2e-4  # tenths of what the step would leave
 
 
@@ -126,7 +126,7 @@ def test_a_mount_that_moved_is_shared_no_more(ur10):
     one, two = read(ur10, series=2, share_target=True)
     found = gathered(ur10, target_moved(one, 20, (0, 0, 5e-3)), two)
     assert moves(found, ur10)[1] == "series 2: its mount should be shared, but is fitted separately"
-    assert [part.target for part in found.series] == ["mount 1", "mount 1 from row 21", "mount 1 of series 2"]
+    assert [part.mount for part in found.series] == ["mount 1", "mount 1 from row 21", "mount 1 of series 2"]
     assert found.noise.position_model_error < 2e-4
 
 
@@ -176,7 +176,7 @@ MISTAKES = {
         "the tracker's in the target's frame",
     ),
     "any orientations": (
-        lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
+        lambda s: replace(s, rotation=Rotation.random(s.n_rows, random_state=0).as_matrix()),
         "its positions fit this arm, but its orientations are",
     ),
     "five poses": (lambda s: select_rows(s, np.arange(5)), "5 poses .* for the 12 numbers .* at least 6"),
@@ -184,7 +184,7 @@ MISTAKES = {
         joints(lambda q: np.where(np.arange(6) == 0, q, q[0])),
         "only shoulder_pan_joint turn.* need 2 joints",
     ),
-    "all lost": (lambda s: replace(s, precision=np.zeros((s.rows, 1, 3, 3))), "tmac was never read"),
+    "all lost": (lambda s: replace(s, precision=np.zeros((s.n_rows, 1, 3, 3))), "tmac was never read"),
 }
 
 
@@ -257,7 +257,7 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     assert words == [f"series 1: targets without any reading are left out: {one.markers[1]}"]
     assert left.markers == (one.markers[0], one.markers[2])
     np.testing.assert_array_equal(left.position, one.position[:, [0, 2]])
-    assert left.seen.all()
+    assert left.is_measured.all()
 
 
 @pytest.mark.study
@@ -301,8 +301,8 @@ def test_what_few_poses_leave_open_is_taken_from_what_others_share(ur10, shared)
         state = gathered(ur10, *order).state
         off = np.linalg.norm(residuals(state, two)[:1], axis=1)
         assert np.sqrt((off**2).mean()) < 6e-4  # 0.2 mm are left of the long series alone
-    with pytest.raises(BenchError, match=f"^series 2: {few.rows} poses with a reading are too few"):
-        gathered(ur10, one, replace(few, frame="its own", target="its own"))
+    with pytest.raises(BenchError, match=f"^series 2: {few.n_rows} poses with a reading are too few"):
+        gathered(ur10, one, replace(few, frame="its own", mount="its own"))
     with pytest.raises(BenchError, match=r"^series 2: 1 poses with a reading are too few"):
         gathered(ur10, one, replace(select_rows(two, np.arange(1)), frame="its own"))
 
@@ -317,7 +317,7 @@ def turning_alone(cell, joints, **asked):
     q = np.full((24, 7), 0.3)
     q[:, joints] = np.random.default_rng(3).uniform(-1.2, 1.2, (24, len(joints)))
     campaign = AbsoluteCampaign(poses=24, masses=(2.5,), **asked)
-    return replace(simulate_series(cell, campaign, 7, q)[0][0], name="turned", target="another")
+    return replace(simulate_series(cell, campaign, 7, q)[0][0], name="turned", mount="another")
 
 
 def test_two_joints_that_turn_are_enough_beside_a_series_of_the_same_frame(seven):
@@ -365,14 +365,14 @@ def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
 @pytest.fixture(scope="module")
 def hundred(ur10):
     """Readings whose rows are numbered as in a file with a header."""
-    return replace(read(ur10, 3, poses=100)[0], row=np.arange(100) + 2)
+    return replace(read(ur10, 3, poses=100)[0], row_id=np.arange(100) + 2)
 
 
 def late(one, k, shift):
     """The joint angles of row k deleted and those below moved up, or one inserted: the last one is lost."""
     other = np.roll(one.q, shift, axis=0)
-    q = np.where(np.arange(one.rows)[:, None] < k, one.q, other)
-    return select_rows(replace(one, q=q), np.arange(one.rows - 1))
+    q = np.where(np.arange(one.n_rows)[:, None] < k, one.q, other)
+    return select_rows(replace(one, q=q), np.arange(one.n_rows - 1))
 
 
 @pytest.mark.parametrize(
@@ -393,7 +393,7 @@ def test_nothing_slipped_in_sound_rows_nor_where_a_tracker_moved_or_poses_repeat
     """Nor where rows at the end are wild, nor is half of the truth said where a tracker moved too."""
     number = np.arange(100)[:, None, None]
     moved, wild = 0.05 * (number >= 50), 0.3 * (number >= 92)
-    again = replace(select_rows(hundred, np.repeat(np.arange(100), 3)), row=np.arange(300) + 2)
+    again = replace(select_rows(hundred, np.repeat(np.arange(100), 3)), row_id=np.arange(300) + 2)
     slipped = late(position_only(hundred), 50, -1)
     for one in (
         hundred,
@@ -401,7 +401,7 @@ def test_nothing_slipped_in_sound_rows_nor_where_a_tracker_moved_or_poses_repeat
         again,
         replace(position_only(hundred), position=hundred.position + moved),
         replace(hundred, position=hundred.position + wild),
-        replace(slipped, position=slipped.position + moved[: slipped.rows]),
+        replace(slipped, position=slipped.position + moved[: slipped.n_rows]),
     ):
         check_row_order(ur10.vjm, [one])
 

@@ -13,7 +13,7 @@ from refused import refused
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.data.dataset import Dataset, select, split
+from testbench.data.dataset import Dataset, select_runs, split_by_pose
 from testbench.errors import BenchError, InputError
 from testbench.files.read_pairs import read_csv
 from testbench.files.table import read_table
@@ -36,8 +36,8 @@ def dataset(*, rotation: bool = False, arm: Arm = ARM, poses: tuple[int, ...] = 
     turned = rng.uniform(-1, 1, (runs, 3)) if rotation else None
     return Dataset(
         markers=arm.markers,
-        run=np.arange(runs) + 11,
-        pose=np.array(poses),
+        run_id=np.arange(runs) + 11,
+        pose_id=np.array(poses),
         q=np.array([q[pose] for pose in poses]),
         wrench=rng.uniform(-5e3, 5e3, (runs, 6)),
         point=rng.uniform(-0.5, 0.5, (runs, 3)),
@@ -121,8 +121,8 @@ def test_covariances_and_lost_targets_are_read_back(tmp_path):
     file = written(tmp_path, data)
     back = read_csv(file, ARM)
     np.testing.assert_allclose(back.precision, data.precision, rtol=1e-9, atol=1e-3)
-    np.testing.assert_array_equal(back.seen, data.seen)
-    np.testing.assert_array_equal(back.after[data.seen], data.after[data.seen])
+    np.testing.assert_array_equal(back.is_measured, data.is_measured)
+    np.testing.assert_array_equal(back.after[data.is_measured], data.after[data.is_measured])
     assert not back.deflection[1, 2].any()
     lost = file.read_text().splitlines()[1 + 3 + 2]
     assert lost.split(",")[-6:] == [""] * 6
@@ -326,7 +326,7 @@ def test_a_joint_that_rounding_takes_beyond_its_limit_is_read_at_the_limit(tmp_p
 
 def test_counts_deflection_and_rotation_follow_from_the_readings():
     data = dataset(rotation=True)
-    assert (data.runs, data.points) == (4, 12)
+    assert (data.n_runs, data.n_points) == (4, 12)
     np.testing.assert_array_equal(data.deflection, data.after - data.before)
     assert data.rotation_before is not None
     turn = Rotation.from_rotvec(data.rotation) * Rotation.from_rotvec(data.rotation_before)
@@ -337,8 +337,8 @@ def test_counts_deflection_and_rotation_follow_from_the_readings():
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
-        ({"run": np.array([1, 2, 3])}, r"pose: expected 3 integers, got int64 \(4,\)"),
-        ({"run": np.ones(4)}, r"run: expected 4 integers, got float64 \(4,\)"),
+        ({"run_id": np.array([1, 2, 3])}, r"pose_id: expected 3 integers, got int64 \(4,\)"),
+        ({"run_id": np.ones(4)}, r"run_id: expected 4 integers, got float64 \(4,\)"),
         ({"markers": ()}, r"markers: expected different names, got \(\)"),
         ({"markers": ("P1", "P1", "P3")}, "markers: expected different names, got"),
         ({"markers": ("P1", "P2")}, r"before \[m\]: expected shape \(4, 2, 3\), got \(4, 3, 3\)"),
@@ -348,7 +348,10 @@ def test_counts_deflection_and_rotation_follow_from_the_readings():
         ({"sigma": np.nan}, r"sigma \[m\]: expected a number above 0 and below 1, got nan"),
         ({"sigma_rotation": None}, "orientations: expected before, after and sigma together, or none"),
         ({"rotation_after": np.zeros((4, 3, 3))}, r"rotation_after \[rad\]: expected shape \(4, 3\)"),
-        ({"taken_off": np.zeros(3, bool)}, r"taken_off: expected shape \(4\), got \(3,\)"),
+        (
+            {"unloaded_after_load": np.zeros(3, bool)},
+            r"unloaded_after_load: expected shape \(4\), got \(3,\)",
+        ),
         ({"station": np.zeros(3, int)}, r"station: expected 4 integers, got int64 \(3,\)"),
         ({"sigma_rotation": 0.0}, r"sigma_rotation \[rad\]: expected a number above 0 and below 1, got 0.0"),
         ({"precision": np.zeros((4, 3, 3))}, r"precision \[1/m\^2\]: expected shape \(4, 3, 3, 3\)"),
@@ -370,8 +373,8 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
     file.write_text("\n".join(",".join(map(str, line)) for line in [head, *lines]))
     found = read_csv(file, ARM)
     assert found.before[:, 0, 0].tolist() == [1, 4]
-    assert found.taken_off is not None
-    assert found.taken_off.tolist() == [False, True]
+    assert found.unloaded_after_load is not None
+    assert found.unloaded_after_load.tolist() == [False, True]
     for wrong, said in (
         (lines[:3], "line 4: loading off: expected an unloaded reading of the same run"),
         ([*lines, lines[1]], "line 6: this marker was read before in the same run"),
@@ -383,10 +386,22 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
 @pytest.mark.parametrize(
     ("part", "said"),
     [
-        (lambda data: split(data, np.array([7, 5])), r"no pose 5 in the dataset; poses are \[4, 7, 9\]"),
-        (lambda data: split(data, np.array([4, 7, 9])), "split: expected runs on both sides, got 4 of 4"),
-        (lambda data: split(data, np.array([], int)), "split: expected runs on both sides, got 0 of 4"),
-        (lambda data: select(data, np.ones(3, bool)), r"select: expected a mask of 4 runs, got shape \(3,\)"),
+        (
+            lambda data: split_by_pose(data, np.array([7, 5])),
+            r"no pose 5 in the dataset; poses are \[4, 7, 9\]",
+        ),
+        (
+            lambda data: split_by_pose(data, np.array([4, 7, 9])),
+            "split: expected runs on both sides, got 4 of 4",
+        ),
+        (
+            lambda data: split_by_pose(data, np.array([], int)),
+            "split: expected runs on both sides, got 0 of 4",
+        ),
+        (
+            lambda data: select_runs(data, np.ones(3, bool)),
+            r"select: expected a mask of 4 runs, got shape \(3,\)",
+        ),
         (lambda data: data.rotation, "expected orientations, it has positions only"),
     ],
 )

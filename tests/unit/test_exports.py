@@ -10,7 +10,7 @@ import pytest
 from refused import refused
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import Dataset, select, select_rows
+from testbench.data.dataset import Dataset, select_rows, select_runs
 from testbench.errors import InputError
 from testbench.files.names import our_names, recognise
 from testbench.files.read_pairs import read_export
@@ -33,8 +33,8 @@ def measured() -> Dataset:
     pose = np.repeat([0, 1, 2], 2)
     return Dataset(
         markers=ARM.markers,
-        run=np.arange(6) + 1,
-        pose=pose + 1,
+        run_id=np.arange(6) + 1,
+        pose_id=pose + 1,
         q=q[pose],
         wrench=wrench,
         point=np.tile([0.35, 0.14, -0.08], (6, 1)),
@@ -86,7 +86,7 @@ def two_headers() -> bytes:
         first, second, *others = deg(r)
         angles, pounds = [first, number(-float(second)), *others], f"{KG[r] / 0.45359237:.9f}"
         moved = mm(np.stack([DATA.before[r], DATA.deflection[r]], axis=1))
-        rows.append([r + 1, DATA.pose[r], *angles, pounds, *moved])
+        rows.append([r + 1, DATA.pose_id[r], *angles, pounds, *moved])
     return b"\xef\xbb\xbf" + table([upper, lower, units, *rows], "\t")
 
 
@@ -107,7 +107,7 @@ def inches() -> bytes:
     for r, when, places in readings():
         state, force = ("free", "") if when == "before" else ("pushed", f"{9.81e-3 * KG[r]:.9f}")
         where = [f"{x / 0.0254:.9f}" for x in places.reshape(-1)]
-        lines.append([len(lines), f"C-{DATA.pose[r]}", state, force, *deg(r), *where])
+        lines.append([len(lines), f"C-{DATA.pose_id[r]}", state, force, *deg(r), *where])
     return table(lines, ",")
 
 
@@ -129,7 +129,7 @@ def merged() -> bytes:
     head = ["run", "pose", *(f"joint_{k}_deg" for k in range(1, 7)), "mass_kg", "marker"]
     lines = [[*head, *(f"{when} {x} (mm)" for when in WHEN for x in "xyz")]]
     for r in RUNS:
-        first = [r + 1, DATA.pose[r], *deg(r, ","), number(KG[r], 1, ",")]
+        first = [r + 1, DATA.pose_id[r], *deg(r, ","), number(KG[r], 1, ",")]
         lines += [[*(first if m == 0 else [""] * 9), f"P{m + 1}", *mm(both(r)[m], ",")] for m in M]
     return table(lines, ";")
 
@@ -153,7 +153,7 @@ def names_of_points() -> bytes:
     lines = [["sep=,"], ["Name", "X [m]", "Y [m]", "Z [m]", *(f"J{k}" for k in range(1, 7))]]
     for r, when, places in readings():
         load = f"{KG[r]:.1f}kg" if when == "after" else "free"
-        group = f"Cell::P{DATA.pose[r]:02d}_{load}"
+        group = f"Cell::P{DATA.pose_id[r]:02d}_{load}"
         lines += [[f"{group}::T{m + 1}", *(number(x) for x in places[m]), *deg(r)] for m in M]
     return table([*lines, ["36 points"]], ",")
 
@@ -175,7 +175,7 @@ def rows_of_axes() -> bytes:
     lines = [["Report 7"], [*head, *(f"A{k}" for k in range(1, 7))]]
     for r in RUNS:
         for m in M:
-            shared = [r + 1, DATA.pose[r], number(KG[r]), *deg(r)]
+            shared = [r + 1, DATA.pose_id[r], number(KG[r]), *deg(r)]
             lines += [[f"P{m + 1}", "XYZ"[k], *mm(both(r)[m][:, k]), "0.1", *shared] for k in (2, 0, 1)]
             lines.append([f"P{m + 1}", "D", "38.1", "38.1", "0", *shared])
     return table(lines, "\t")
@@ -228,7 +228,7 @@ def read(*args):
 
 def check_alike(read: Dataset, data: Dataset = DATA) -> None:
     assert read.markers == data.markers
-    np.testing.assert_array_equal(read.pose, data.pose)
+    np.testing.assert_array_equal(read.pose_id, data.pose_id)
     for name in ("q", "before", "after", "point"):
         np.testing.assert_allclose(getattr(read, name), getattr(data, name), rtol=0, atol=2e-9, err_msg=name)
     np.testing.assert_allclose(read.wrench, data.wrench, rtol=0, atol=1e-6)
@@ -331,7 +331,7 @@ def columns_by_load() -> bytes:
     lines[0] += [f"P{m + 1} {x} {load} kg" for m in M for x in "XYZ" for load in loads]
     for r in (0, 2, 4):
         places = np.stack([DATA.before[r], DATA.after[r], DATA.after[r + 1]], axis=2)
-        lines.append([DATA.pose[r], *deg(r), *mm(places)])
+        lines.append([DATA.pose_id[r], *deg(r), *mm(places)])
     return table(lines, ",")
 
 
@@ -344,7 +344,7 @@ def test_names_of_columns_may_hold_a_target_an_axis_and_a_load(tmp_path, name):
     export.write_bytes(columns_by_load())
     names.write_text(BY_LOAD.format(name))
     found = read_export(export, ARM, names, None).data
-    order = np.argsort(found.pose, kind="stable")  # the rows of a load stand together
+    order = np.argsort(found.pose_id, kind="stable")  # the rows of a load stand together
     check_alike(select_rows(found, order))
 
 
@@ -375,9 +375,11 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     found = read(tmp_path, "plain", text).data
     expected = np.ones((6, 3), bool)
     expected[[0, 1, 1], [2, 1, 2]] = False
-    np.testing.assert_array_equal(found.seen, expected)
+    np.testing.assert_array_equal(found.is_measured, expected)
     np.testing.assert_allclose(found.precision[0, 0], np.eye(3) / (2 * (50e-6) ** 2))
-    check_alike(replace(select(found, expected.all(axis=1)), precision=None), select(DATA, DATA.pose > 1))
+    check_alike(
+        replace(select_runs(found, expected.all(axis=1)), precision=None), select_runs(DATA, DATA.pose_id > 1)
+    )
 
 
 @pytest.mark.parametrize(
@@ -433,7 +435,7 @@ def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path, lost, 
     text[4] = ",".join([*text[4].split(",")[:8], lost, lost, lost])
     text[1:4] = [line.replace(",0.0000000,", ",,") for line in text[1:4]]
     own = files(tmp_path, "plain", text, f'words.lost = ["{lost}", "---"]')
-    assert np.argwhere(~read_export(*own).data.seen).tolist() == [[0, 0]]
+    assert np.argwhere(~read_export(*own).data.is_measured).tolist() == [[0, 0]]
     with pytest.raises(InputError, match=rf"line 5, column x_mm: {said}"):
         read_export(*own[:2])
 
@@ -441,7 +443,7 @@ def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path, lost, 
 def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
     text = lines_of("plain")
     found = read(tmp_path, "plain", [*text, *text[1:]]).data
-    assert found.runs == 12
+    assert found.n_runs == 12
     np.testing.assert_array_equal(found.after[:6], found.after[6:])
     with pytest.raises(
         InputError, match="this marker has more readings in its pose and load than the others"
@@ -456,7 +458,7 @@ def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
     for cells in again[:3]:
         cells[-1] = number(float(cells[-1]) + 1)
     found = read(tmp_path, "plain", [*text, *map(",".join, again)]).data
-    assert found.pose.tolist() == [1, 1, 2, 2, 3, 3, 1]
+    assert found.pose_id.tolist() == [1, 1, 2, 2, 3, 3, 1]
     np.testing.assert_array_equal(found.before[:2], found.before[[0, 0]])
     np.testing.assert_allclose(found.before[6] - found.before[0], np.tile([0, 0, 1e-3], (3, 1)), atol=1e-12)
 

@@ -77,11 +77,11 @@ def hung(ur10):
     weights = read_body_masses(ur10.arm)
     sag = replace(nominal_state(ur10.vjm, weights, np.ones(6)), C_theta=-4 * ur10.plant.arm.C_theta)
     at = Frame(np.eye(3), np.zeros(3)), Mount(np.zeros((1, 3)), np.eye(3), one.markers)
-    state = replace(sag, frames={one.frame: at[0]}, mounts={one.target: at[1]})
+    state = replace(sag, frames={one.frame: at[0]}, mounts={one.mount: at[1]})
     still = replace(one, position=np.zeros_like(one.position), wrench=0 * one.wrench)
     noise = 30e-6 * np.random.default_rng(1).standard_normal(one.position.shape)
     read = replace(still, position=noise - residuals(state, still)[:1].transpose(2, 0, 1), sigma=30e-6)
-    k = np.arange(one.rows)
+    k = np.arange(one.n_rows)
     return select_rows(read, k < 45), select_rows(read, k >= 45)
 
 

@@ -44,13 +44,13 @@ def test_readings_along_lines_are_read_back(kr500, tmp_path, instruments):
     data = simulated(kr500, *instruments)
     write_csv(data, kr500.arm, tmp_path / "lines.csv")
     again = read_csv(tmp_path / "lines.csv", kr500.arm)
-    for name in ("run", "pose", "q", "wrench"):
+    for name in ("run_id", "pose_id", "q", "wrench"):
         np.testing.assert_array_equal(getattr(again, name), getattr(data, name))
-    np.testing.assert_array_equal(again.seen, data.seen)
-    np.testing.assert_array_equal(again.lines, data.lines)
-    for name in ("before", "after", "direction", "tilt", "reach"):
+    np.testing.assert_array_equal(again.is_measured, data.is_measured)
+    np.testing.assert_array_equal(again.is_line_reading, data.is_line_reading)
+    for name in ("before", "after", "direction", "direction_deviation", "line_length"):
         own = [
-            np.where(data.seen.reshape(*data.seen.shape, *[1] * (x.ndim - 2)), x, 0)
+            np.where(data.is_measured.reshape(*data.is_measured.shape, *[1] * (x.ndim - 2)), x, 0)
             for x in (getattr(again, name), getattr(data, name))
         ]
         np.testing.assert_allclose(*own, rtol=1e-9, atol=1e-9)
@@ -62,29 +62,29 @@ def test_a_reading_out_of_range_is_lost_and_a_marker_without_an_instrument_is_no
     alone = simulated(kr500, short, wire)
     write_csv(alone, kr500.arm, tmp_path / "lines.csv")
     for data in (alone, read_csv(tmp_path / "lines.csv", kr500.arm)):
-        assert not data.seen[:, 0].any()
-        assert data.lost.tolist() == [[True, False, False]] * 3
+        assert not data.is_measured[:, 0].any()
+        assert data.is_lost.tolist() == [[True, False, False]] * 3
     export = read_export(tmp_path / "lines.csv", kr500.arm)
     found = contents(export)
     assert (found.targets, len(found.lost), found.without) == (6, 3, ["P3"])
     beside = simulated(kr500, short, Mounted(Tracker(3e-5)))
-    assert beside.lost.any(axis=1).tolist() == [True, False] * 3
-    assert not beside.lost[:, 1:].any()
+    assert beside.is_lost.any(axis=1).tolist() == [True, False] * 3
+    assert not beside.is_lost[:, 1:].any()
     assert contents(replace(export, data=beside)).without == [
         f"P{k} in run {n}" for n in (1, 3, 5) for k in (2, 3)
     ]
     some = beside.precision.copy()
     some[1, 2] = 0
-    assert replace(beside, precision=some).lost[1].tolist() == [False, False, True]
+    assert replace(beside, precision=some).is_lost[1].tolist() == [False, False, True]
 
 
 def test_a_workshops_table_of_gauges_needs_no_position(kr500, tmp_path):
     file = tmp_path / "gauges.csv"
     file.write_text(GAUGES)
     data = read_csv(file, kr500.arm)
-    assert data.lines.tolist() == [[True, True, False]]
+    assert data.is_line_reading.tolist() == [[True, True, False]]
     np.testing.assert_allclose(data.deflection[0, 0], [-0.988e-3, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(np.rad2deg(data.tilt[0]), [0.5, 1.0, 0.0])
+    np.testing.assert_allclose(np.rad2deg(data.direction_deviation[0]), [0.5, 1.0, 0.0])
     zeroed = GAUGES.replace("travel_unloaded_mm,", "").replace("10.000,", "").replace("10.001,", "")
     file.write_text(zeroed.replace("P3,10,-60,80,5,30,0,460,,,,", "P3,10,-60,80,5,30,0,460,,,"))
     np.testing.assert_allclose(read_csv(file, kr500.arm).deflection[0, 0, 0], 9.012e-3)
@@ -95,7 +95,7 @@ def test_what_a_file_does_not_say_is_assumed_and_said(kr500, tmp_path):
     file.write_text("\n".join(",".join(line.split(",")[:-2]) for line in GAUGES.splitlines()) + "\n")
     export = read_export(file, kr500.arm)
     assert any("0.5 deg for the direction is assumed" in note for note in export.notes)
-    np.testing.assert_allclose(np.rad2deg(export.data.tilt[0, 1]), 0.5)
+    np.testing.assert_allclose(np.rad2deg(export.data.direction_deviation[0, 1]), 0.5)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.correct.compensated import solve_poses
+from testbench.correct.compensated import solve_inverse_kinematics
 from testbench.correct.newton import Target
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
@@ -30,7 +30,7 @@ def constant(cell, kind, seed):
     home = np.array([HOME])
     position, rotation = tool_poses(cell.vjm, home)
     at = Target(position + 0.12 * cell.vjm.reach * way, np.repeat(rotation, POSES, axis=0))
-    found = solve_poses(cell.vjm, at, np.repeat(home, POSES, axis=0))
+    found = solve_inverse_kinematics(cell.vjm, at, np.repeat(home, POSES, axis=0))
     assert found.converged.all()
     return found.q
 
@@ -65,7 +65,7 @@ def test_a_series_of_one_orientation_foretells_others_of_it(kr500, kind, targets
     model = found.calibration.model()
     again, new = (
         position_errors(model, [one], poses)
-        for one, poses in ((fresh, None), (replace(fresh, frame="new", target="new"), 20))
+        for one, poses in ((fresh, None), (replace(fresh, frame="new", mount="new"), 20))
     )
     assert again.rms_mm < drawn
     assert new.rms_mm < drawn
@@ -94,7 +94,7 @@ def test_a_wrong_joint_in_a_series_of_one_orientation_gets_no_target_metres_away
         state = align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (flipped,))
     except BenchError:
         return
-    assert np.abs(state.mounts[one.target].points).max() < kr500.vjm.reach
+    assert np.abs(state.mounts[one.mount].points).max() < kr500.vjm.reach
 
 
 def test_a_frame_is_upright_where_readings_on_a_line_tell_no_turn(rng):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.correct.predicted import process_wrench, tangents
+from testbench.correct.predicted import path_tangents, process_wrench
 from testbench.errors import BenchError
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -22,15 +22,15 @@ def test_on_a_circle_the_feed_is_tangential_and_the_cross_force_points_to_the_ce
 
 def test_where_the_tool_waits_the_way_around_counts(rng):
     path, times = np.cumsum(rng.normal(size=(9, 3)), axis=0), [3, 1, 2, 1, 1, 4, 1, 1, 2]
-    once = tangents(path, np.ones(9, dtype=bool))
-    waits = tangents(np.repeat(path, times, axis=0), np.ones(16, dtype=bool))
+    once = path_tangents(path, np.ones(9, dtype=bool))
+    waits = path_tangents(np.repeat(path, times, axis=0), np.ones(16, dtype=bool))
     np.testing.assert_array_equal(waits, np.repeat(once, times, axis=0))
     np.testing.assert_allclose(np.linalg.norm(once, axis=1), 1, rtol=0, atol=1e-15)
 
 
 def test_a_corner_is_halved_whatever_the_steps_are_and_ends_of_a_cut_follow_the_cut():
     path = np.array([[0, 0, 0.3], [0, 0, 0], [0.2, 0, 0], [0.2, 0.001, 0], [0.2, 0.001, 0.3]])
-    feed = tangents(path, np.array([False, True, True, True, False]))
+    feed = path_tangents(path, np.array([False, True, True, True, False]))
     half = np.array([1, 1, 0]) / np.sqrt(2)
     expected = [[0, 0, -1], [1, 0, 0], half, [0, 1, 0], [0, 0, 1]]
     np.testing.assert_allclose(feed, expected, rtol=0, atol=1e-12)

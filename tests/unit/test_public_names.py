@@ -67,9 +67,12 @@ def cell():
         (lambda _: tb.PriorUncertainty("30 %"), "relative: expected a number from .*, got '30 %'"),
         (lambda cell: tb.weight(cell.vjm, "460 kg"), r"mass \[kg\]: expected numbers, got str"),
         (lambda cell: tb.weight(cell.vjm, -460), r"mass \[kg\]: expected 0 or more, got -460"),
-        (lambda _: tb.Aim(hold="axes"), "aim.hold: expected pose or axis or position, got 'axes'"),
-        (lambda _: tb.Aim(reference="taught"), "aim.reference: expected unloaded or drawn or None"),
-        (lambda _: tb.Aim(point=(0.0, 0.1)), r"aim.point \[m\]: expected shape \(3\), got \(2,\)"),
+        (
+            lambda _: tb.Aim(corrected_part="axes"),
+            "aim.corrected_part: expected pose or axis or position, got 'axes'",
+        ),
+        (lambda _: tb.Aim(joint_meaning="taught"), "aim.joint_meaning: expected unloaded or drawn or None"),
+        (lambda _: tb.Aim(tool_point=(0.0, 0.1)), r"aim.tool_point \[m\]: expected shape \(3\), got \(2,\)"),
         (
             lambda cell: tb.plan(cell, np.full((1, 6), 40.0), tb.PlanSettings(loads_kg=(460.3,))),
             "expected radians; joint_1 of pose 0 is at 40 rad",
@@ -100,7 +103,7 @@ def _structure(cell):
     ("change", "said"),
     [
         (lambda data: {"q": data.q.tolist()}, r"q \[rad, m\]: expected ndarray, got list"),
-        (lambda data: {"run": None}, "run: expected ndarray, got NoneType"),
+        (lambda data: {"run_id": None}, "run_id: expected ndarray, got NoneType"),
         (lambda data: {"markers": "P1"}, "markers: expected tuple or list, got str"),
         (lambda data: {"sigma": None}, r"sigma \[m\]: expected a number above 0 and below 1, got None"),
         (lambda data: {"sigma": "50 um"}, "sigma .*, got '50 um'"),

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import Dataset, Series, series_of
+from testbench.data.dataset import Dataset, Series, series_from_runs
 from testbench.errors import BenchError, InputError
 from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
@@ -52,7 +52,7 @@ def check_alike(a: Series, b: Series, tolerance: float = 1e-9, other: tuple[str,
     """Equal in all else that a file holds; matrices of rotation and precision relative to their size."""
     for name in a.__dataclass_fields__.keys() - {*other}:
         x, y = getattr(a, name), getattr(b, name)
-        if name == "joints":
+        if name == "joint_columns":
             continue  # names of the file's columns
         if isinstance(x, np.ndarray):
             np.testing.assert_allclose(y, x, rtol=tolerance, atol=tolerance, err_msg=name)
@@ -109,9 +109,9 @@ def full(**changes) -> Series:
         name="whole A",
         markers=KR500.markers,
         frame="cell",
-        target="mount",
-        row=np.arange(N) * 3 + 5,
-        pose=np.array([4, 4, 7, 8, 8, 9, 2]),
+        mount="mount",
+        row_id=np.arange(N) * 3 + 5,
+        pose_id=np.array([4, 4, 7, 8, 8, 9, 2]),
         q=0.9 * RNG.uniform(*KR500.limits, (N, 6)),
         wrench=wrench,
         point=RNG.normal(size=(N, 3)),
@@ -130,7 +130,7 @@ def full(**changes) -> Series:
 def test_what_we_write_is_read_back(tmp_path):
     """Two series that share a frame, one with deviations by axis, and the least there is."""
     path = tmp_path / "whole.csv"
-    first, second = full(), full(name="whole B", target="another", rotation=None, sigma_rotation=None)
+    first, second = full(), full(name="whole B", mount="another", rotation=None, sigma_rotation=None)
     diagonal = RNG.uniform(1e8, 4e8, (N, 3, 3, 1)) * np.eye(3)
     diagonal[2, 1] = 0
     deviated = replace(first, precision=diagonal)
@@ -174,7 +174,7 @@ def test_one_map_serves_readings_of_the_ur10_with_and_without_standard_deviation
     turns = [Rotation.from_rotvec(x * e).as_matrix() for x, e in zip(angles, np.eye(3), strict=True)]
     np.testing.assert_allclose(a.rotation[0], turns[0] @ turns[1] @ turns[2], atol=1e-12)
     np.testing.assert_allclose(a.position[0, 0], [2.3619831, -1.3685474, 0.11939713], atol=SAME_PLACE)
-    assert (a.sigma, a.precision, a.frame, a.target) == (pytest.approx(30e-6), None, "A", "A")
+    assert (a.sigma, a.precision, a.frame, a.mount) == (pytest.approx(30e-6), None, "A", "A")
     assert (a.time[1], c.time, *c.temperature) == (93, None, 21.6, 21.6)
     deviations = np.diagonal(c.precision[:, 0], axis1=1, axis2=2) ** -0.5
     np.testing.assert_allclose(deviations, [[40e-6, 1e-6, 5e-6], [40e-6, 20e-6, 5e-6]], rtol=1e-9)
@@ -207,16 +207,16 @@ def test_masses_hang_and_torques_times_and_poses_stand_beside(tmp_path):
     np.testing.assert_allclose(s.wrench[:, 2], -9.81 * np.array([0, 1.25, 2.5, 0, 0, 1.25, 0]))
     np.testing.assert_allclose(s.torque[:, 5], own["tau5"])
     np.testing.assert_allclose(s.time, 60.0 * np.arange(N))
-    assert (s.frame, s.target, s.temperature) == ("cell", "mount", None)
+    assert (s.frame, s.mount, s.temperature) == ("cell", "mount", None)
     assert any("temperature" in note for note in export.notes)
 
 
 def test_a_station_has_a_frame_of_its_own_and_shares_the_mount(tmp_path):
     a, b = read(tmp_path, PLAIN | {"station": [1, 1, 1, 2, 2, 2, 2]}).series
-    assert (a.rows, b.rows, a.frame, b.frame, a.target, b.target) == (3, 4, "one 1", "one 2", "one", "one")
+    assert (a.n_rows, b.n_rows, a.frame, b.frame, a.mount, b.mount) == (3, 4, "one 1", "one 2", "one", "one")
     names = ["north", "north", "south", "south", "south", "north", "north"]
     a, b = read(tmp_path, PLAIN | {"series": names}, '[series]\nframe = "cell"\n').series
-    assert (a.name, a.row.tolist(), b.frame) == ("one north", [2, 3, 7, 8], "cell south")
+    assert (a.name, a.row_id.tolist(), b.frame) == ("one north", [2, 3, 7, 8], "cell south")
     both = table(JOINTS, Q[[0] * 4]) | table(XYZ, 1e3 * P[:4]) | {"marker": ["T1", "T1", "T2", "T2"]}
     a, b = read(tmp_path, both | {"series": [*"abba"]}, '[series]\nmarkers = ["T1", "T2"]\n').series
     np.testing.assert_allclose([a.position[0], b.position[0]], P[[[0, 3], [1, 2]]], atol=SAME_PLACE)
@@ -230,7 +230,7 @@ def test_several_targets_of_the_laboratorys_own_names_some_lost(tmp_path):
     names = [f"T{k} {x} [m]" for k in (1, 2) for x in "XYZ"]
     wide = read(tmp_path, table(JOINTS, Q) | table(names, blank), '[series]\nmarkers = ["T1", "T2"]\n')
     [one] = wide.series
-    assert one.seen.tolist() == [[True, True], [False, True], *[[True, True]] * 4]
+    assert one.is_measured.tolist() == [[True, True], [False, True], *[[True, True]] * 4]
     expected = np.nan_to_num(np.delete(places, 3, axis=0))
     np.testing.assert_allclose(one.position, expected, atol=SAME_PLACE)
     np.testing.assert_allclose(one.precision[1], [np.zeros((3, 3)), np.eye(3) / one.sigma**2])
@@ -240,12 +240,17 @@ def test_several_targets_of_the_laboratorys_own_names_some_lost(tmp_path):
 def test_pairs_as_readings_keep_their_orientations():
     """What a fit of both kinds sees of a pair is all that was read."""
     turns = np.random.default_rng(2).normal(size=(2, N, 3))
-    still = {"run": np.arange(N), "pose": np.arange(N), "wrench": np.zeros((N, 6)), "point": np.zeros((N, 3))}
+    still = {
+        "run_id": np.arange(N),
+        "pose_id": np.arange(N),
+        "wrench": np.zeros((N, 6)),
+        "point": np.zeros((N, 3)),
+    }
     data = Dataset(
         markers=("P1",), q=Q, before=P[:, None], after=P[:, None] + 1e-3, sigma=1e-5, sigma_rotation=1e-4,
         rotation_before=turns[0], rotation_after=turns[1], **still,
     )  # fmt: skip
-    [own] = series_of(data, "pairs", "mount")
+    [own] = series_from_runs(data, "pairs", "mount")
     assert own.sigma_rotation == 1e-4
     np.testing.assert_allclose(own.rotation, Rotation.from_rotvec(np.vstack(turns)).as_matrix())
 
@@ -327,9 +332,7 @@ def csv(folder: Path, rows=ROWS, name: str = "one.csv") -> Path:
 
 
 def test_the_mark_of_a_sheet_in_the_name_of_any_other_file_is_part_of_it(tmp_path):
-    check_alike(
-        one_of(csv(tmp_path, name="one.csv#B")), one_of(csv(tmp_path)), 0, ("name", "frame", "target")
-    )
+    check_alike(one_of(csv(tmp_path, name="one.csv#B")), one_of(csv(tmp_path)), 0, ("name", "frame", "mount"))
 
 
 def test_the_sheet_is_the_one_behind_the_mark_else_the_first_that_is_seen(tmp_path):
@@ -339,7 +342,7 @@ def test_the_sheet_is_the_one_behind_the_mark_else_the_first_that_is_seen(tmp_pa
     file = write(tmp_path, ("Draft",), Draft=[["x"]], A=right, B=other)
     first, second = one_of(file), one_of(tmp_path / "one.xlsx#B")
     check_alike(first, one_of(csv(tmp_path)), 0)
-    check_alike(second, one_of(csv(tmp_path, other)), 0, ("name", "frame", "target"))
+    check_alike(second, one_of(csv(tmp_path, other)), 0, ("name", "frame", "mount"))
     assert second.position[2, 0, 2] == 0.0125
     assert (first.name, second.name) == ("one", "one B")
     [note, *_] = read_series(tmp_path / "one.xlsx#B", ARM).columns.table.notes
@@ -378,7 +381,7 @@ def test_rows_of_a_title_of_units_and_blank_cells_are_as_in_a_text(tmp_path):
     (tmp_path / "map.toml").write_text('words.lost = ""')
     found = read_series(write(tmp_path, A=rows), ARM, tmp_path / "map.toml")
     (one,) = found.series
-    assert one.row.tolist() == list(range(5, 5 + N))  # as the spreadsheet numbers them
+    assert one.row_id.tolist() == list(range(5, 5 + N))  # as the spreadsheet numbers them
     assert found.lost.tolist() == [5 + N]
     assert np.array_equal(one.position, one_of(csv(tmp_path)).position)
 
@@ -424,7 +427,7 @@ def test_poses_and_pairs_come_from_sheets_too(tmp_path):
     own = [[*q[:6], 10, marker, *q[6:], *(x + 0.5 for x in q[6:])] for q in NUMBERS.tolist()]
     data = read_csv(write(tmp_path, A=[names, *own]), ARM)
     assert data.deflection[:, 0] == pytest.approx(5e-4)
-    assert data.runs == N
+    assert data.n_runs == N
 
 
 def ods(rows) -> bytes:
@@ -457,7 +460,7 @@ def test_sheets_of_other_spreadsheets_are_read_bit_by_bit(tmp_path, ending):
     file.write_bytes(ods(ROWS) if ending == "ods" else old.read_bytes())
     check_alike(one_of(file), one_of(csv(tmp_path)), 0)
     sheet = f"{file}#{'Sonntag' if ending == 'ods' else 'Messung'}"
-    check_alike(one_of(sheet), one_of(file), 0, ("name", "frame", "target"))
+    check_alike(one_of(sheet), one_of(file), 0, ("name", "frame", "mount"))
     assert "expected one of its sheets, " in refused(one_of, Path(f"{file}#none"))
 
 
@@ -474,7 +477,7 @@ def test_a_blank_an_error_and_an_uncomputed_formula_are_lost_targets_only_where_
     if lost == 'lost = ""':
         found = read_series(*asked)
         assert found.lost.tolist() == [5]
-        assert found.series[0].rows == N - 1
+        assert found.series[0].n_rows == N - 1
         return
     said = refused(read_series, *asked)
     assert "one.xlsx: sheet A, row 5, column x_mm: expected a number, got a blank cell, an error or a" in said

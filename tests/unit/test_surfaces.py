@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from scipy.special import stdtrit
 
-from testbench.identify.posterior import PRIOR_STUDENT_DOF, quantile
+from testbench.identify.posterior import PRIOR_STUDENT_DOF, student_quantile
 from testbench.plant.shapes import primitive_surface, quaternions
 from testbench.report.run_figure import AT_ONCE, _hull
 
@@ -58,4 +58,4 @@ def test_an_outline_is_the_convex_hull_but_for_edges_that_turn_by_less_than_a_de
 
 @pytest.mark.parametrize("p", [1e-6, 0.3, 0.95, 0.975, 0.999])
 def test_the_quantile_of_four_degrees_of_freedom_is_that_of_scipy(p):
-    assert quantile(PRIOR_STUDENT_DOF, p) == pytest.approx(stdtrit(4.0, p), rel=1e-12)
+    assert student_quantile(PRIOR_STUDENT_DOF, p) == pytest.approx(stdtrit(4.0, p), rel=1e-12)

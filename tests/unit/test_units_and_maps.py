@@ -8,7 +8,7 @@ import pytest
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import series_of
+from testbench.data.dataset import series_from_runs
 from testbench.errors import InputError
 from testbench.files.names import OTHER_NAMES, UNITS
 from testbench.files.read_pairs import read_export
@@ -210,7 +210,7 @@ def test_a_single_reading_has_half_the_covariance_of_a_deflection(tmp_path):
     columns |= {"run": [*map(str, range(N))], "marker": [ARM.markers[0]] * N}
     data = read(tmp_path, columns, reader=read_export).data
     np.testing.assert_allclose(np.linalg.inv(data.precision[:, 0]), C, rtol=1e-6)
-    [direct] = series_of(data, "one", "one")
+    [direct] = series_from_runs(data, "one", "one")
     [read_too] = read(tmp_path, columns).series
     for s in (direct, read_too):
         np.testing.assert_allclose(np.linalg.inv(s.precision[:N, 0]), C / 2, rtol=1e-6)

@@ -73,7 +73,7 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
     Returns:
         Indices of the rows, one array (groups, k) for every number k > 1 of repetitions.
     """
-    read = np.column_stack([series.pose, series.seen, series.oriented])
+    read = np.column_stack([series.pose_id, series.is_measured, series.is_oriented])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
     _, first, count = np.unique(code[order], return_index=True, return_counts=True)
@@ -142,9 +142,9 @@ def whitening_matrices(
     Returns:
         W in base axes, (s, rows, 3, 3) [1/m, 1/rad], and indices into `EQUATION_KINDS`, (s, rows).
     """
-    m, times = len(series.markers), readings_per_row(row_groups, series.rows)
+    m, times = len(series.markers), readings_per_row(row_groups, series.n_rows)
     s = m + (series.rotation is not None)
-    W = np.zeros((s, series.rows, 3, 3))
+    W = np.zeros((s, series.n_rows, 3, 3))
     kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
     kinds[m:] += 1
     # Covariance of positions: that of the instrument, averaged over a group, plus the model error k s^2.
@@ -152,7 +152,7 @@ def whitening_matrices(
     if series.precision is None:
         W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + model_variance)[:, None, None]
     else:
-        covariance = np.linalg.inv(np.where(series.seen[..., None, None], series.precision, np.eye(3)))
+        covariance = np.linalg.inv(np.where(series.is_measured[..., None, None], series.precision, np.eye(3)))
         covariance = rotation.T @ covariance @ rotation
         for group in row_groups:
             covariance[group] = covariance[group].mean(axis=1, keepdims=True)
@@ -194,8 +194,8 @@ def residuals(state: ArmState, series: Series) -> Array:
     Returns:
         Residuals in base axes, (s, 3, rows) [m, rad]; zero where nothing was read.
     """
-    starts = range(0, max(series.rows, 1), MAX_ROWS_IN_MEMORY)
-    parts = (select_rows(series, np.arange(k, min(k + MAX_ROWS_IN_MEMORY, series.rows))) for k in starts)
+    starts = range(0, max(series.n_rows, 1), MAX_ROWS_IN_MEMORY)
+    parts = (select_rows(series, np.arange(k, min(k + MAX_ROWS_IN_MEMORY, series.n_rows))) for k in starts)
     return np.concatenate(
         [series_residuals(state, part, series_equilibrium(state, part)) for part in parts], axis=2
     )
@@ -229,21 +229,24 @@ def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: f
     none = np.zeros(0)
     position, rotation = [(none, none)], [(none, none)]  # lengths of residuals, variances of readings
     for readings in series:
-        m, seen = len(readings.markers), readings.seen
+        m, seen = len(readings.markers), readings.is_measured
         left = np.linalg.norm(residuals(state, readings), axis=1).T
-        variance = np.full((readings.rows, m), readings.sigma**2)
+        variance = np.full((readings.n_rows, m), readings.sigma**2)
         if readings.precision is not None:
             precision = np.where(seen[..., None, None], readings.precision, np.eye(3))
             variance = np.trace(np.linalg.inv(precision), axis1=2, axis2=3) / 3
         position.append((left[:, :m][seen], variance[seen]))
         if readings.sigma_rotation is not None:
             rotation.append(
-                (left[readings.oriented, m], np.full(readings.oriented.sum(), readings.sigma_rotation**2))
+                (
+                    left[readings.is_oriented, m],
+                    np.full(readings.is_oriented.sum(), readings.sigma_rotation**2),
+                )
             )
     errors = []
     # A distance is one number: its squares are smaller than those of a position.
-    every = sum(int(readings.seen.sum()) for readings in series)
-    lines = sum(int(readings.seen.sum()) for readings in series if readings.distance is not None)
+    every = sum(int(readings.is_measured.sum()) for readings in series)
+    lines = sum(int(readings.is_measured.sum()) for readings in series if readings.distance is not None)
     mean = 1.0 - (1.0 - MEAN_CLIPPED_SQUARE_RATIO) * lines / max(every, 1)
     for kind, size in ((position, mean), (rotation, 1.0)):
         length, variances = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
@@ -280,7 +283,7 @@ def mean_stated_variances(series: Sequence[Series]) -> tuple[Array, float]:
         Variances of positions and orientations, (2,) [m^2, rad^2], and the mean number of readings in a
         combined row [1].
     """
-    count = [readings_per_row(repeated_rows(readings), readings.rows) for readings in series]
+    count = [readings_per_row(repeated_rows(readings), readings.n_rows) for readings in series]
     position = np.mean([readings.sigma**2 for readings in series])
     turns = [readings.sigma_rotation**2 for readings in series if readings.sigma_rotation is not None]
     k = float(np.concatenate([x[x > 0] for x in count]).mean())
@@ -333,14 +336,14 @@ def find_outliers(
     farthest, count = [], 0
     for readings, counts in zip(series, robust_weights, strict=True):
         m = len(readings.markers)
-        wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.seen
+        wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.is_measured
         far = np.where(wild, np.linalg.norm(residuals(state, readings)[:m], axis=1).T, 0.0).max(axis=1)
         k, count = int(far.argmax()), count + int(wild.sum())
-        farthest.append((float(far[k]), readings.name, int(readings.row[k])))
+        farthest.append((float(far[k]), readings.name, int(readings.row_id[k])))
     if not count:
         return None
     distance, name, row = max(farthest)
-    return Outliers(count, sum(int(readings.seen.sum()) for readings in series), name, row, distance)
+    return Outliers(count, sum(int(readings.is_measured.sum()) for readings in series), name, row, distance)
 
 
 # --- Initial frame and mount of a series from the nominal arm and the series' positions and orientations ----
@@ -393,12 +396,13 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
     # Start with series that determine their own frame and mount, and among these with those that have
     # orientations: they give the mount to the others.
     waiting = sorted(
-        series, key=lambda readings: (_is_underdetermined(state.vjm, readings), not readings.oriented.any())
+        series,
+        key=lambda readings: (_is_underdetermined(state.vjm, readings), not readings.is_oriented.any()),
     )
     late: list[Series] = []
     while waiting:
         readings = waiting.pop(0)
-        known = mounts.get(readings.target)
+        known = mounts.get(readings.mount)
         if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
             continue
         block_faces = [one for one in series if one.normal is not None and one.frame == readings.frame]
@@ -407,20 +411,18 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
                 replace(state, frames=frames, mounts=mounts), without_unread_targets(readings), block_faces
             )
         except BenchError:
-            shared = any(
-                readings.frame == other.frame or readings.target == other.target for other in waiting
-            )
+            shared = any(readings.frame == other.frame or readings.mount == other.mount for other in waiting)
             if not shared or any(readings is other for other in late):
                 raise
             # Try again after the other series: one of them may determine the shared frame or mount.
             late, waiting = [*late, readings], [*waiting, readings]
             continue
         frames.setdefault(readings.frame, frame)
-        mounts[readings.target] = mount if known is None else _merge_mounts(known, mount)
+        mounts[readings.mount] = mount if known is None else _merge_mounts(known, mount)
     aligned = replace(state, frames=frames, mounts=mounts)
     _check_shared(aligned, series)
     return replace(
-        aligned, mounts={**mounts, **{readings.target: aligned.mount(readings) for readings in series}}
+        aligned, mounts={**mounts, **{readings.mount: aligned.mount(readings) for readings in series}}
     )
 
 
@@ -451,7 +453,7 @@ def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -
     if lost := [name for name in series.markers if name not in _read_targets(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
     if series.distance is not None:
-        same = [one for one in block_faces if (one.target, one.markers) == (series.target, series.markers)]
+        same = [one for one in block_faces if (one.mount, one.markers) == (series.mount, series.markers)]
         return _by_distances(state, series, same or [series])
     # By the series alone; else with the frame or mount that the state has.
     few = underdetermined_reason(state.vjm, series)
@@ -469,7 +471,7 @@ def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -
         raise BenchError(f"{series.name}: {few or open_}")
     if aligned_series is None or not aligned_series.fits:
         # Something may have moved in mid-series: the frame and mount of its first half.
-        halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
+        halves = np.array_split(np.argsort(series.row_id, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= MIN_ROWS_OF_HALF_SERIES]
         placed = [part for half in parts if (part := _register_subset(state, half)) and part.fits]
         if len(placed) < 2:
@@ -490,15 +492,15 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     """
     from scipy.optimize import least_squares  # here: it takes long to import, and few runs need it
 
-    assert series.frame_deviation is not None
+    assert series.frame_deviations is not None
     if few := underdetermined_reason(state.vjm, series):
         raise BenchError(f"{series.name}: {few}")
     # Unknowns: steps of the frame, then of the targets, in base axes; a deviation of 0 fixes one.
-    targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
+    targets, known = _nominal_targets(state, series), state.mounts.get(series.mount)
     named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
     of_target = NOMINAL_TARGET_DEVIATION if named else UNNAMED_TARGET_DEVIATION
-    deviation = np.r_[series.frame_deviation, np.full(targets.size, of_target)]
-    free, f = deviation > 0, len(series.frame_deviation)
+    deviation = np.r_[series.frame_deviations, np.full(targets.size, of_target)]
+    free, f = deviation > 0, len(series.frame_deviations)
     tools = [tool_poses(state.vjm, part.q) for part in parts]
 
     def move(steps: Array) -> tuple[Frame, Array]:
@@ -520,7 +522,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
 
     # Start at the stated places; the constant of a wire, behind its point, is the median of what is left.
     start = np.zeros(free.sum())
-    if series.zero_sigma:
+    if series.distance_offset_sigma:
         start[3] = np.median(np.concatenate(distance_errors(start)))
     steps = least_squares(whitened_residuals, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
     frame, points = move(steps)
@@ -541,8 +543,8 @@ def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, po
     if series.normal is None:
         modelled = np.linalg.norm(x, axis=2) + frame.distance_offset
     else:
-        modelled = (x - np.array(series.fixed)) @ series.normal
-    return np.asarray((series.distance - modelled)[series.seen])
+        modelled = (x - np.array(series.fixed_point)) @ series.normal
+    return np.asarray((series.distance - modelled)[series.is_measured])
 
 
 def stated_frame(series: Series) -> Frame:
@@ -554,8 +556,8 @@ def stated_frame(series: Series) -> Frame:
     Args:
         series: Distances to a point, or heights over a plane.
     """
-    point = series.fixed is not None and series.normal is None
-    return Frame(np.eye(3), -np.array(series.fixed) if point else np.zeros(3))
+    point = series.fixed_point is not None and series.normal is None
+    return Frame(np.eye(3), -np.array(series.fixed_point) if point else np.zeros(3))
 
 
 def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], frame: Frame) -> None:
@@ -572,9 +574,9 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
     """
     assert series.distance is not None
     far, plane = float(np.median(np.abs(left[1]))), series.normal is not None
-    place = ", ".join(f"{own:.4g}" for own in series.fixed or ())
+    place = ", ".join(f"{own:.4g}" for own in series.fixed_point or ())
     if not far < MAX_NOMINAL_DISTANCE * state.vjm.reach:
-        read = series.distance[series.seen]
+        read = series.distance[series.is_measured]
         times = "" if plane else f", {np.median(read / (read - left[0])):.3g} times as long as expected"
         what, other = ("a plane through", "normal") if plane else ("a fixed point near", "point")
         raise BenchError(
@@ -582,7 +584,10 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
             f"off (median){times}; is it another unit, {other} or marker?"
         )
     off, turn, found = deviation_from_stated(series, frame)
-    if max(off / series.fixed_sigma, turn / series.tilt if plane else 0.0) > MAX_POINT_DEVIATIONS:
+    if (
+        max(off / series.fixed_point_sigma, turn / series.normal_sigma if plane else 0.0)
+        > MAX_POINT_DEVIATIONS
+    ):
         what, other = ("plane", "normal") if plane else ("fixed point", "point")
         turned = f" and {np.degrees(turn):.3g} deg" if plane else ""
         raise BenchError(
@@ -604,7 +609,7 @@ def deviation_from_stated(series: Series, frame: Frame) -> tuple[float, float, A
         [m]; angle between the normals, 0 for a point [rad]; the estimated point, for a plane the nearest to
         the stated one, in base axes, (3,) [m].
     """
-    fixed = np.array(series.fixed)
+    fixed = np.array(series.fixed_point)
     if series.normal is None:
         found = -frame.rotation.T @ frame.translation
         return float(np.linalg.norm(found - fixed)), 0.0, found
@@ -639,7 +644,7 @@ def _register_subset(
     A shared frame or mount is that of the state; with `as_drawn` the targets are nominal. None if
     undetermined.
     """
-    seen = np.flatnonzero(series.seen.any(axis=1))
+    seen = np.flatnonzero(series.is_measured.any(axis=1))
     sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ALIGNED_ROWS)])
     layout = _level_layout(state, sample) if as_drawn else _registered(state, sample, shared=shared)
     if layout is None:
@@ -660,7 +665,7 @@ def _register_subset(
 
 def _registered(state: ArmState, series: Series, *, shared: bool) -> FramesAndTargets | None:
     """Register a series, with the state's frame and mount where they are shared; None if undetermined."""
-    frame, mount = state.frames.get(series.frame), state.mounts.get(series.target)
+    frame, mount = state.frames.get(series.frame), state.mounts.get(series.mount)
     given = {series.frame: frame} if shared and frame is not None else {}
     nominal = dict(zip(mount.markers, mount.points, strict=True)) if shared and mount is not None else {}
     if shared and not given and not nominal:
@@ -684,13 +689,13 @@ def _level_layout(state: ArmState, series: Series) -> FramesAndTargets:
     targets = _nominal_targets(state, series)
     position, rotation = tool_poses(state.vjm, series.q)
     points = position[:, None] + targets @ rotation.swapaxes(1, 2)
-    frame = fit_upright_frame(points[series.seen], series.position[series.seen])
+    frame = fit_upright_frame(points[series.is_measured], series.position[series.is_measured])
     return FramesAndTargets(frame.rotation[None], frame.translation[None], targets)
 
 
 def _nominal_targets(state: ArmState, series: Series) -> Array:
     """Return the targets of the state, else of the arm's folder, else the tool's origin, (m, 3) [m]."""
-    vjm, known = state.vjm, state.mounts.get(series.target)
+    vjm, known = state.vjm, state.mounts.get(series.mount)
     places = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     places |= dict(zip(known.markers, known.points, strict=True)) if known else {}
     return np.array([places.get(name, np.zeros(3)) for name in series.markers])
@@ -700,8 +705,8 @@ def _target_orientations(state: ArmState, series: Series, rotation: Array) -> Ar
     """Compute the tool from the target for every orientation, (read, 3, 3), for a rotation of the frame."""
     if series.rotation is None:
         return np.zeros((0, 3, 3))
-    tool = tool_poses(state.vjm, series.q[series.oriented])[1]
-    return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.oriented])
+    tool = tool_poses(state.vjm, series.q[series.is_oriented])[1]
+    return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.is_oriented])
 
 
 def underdetermined_reason(vjm: Vjm, series: Series) -> str:
@@ -714,9 +719,12 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
     Returns:
         The reason; "" if the number of poses and of moving joints suffices.
     """
-    poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), moving_joints(vjm, (series,))
-    turn = MIN_MOVING_JOINTS_ORIENTED if series.oriented.any() else MIN_MOVING_JOINTS
-    count = 6 + 3 * len(series.markers) + 3 * bool(series.oriented.any())
+    poses, joints = (
+        len(np.unique(series.q[series.is_measured.any(axis=1)], axis=0)),
+        moving_joints(vjm, (series,)),
+    )
+    turn = MIN_MOVING_JOINTS_ORIENTED if series.is_oriented.any() else MIN_MOVING_JOINTS
+    count = 6 + 3 * len(series.markers) + 3 * bool(series.is_oriented.any())
     numbers = f"the {count} numbers of its frame and mount"
     if poses < MIN_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
@@ -734,10 +742,10 @@ def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
     drawn = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     targets = np.array([drawn.get(name, np.zeros(3)) for name in series.markers])
     position, rotation = tool_poses(vjm, series.q)
-    points = (position[:, None] + targets @ rotation.swapaxes(1, 2))[series.seen]
+    points = (position[:, None] + targets @ rotation.swapaxes(1, 2))[series.is_measured]
     across = np.linalg.svd(np.array([series.normal]))[2][1:]  # two axes in the plane
     lever = np.linalg.svd((points - points.mean(axis=0)) @ across.T, compute_uv=False)[-1]
-    return bool(lever * series.tilt < ASSUMED_NOISE)
+    return bool(lever * series.normal_sigma < ASSUMED_NOISE)
 
 
 def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:
@@ -746,7 +754,7 @@ def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> M
         turn = f"{np.degrees(placed.turn):.3g} degrees off (median) for the best mount"
         return Misfit(f"{series.name}: its positions fit this arm, but its orientations are {turn}", series)
     far = "" if placed is None else f": they are {1e3 * placed.typical:.3g} mm off (median) in the best frame"
-    places = series.position[series.seen], tool_poses(state.vjm, series.q)[0]
+    places = series.position[series.is_measured], tool_poses(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
     spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"
     return Misfit(f"{series.name}: the readings do not fit this arm{far}; {spread}", series)
@@ -757,7 +765,7 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
     for readings in series:
         others = [other for other in series if other is not readings]
         what = [f"frame {readings.frame!r}"] * any(other.frame == readings.frame for other in others)
-        what += [f"mount {readings.target!r}"] * any(other.target == readings.target for other in others)
+        what += [f"mount {readings.mount!r}"] * any(other.mount == readings.mount for other in others)
         off = distance_from_known_frame(state, readings) if what else 0.0
         if off:
             raise BenchError(
@@ -779,7 +787,9 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
         Misfit: If the nearest FITTED_SHARE of a series is farther than MAX_FITTED_DISTANCE times the reach.
     """
     for readings in series:
-        left = np.linalg.norm(residuals(state, readings)[: len(readings.markers)], axis=1).T[readings.seen]
+        left = np.linalg.norm(residuals(state, readings)[: len(readings.markers)], axis=1).T[
+            readings.is_measured
+        ]
         far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(FITTED_SHARE * len(left)))] ** 2)))
         if far > MAX_FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
             words = (
@@ -800,7 +810,7 @@ def distance_from_known_frame(state: ArmState, series: Series) -> float:
     Returns:
         Distance that three quarters of the readings exceed [m]; 0 if errors of the nominal arm explain it.
     """
-    left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
+    left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.is_measured]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
     return off if off > 2 * MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, series.q) else 0.0
 
@@ -820,7 +830,7 @@ def with_common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], l
     """
     completed, notes = [], []
     for readings in series:
-        mount = [other for other in series if other.target == readings.target]
+        mount = [other for other in series if other.mount == readings.mount]
         every = dict.fromkeys(name for other in mount for name in other.markers)
         read = {name for other in mount for name in _read_targets(other)} or set(every)
         lost = [name for name in readings.markers if name not in read]
@@ -837,7 +847,7 @@ def without_unread_targets(series: Series) -> Series:
 
 def _read_targets(series: Series) -> tuple[str, ...]:
     """List the targets that were read at least once."""
-    return tuple(name for name, seen in zip(series.markers, series.seen.T, strict=True) if seen.any())
+    return tuple(name for name, seen in zip(series.markers, series.is_measured.T, strict=True) if seen.any())
 
 
 def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
@@ -851,12 +861,12 @@ def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
         return series
     there = [k for k, name in enumerate(markers) if name in series.markers]
     columns = [series.markers.index(markers[k]) for k in there]
-    position = np.zeros((series.rows, len(markers), 3))
+    position = np.zeros((series.n_rows, len(markers), 3))
     distance = None
     if series.distance is not None:
-        distance = np.zeros((series.rows, len(markers)))
+        distance = np.zeros((series.n_rows, len(markers)))
         distance[:, there] = series.distance[:, columns]
-    precision = np.zeros((series.rows, len(markers), 3, 3))
+    precision = np.zeros((series.n_rows, len(markers), 3, 3))
     position[:, there] = series.position[:, columns]
     precision[:, there] = (
         np.eye(3) / series.sigma**2 if series.precision is None else series.precision[:, columns]

@@ -123,17 +123,17 @@ def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
     """
     from scipy.cluster.vq import kmeans2  # here: it takes long to import, and few runs need it
 
-    rows = sum(readings.rows for readings in series)
+    rows = sum(readings.n_rows for readings in series)
     blocks = []
     for readings in series:
-        share = round(MAX_BLOCKS * readings.rows / rows)
-        _, first, pose = np.unique(readings.pose, return_index=True, return_inverse=True)
+        share = round(MAX_BLOCKS * readings.n_rows / rows)
+        _, first, pose = np.unique(readings.pose_id, return_index=True, return_inverse=True)
         k = max(1, min(max(2, share), len(first) // MIN_BLOCK_POSES))
         load = np.linalg.norm(readings.wrench[:, :3], axis=1)
         place = np.column_stack(
             [np.sin(readings.q), np.cos(readings.q), LOAD_WEIGHT_IN_BLOCKS * load / (load.max() or 1.0)]
         )
-        label = np.zeros(readings.rows, dtype=int)
+        label = np.zeros(readings.n_rows, dtype=int)
         if k > 1:
             label = kmeans2(place, k, minit="++", seed=0)[1].astype(int)
         if k > 1 and len(first) - np.bincount(label[first]).max() < MIN_BLOCK_POSES:
@@ -517,7 +517,7 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
     """Compute columns, (n, runs, 4 (bodies - 1)), wrench loads and torques, (n, runs), of some poses."""
     n = vjm.arm.n_joints
     for readings, torque in ((part, part.torque) for part in series if part.torque is not None):
-        for start in range(0, readings.rows, MAX_POSES_IN_MEMORY):
+        for start in range(0, readings.n_rows, MAX_POSES_IN_MEMORY):
             rows = slice(start, start + MAX_POSES_IN_MEMORY)
             where = evaluate_chain(vjm, readings.q[rows])
             columns = own_weight_matrix(where)[-n:, :, 1:]

@@ -135,7 +135,7 @@ class Calibration(Displayed):
         """Summarise the calibration: arm, readings, unknowns, errors that were kept, model error."""
         return {
             "arm": self.state.vjm.arm.name,
-            "rows": sum(series.rows for series in self.series),
+            "rows": sum(series.n_rows for series in self.series),
             "unknowns": len(self.active_unknowns.columns),
             "kept": " ".join(step.name.replace(" ", "_") for step in self.selection.steps if step.kept),
             "model_error_um": f"{1e6 * self.noise.position_model_error:.3g}",
@@ -150,7 +150,7 @@ class Calibration(Displayed):
         f = int((active.columns < first).sum())
         prior = active.compliance_prior
         structure = joints_only(state.vjm.arm) if prior is None else prior.structure
-        arm = Posterior.normal(known.x[f:], known.root[f:, f:])
+        arm = Posterior.from_covariance_root(known.mean[f:], known.covariance_root[f:, f:])
         model = ArmModel(
             state, structure, active.columns, arm, ModelOrigin("absolute calibration"), self.noise
         )
@@ -158,7 +158,7 @@ class Calibration(Displayed):
         compliances = model.unknowns.first_columns["elastic"] + np.arange(
             len(active.columns) - active.n_rigid
         )
-        return replace(model, columns=np.concatenate([rigid, compliances]))
+        return replace(model, uncertain_columns=np.concatenate([rigid, compliances]))
 
 
 def posterior_of_calibration(calibration: "Calibration") -> Posterior:
@@ -169,7 +169,7 @@ def posterior_of_calibration(calibration: "Calibration") -> Posterior:
     active = calibration.active_unknowns
     L = np.zeros((0, 0)) if active.compliance_prior is None else active.compliance_prior.L
     x = active.unknowns.values(calibration.state)[active.columns]
-    return Posterior.normal(x, covariance_root(calibration.precision_root, L))
+    return Posterior.from_covariance_root(x, covariance_root(calibration.precision_root, L))
 
 
 @dataclass(frozen=True)
@@ -231,12 +231,16 @@ def _check_points(series: Sequence[Series]) -> None:
     for readings in series:
         stated = (
             "positions"
-            if readings.fixed is None
-            else str(readings.fixed)
+            if readings.fixed_point is None
+            else str(readings.fixed_point)
             if readings.normal is None
             else "planes"
         )
-        stated += f" and a constant within {readings.zero_sigma:g} m" if readings.zero_sigma else ""
+        stated += (
+            f" and a constant within {readings.distance_offset_sigma:g} m"
+            if readings.distance_offset_sigma
+            else ""
+        )
         known = fixed.setdefault(readings.frame, stated)
         if known != stated:
             both = f"{known} and {stated}"
@@ -284,7 +288,7 @@ def linearise_readings(
     )
     check_fitted_distances(first, series)
     # All errors that the readings can support, as unknowns.
-    readings = sum(part.equations for part in series)
+    readings = sum(part.n_equations for part in series)
     highest_order = max(
         1, min(options.max_order, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
     )
@@ -327,7 +331,7 @@ def check_last_joint_sign(
     """
     if any(readings.rotation is not None for readings in series):
         return
-    thin = [select_rows(readings, evenly_spaced(readings.rows, MAX_COMPARED_ROWS)) for readings in series]
+    thin = [select_rows(readings, evenly_spaced(readings.n_rows, MAX_COMPARED_ROWS)) for readings in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
         mirrored = fit_series(tuple(replace(readings, q=sign * readings.q) for readings in thin))[
@@ -355,7 +359,7 @@ def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
     """
     for readings in series:
         if readings.distance is None and (slip := find_row_shift(observations_of_series(vjm, readings))):
-            first = readings.row[slip.first_row]
+            first = readings.row_id[slip.first_row]
             raise Misfit(f"{readings.name}: its rows from {first} on do not fit those before", readings)
 
 
@@ -446,9 +450,9 @@ def _select_errors(
 
 def thin_series(series: Sequence[Series]) -> tuple[Series, ...]:
     """Select at most about `MAX_INTERMEDIATE_ROWS` rows of all series; all rows of a pose stay together."""
-    every, thinned = sum(readings.rows for readings in series), []
+    every, thinned = sum(readings.n_rows for readings in series), []
     for readings in series:
-        stride = min(-(-every // MAX_INTERMEDIATE_ROWS), max(1, readings.rows // MIN_SERIES_ROWS))
-        _, pose = np.unique(readings.pose, return_inverse=True)
+        stride = min(-(-every // MAX_INTERMEDIATE_ROWS), max(1, readings.n_rows // MIN_SERIES_ROWS))
+        _, pose = np.unique(readings.pose_id, return_inverse=True)
         thinned.append(select_rows(readings, pose % stride == 0) if stride > 1 else readings)
     return tuple(thinned)

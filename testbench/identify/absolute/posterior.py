@@ -87,7 +87,7 @@ def fit_frame_and_mount(model: ArmModel, series: Series, rows: Ids) -> Registere
         state = replace(
             state,
             frames={**state.frames, sample.frame: moved_frame(state.frame(sample), step[:f])},
-            mounts={**state.mounts, sample.target: moved_mount(state.mount(sample), step[f:])},
+            mounts={**state.mounts, sample.mount: moved_mount(state.mount(sample), step[f:])},
         )
         if np.abs(step).max() < FRAME_TOLERANCE:
             break
@@ -107,7 +107,7 @@ def register_with_known_frame(model: ArmModel, series: Series) -> RegisteredSeri
     Returns:
         Frame and mount, with the joint posterior of these and the arm's unknowns.
     """
-    seen = np.flatnonzero(series.seen.any(axis=1))
+    seen = np.flatnonzero(series.is_measured.any(axis=1))
     sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS_IN_MEMORY)])
     F, M, _ = _whitened(model, model.state, sample)
     return RegisteredSeries(
@@ -123,7 +123,7 @@ def without_frame_and_mount(state: ArmState, series: Series) -> ArmState:
         series: The series, for the names of its frame and mount.
     """
     frames = {key: frame for key, frame in state.frames.items() if key != series.frame}
-    mounts = {key: mount for key, mount in state.mounts.items() if key != series.target}
+    mounts = {key: mount for key, mount in state.mounts.items() if key != series.mount}
     return replace(state, frames=frames, mounts=mounts)
 
 
@@ -141,18 +141,18 @@ def predict_series(
         Measured minus predicted positions in base axes, (rows, m, 3) [m], and their covariances from arm,
         frame, mount and noise, (rows, m, 3, 3) [m^2].
     """
-    m, a = len(series.markers), len(model.columns)
+    m, a = len(series.markers), len(model.uncertain_columns)
     f = _frame_columns(series) + 3 * m
     columns = np.r_[:f, -a:0]  # positions do not depend on the turn of a target
-    posterior = Posterior.normal(
-        registered_series.posterior.x[columns], registered_series.posterior.root[:, columns]
+    posterior = Posterior.from_covariance_root(
+        registered_series.posterior.mean[columns], registered_series.posterior.covariance_root[:, columns]
     )
     root = np.linalg.inv(
         whitening_matrices(series, _noise(model), registered_series.state.frame(series).rotation)[0][:m]
     )
     covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
-    for first in range(0, series.rows, MAX_ROWS_IN_MEMORY):
-        rows = np.arange(first, min(first + MAX_ROWS_IN_MEMORY, series.rows))
+    for first in range(0, series.n_rows, MAX_ROWS_IN_MEMORY):
+        rows = np.arange(first, min(first + MAX_ROWS_IN_MEMORY, series.n_rows))
         A = _columns(model, registered_series.state, select_rows(series, rows))[0][:m]
         A = np.delete(A, np.s_[f : A.shape[2] - a], axis=2)
         covariance[rows] += posterior.covariance(A.transpose(3, 0, 1, 2))
@@ -178,7 +178,7 @@ def inside_ellipsoid(
 
 def _frame_columns(series: Series) -> int:
     """Count the unknowns of the frame of a series."""
-    return len(series.frame_deviation or range(6))
+    return len(series.frame_deviations or range(6))
 
 
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
@@ -189,15 +189,18 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
     f, posterior = len(root), model.posterior
     inverse: Array = solve_triangular(root, np.eye(f))
     taken = inverse @ (inverse.T @ with_arm)
-    blocks = [[inverse.T, np.zeros((f, len(posterior.x)))], [-posterior.root @ taken.T, posterior.root]]
-    return Posterior.normal(np.r_[np.zeros(f), posterior.x], np.block(blocks))
+    blocks = [
+        [inverse.T, np.zeros((f, len(posterior.mean)))],
+        [-posterior.covariance_root @ taken.T, posterior.covariance_root],
+    ]
+    return Posterior.from_covariance_root(np.r_[np.zeros(f), posterior.mean], np.block(blocks))
 
 
 def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array]:
     """Compute columns of frame, mount and arm, (s, 3, f + a, rows), and residuals, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.error_terms, model.structure)
     rows, f = series_equations(unknowns, state, series), unknowns.first_columns["geometry"]
-    return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
+    return rows[:, :, np.r_[:f, f + model.uncertain_columns]], rows[:, :, -1]
 
 
 def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array, Array]:
@@ -207,7 +210,7 @@ def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, 
     W *= np.sqrt(weights)[..., None, None]
     rows = np.concatenate([A, left[:, :, None]], axis=2)
     lines = np.einsum("srxy,sycr->srxc", W, rows, optimize=True).reshape(-1, rows.shape[2])
-    F, M, y = np.split(lines, [A.shape[2] - len(model.columns), -1], axis=1)
+    F, M, y = np.split(lines, [A.shape[2] - len(model.uncertain_columns), -1], axis=1)
     return F, M, y[:, 0]
 
 
@@ -286,8 +289,8 @@ def further_information(
         """Compute the information with joint j turned through its range, (size, size)."""
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
-            count = min(readings.rows, -(-POSES_PER_TURNED_JOINT // len(series)))
-            rows = select_evenly(np.arange(readings.rows), count)
+            count = min(readings.n_rows, -(-POSES_PER_TURNED_JOINT // len(series)))
+            rows = select_evenly(np.arange(readings.n_rows), count)
             q = readings.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
@@ -300,7 +303,7 @@ def further_information(
         numbers = len(readings.markers) * (3 if readings.distance is None else 1)
         count = -(-EQUATIONS_PER_UNKNOWN * unknowns.size // (numbers * len(series)))
         q = arm.draw_poses(rng, count)
-        everywhere.append(_series_in_poses(readings, np.arange(count) % readings.rows, q))
+        everywhere.append(_series_in_poses(readings, np.arange(count) % readings.n_rows, q))
     nominal = replace(
         state,
         theta_0=0 * state.theta_0,
@@ -336,7 +339,7 @@ def information_of_series(unknowns: Unknowns, state: ArmState, series: Series) -
 
 def _series_in_poses(series: Series, rows: Ids, q: Array) -> Series:
     """Put rows of a series into other poses, (count, n) [rad, m], with every target read."""
-    rotation = None if series.rotation is None else np.tile(np.eye(3), (series.rows, 1, 1))
+    rotation = None if series.rotation is None else np.tile(np.eye(3), (series.n_rows, 1, 1))
     return replace(select_rows(replace(series, precision=None, rotation=rotation), rows), q=q)
 
 

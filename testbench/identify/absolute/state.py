@@ -112,9 +112,9 @@ class ArmState(Displayed):
         Raises:
             BenchError: If the mount or one of its targets is not known.
         """
-        if series.target not in self.mounts:
-            raise BenchError(f"{series.name}: its target {series.target!r} is not known")
-        mount = self.mounts[series.target]
+        if series.mount not in self.mounts:
+            raise BenchError(f"{series.name}: its target {series.mount!r} is not known")
+        mount = self.mounts[series.mount]
         unknown = [name for name in series.markers if name not in mount.markers]
         if unknown:
             have = ", ".join(mount.markers)
@@ -286,14 +286,14 @@ def torque_scale(vjm: Vjm, masses: BodyMasses, series: tuple[Series, ...]) -> Ar
     """
     total = np.zeros(vjm.arm.n_joints)
     for readings in series:
-        for first in range(0, readings.rows, MAX_ROWS_IN_MEMORY):
+        for first in range(0, readings.n_rows, MAX_ROWS_IN_MEMORY):
             part = slice(first, first + MAX_ROWS_IN_MEMORY)
             where = evaluate_chain(vjm, readings.q[part])
             u = own_weight_load(where, masses) + sum_generalised_loads(
                 where, [Load(readings.wrench[part], readings.point[part])]
             )
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)
-    scale = np.sqrt(total / sum(readings.rows for readings in series))
+    scale = np.sqrt(total / sum(readings.n_rows for readings in series))
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)
 
 
@@ -327,16 +327,18 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     mounts: dict[str, int] = {}
     read: dict[str, set[int]] = {}  # targets of every mount that were ever read: others have no information
     for readings in series:
-        mounts[readings.target] = max(len(readings.markers), mounts.get(readings.target, 0))
-        read.setdefault(readings.target, set()).update(np.flatnonzero(readings.seen.any(axis=0)).tolist())
+        mounts[readings.mount] = max(len(readings.markers), mounts.get(readings.mount, 0))
+        read.setdefault(readings.mount, set()).update(
+            np.flatnonzero(readings.is_measured.any(axis=0)).tolist()
+        )
     starts = np.cumsum([6 * len(frames), *(3 * m + 3 for m in mounts.values())])
     first = dict(zip(mounts, starts.tolist(), strict=False))
     # Information of all readings about frames, then mounts.
     M = np.zeros((starts[-1],) * 2)
     for readings in series:
-        f, m = 6 * frames.index(readings.frame), first[readings.target]
+        f, m = 6 * frames.index(readings.frame), first[readings.mount]
         at = np.r_[
-            f : f + 6, m : m + 3 * len(readings.markers), m + 3 * mounts[readings.target] + np.arange(3)
+            f : f + 6, m : m + 3 * len(readings.markers), m + 3 * mounts[readings.mount] + np.arange(3)
         ]
         J = _rows(vjm, readings)
         M[np.ix_(at, at)] += J.T @ J / ASSUMED_NOISE**2
@@ -345,7 +347,7 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     for k in range(len(frames)):
         before[6 * k : 6 * k + 6] = np.repeat(WIDE_PRIOR_DEVIATIONS[1:], 3)
     for readings in series:
-        if (sizes := readings.frame_deviation) is not None:  # its prior holds what readings leave open
+        if (sizes := readings.frame_deviations) is not None:  # its prior holds what readings leave open
             f = 6 * frames.index(readings.frame)
             turn = min(sizes[3] or LEVEL_DEVIATION, LEVEL_DEVIATION / 2)
             before[f : f + 6] = np.repeat([turn, sizes[0]], 3)
@@ -367,7 +369,7 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
 
 def _rows(vjm: Vjm, series: Series) -> Array:
     """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
-    seen = np.flatnonzero(series.seen.any(axis=1))
+    seen = np.flatnonzero(series.is_measured.any(axis=1))
     rows = seen[evenly_spaced(len(seen), MAX_EVALUATED_ROWS)]
     position, rotation = tool_poses(vjm, series.q[rows])
     m, n = len(series.markers), len(rows)
@@ -378,15 +380,15 @@ def _rows(vjm: Vjm, series: Series) -> Array:
         J[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation
     J[:, m, :, :3], J[:, m, :, 6 + 3 * m :] = np.eye(3), rotation
     if series.distance is not None:
-        assert series.fixed is not None
-        beam = position - np.array(series.fixed)
+        assert series.fixed_point is not None
+        beam = position - np.array(series.fixed_point)
         u = beam / np.linalg.norm(beam, axis=1, keepdims=True)
         if series.normal is None:
             J[:, :, :, :3] = 0
         else:
             u = np.tile(series.normal, (n, 1))
         J = u[:, None, :, None] * np.einsum("nx,nmxk->nmk", u, J)[:, :, None]
-    there = np.column_stack([series.seen[rows], series.oriented[rows]])
+    there = np.column_stack([series.is_measured[rows], series.is_oriented[rows]])
     return np.asarray(J[there].reshape(-1, J.shape[3]))
 
 
@@ -671,7 +673,7 @@ class Unknowns:
     has_geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined, so that a prior determines them.
     undetermined_frames: frozenset[str] = frozenset()
-    #: Prior deviations of the frames of distances and heights, from `Series.frame_deviation`.
+    #: Prior deviations of the frames of distances and heights, from `Series.frame_deviations`.
     frame_deviations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     #: Normals of the plane faces of each frame of heights.
     plane_normals: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
@@ -793,14 +795,14 @@ def unknowns_of(
     """
     mounts: dict[str, tuple[int, bool]] = {}
     for readings in series:
-        turned = readings.rotation is not None or mounts.get(readings.target, (0, False))[1]
-        mounts[readings.target] = len(readings.markers), turned
+        turned = readings.rotation is not None or mounts.get(readings.mount, (0, False))[1]
+        mounts[readings.mount] = len(readings.markers), turned
     frames = tuple(dict.fromkeys(readings.frame for readings in series))
     held = undetermined_frames(vjm, series)
     fixed: dict[str, tuple[float, ...]] = {}
     normals: dict[str, tuple[tuple[float, float, float], ...]] = {}
     for readings in series:
-        if (sizes := readings.frame_deviation) is not None:  # of faces of one block the largest
+        if (sizes := readings.frame_deviations) is not None:  # of faces of one block the largest
             fixed[readings.frame] = tuple(map(max, sizes, fixed.get(readings.frame, sizes)))
         if readings.normal is not None:
             normals[readings.frame] = (*normals.get(readings.frame, ()), readings.normal)

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, select_runs
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.absolute.state import compliance_unknowns
 from testbench.identify.diagnosis.gravity import (
@@ -34,8 +34,8 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.equations import (
     WeightedReadings,
+    flatten_readings,
     jacobian,
-    rows_of_readings,
     undeflected_arm,
     weighted_readings,
     whiten_deflections,
@@ -259,8 +259,8 @@ def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structur
         compliance_unknowns(vjm, structure), error_terms=JointErrorTerms(play=True, stiffening=True)
     )
     points, read = marker_positions(vjm, data.markers), data.sigma_rotation is not None
-    A = jacobian(unknowns, state, points, rotations=read)[:, :, unknowns.columns("errors")]
-    return rows_of_readings(A, whiten_deflections(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
+    A = jacobian(unknowns, state, points, with_orientation=read)[:, :, unknowns.columns("errors")]
+    return flatten_readings(A, whiten_deflections(A, data, np.arange(data.n_runs))).reshape(-1, A.shape[2])
 
 
 def load_levels(data: Dataset) -> list[Mask]:
@@ -329,7 +329,7 @@ def find_load_issues(
     issues.sort(key=lambda issue: -_gain(issue) * (SINGLE_RUN_WEIGHT if issue.name in kinds else 1))
     issues += _scale_issue(loads, factor)
     data = loads.data
-    typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
+    typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.is_measured]))
     noisy = model.misfit > MAX_NOISE_MISFIT and model.misfit * data.sigma > MIN_NOISE_SHARE * typical
     if not issues and noisy:
         issues.append(Issue("noise", details={"factor": model.misfit, "sigma": data.sigma}))
@@ -357,14 +357,14 @@ def _without_worst(
 
     The other runs determine noise and prior: with the wrong run among them, its mistake would hide in both.
     """
-    if fitted.misfit <= MAX_QUIET_MISFIT or data.runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
+    if fitted.misfit <= MAX_QUIET_MISFIT or data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
         return None
     now = replace(loads, data=data, model=fitted)
     likeliest = max((issue for issue, _ in _sized_issues(now, single_runs)), key=_gain)
     if _gain(likeliest) < MIN_TRIAL_GAIN:
         return None
     worst = likeliest.where[0]
-    kept = select(data, data.run.astype(str) != worst)
+    kept = select_runs(data, data.run_id.astype(str) != worst)
     try:
         rest = fit_residual_model(replace(loads, data=kept))
     except BenchError:  # no compliance moves as the other runs do: it is not this run that is wrong
@@ -423,10 +423,10 @@ def _missing_weight(loads: LoadedRuns, best: Sequence[Issue]) -> GravityDirectio
 
 def _wild_reading(data: Dataset, factor: float) -> Issue:
     """Name the largest deflection where no compliance fits: it may be wrong, and outweigh all others."""
-    size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
-    (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
+    size = np.where(data.is_measured, np.linalg.norm(data.deflection, axis=-1), 0)
+    (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.is_measured]))
     numbers = {"factor": factor, "largest": float(size[i, k]), "median": median}
-    return Issue("scale", (data.markers[k], str(data.run[i])), details=numbers)
+    return Issue("scale", (data.markers[k], str(data.run_id[i])), details=numbers)
 
 
 def _scale_issue(loads: LoadedRuns, factor: float) -> list[Issue]:

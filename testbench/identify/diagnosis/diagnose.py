@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Series, select, select_evenly, select_rows, series_of
+from testbench.data.dataset import Dataset, Series, select_evenly, select_rows, select_runs, series_from_runs
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.evidence import fit_geometry_and_springs
@@ -84,13 +84,13 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     data, vjm = registered.data, registered.vjm
     check_runs(vjm, data)
     certain = issues_without_fit(submission, hypotheses.without_fit)
-    if data.lines.any():
+    if data.is_line_reading.any():
         return certain or _along_lines(registered, prior, hypotheses)
     # Frame, targets and kinematics: by the unloaded readings, and by the loaded ones if they are far off.
     issues, fitted = _kinematic_issues(submission, hypotheses)
     if certain or any(issue.name not in CORRECTED_BY_REGISTRATION for issue in issues):
         return [*issues, *certain]
-    deflection = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
+    deflection = np.median(np.linalg.norm(data.deflection, axis=2)[data.is_measured])
     if vjm.arm.joints and deflection > MAX_DEFLECTION_RATIO * fitted.observations.expected_distance:
         runs = submission.data if registered.frame == "base" else _of_one_station(submission.data)
         loaded = _observations(vjm, runs, runs.after, _free_parameters(registered))
@@ -106,8 +106,8 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     wrong_poses = issues_without_fit(fitted, hypotheses.single_poses)
     issues += wrong_poses
     wrong = [issue.details["pose"] for issue in wrong_poses]
-    loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if wrong else data)
-    if not loads.data.seen.any():
+    loads = replace(loads, data=select_runs(data, ~np.isin(data.pose_id, wrong)) if wrong else data)
+    if not loads.data.is_measured.any():
         return issues
     # Loads, deflections and moves in time. A mistake in all loads may look like a move: it comes first.
     moves = find_moves(vjm, loads.data, prior)
@@ -166,8 +166,8 @@ def explain_unregistered_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = 
         The issue; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
         fit.
     """
-    names = np.zeros(data.runs) if data.station is None else data.station
-    every = [select(data, names == name) for name in np.unique(names)]
+    names = np.zeros(data.n_runs) if data.station is None else data.station
+    every = [select_runs(data, names == name) for name in np.unique(names)]
     free = FreeParameters(frame=True, targets=True)
     issues = [
         best_hypothesis(_observations(vjm, runs, runs.before, free), hypotheses.kinematics)[0]
@@ -212,8 +212,10 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     """Find mistakes in all loads from the first batch of runs, in single runs from all batches."""
     data = loads.data
     readings_per_run = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(MAX_RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run))))
-    subsets = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
+    parts = max(
+        1, -(-data.n_runs // max(1, min(MAX_RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run)))
+    )
+    subsets = [select_runs(data, np.arange(data.n_runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
     issues = find_load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
     runs = {row.name for row in hypotheses.single_runs}
     if any(issue.name not in runs for issue in issues):
@@ -229,7 +231,7 @@ def _of_one_station(data: Dataset) -> Dataset:
     if data.station is None:
         return data
     names, count = np.unique(data.station, return_counts=True)
-    return select(data, data.station == names[count.argmax()])
+    return select_runs(data, data.station == names[count.argmax()])
 
 
 def _free_parameters(registered: RegisteredDataset) -> FreeParameters:
@@ -240,18 +242,18 @@ def _observations(
     vjm: Vjm, data: Dataset, position: Array, free: FreeParameters = NO_FREE_PARAMETERS
 ) -> Observations:
     """Collect readings, unloaded or loaded; loads of a pose that share unloaded readings count once."""
-    every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
+    every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.n_runs, -1))], axis=1)
     runs = np.sort(np.unique(every, axis=0, return_index=True)[1])
     return Observations(
         vjm=vjm,
         q=data.q[runs],
         markers=marker_positions(vjm, data.markers),
         position=position[runs],
-        seen=data.seen[runs],
+        seen=data.is_measured[runs],
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         target_names=data.markers,
-        run_ids=data.run[runs],
-        pose_ids=data.pose[runs],
+        run_ids=data.run_id[runs],
+        pose_ids=data.pose_id[runs],
         free_parameters=free,
     )
 
@@ -284,7 +286,7 @@ def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
         Moves of targets, then of trackers; none when there are too few readings. Their numbers `before` and
         `after` identify the readings on both sides: 2 k is the unloaded reading of run k, 2 k + 1 the loaded.
     """
-    series = tuple(_series_in_time(select_rows(data, select_evenly(np.arange(data.runs)))))
+    series = tuple(_series_in_time(select_rows(data, select_evenly(np.arange(data.n_runs)))))
     steps = [candidate_rows(readings, MIN_POSES_BESIDE_STEP) for readings in series]
     if not vjm.arm.joints or not any(map(len, steps)):
         return []
@@ -312,19 +314,19 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
 
     An unloaded reading that several loads share is listed once.
     """
-    pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
+    pose = dict(zip(data.run_id.tolist(), data.pose_id.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
-    for every in series_of(data, "station", MOUNT_NAME):
+    for every in series_from_runs(data, "station", MOUNT_NAME):
         series = with_targets(every, every.markers[:: -(-len(every.markers) // MAX_TARGETS)])
-        loaded = np.arange(series.rows) >= series.rows // 2
-        poses = np.array([pose[run] for run in series.row.tolist()])
+        loaded = np.arange(series.n_rows) >= series.n_rows // 2
+        poses = np.array([pose[run] for run in series.row_id.tolist()])
         read = np.column_stack(
-            [poses, loaded, np.where(loaded, series.pose, 0), series.position.reshape(series.rows, -1)]
+            [poses, loaded, np.where(loaded, series.pose_id, 0), series.position.reshape(series.n_rows, -1)]
         )
         first = np.unique(read, axis=0, return_index=True)[1]
-        first = first[np.argsort((2 * series.pose + loaded)[first])]
+        first = first[np.argsort((2 * series.pose_id + loaded)[first])]
         name = series.frame if stations > 1 else ""
-        yield select_rows(replace(series, name=name, row=2 * series.row + loaded, pose=poses), first)
+        yield select_rows(replace(series, name=name, row_id=2 * series.row_id + loaded, pose_id=poses), first)
 
 
 def _nominal_base_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:

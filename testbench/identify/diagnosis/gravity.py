@@ -177,7 +177,7 @@ def suspected_gravity(
         The direction of gravity. None when it is nominal, when a load is no weight, or when there are fewer
         than MIN_READINGS readings.
     """
-    if not loads_are_weights(data) or np.count_nonzero(data.seen) < MIN_READINGS:
+    if not loads_are_weights(data) or np.count_nonzero(data.is_measured) < MIN_READINGS:
         return None
     g, explained_share = _by_deflections(vjm, compliance_prior, data)
     if tracker_gravity is not None and angle_between(tracker_gravity, DOWN) < MAX_LEVEL_TILT:
@@ -285,8 +285,10 @@ def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Pri
     if not turned and not _springs_at_zero(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [select_rows(readings, evenly_spaced(readings.rows, MAX_ROWS_PER_SERIES)) for readings in series]
-    poses = sum(len(np.unique(readings.pose)) for readings in series)
+    series = [
+        select_rows(readings, evenly_spaced(readings.n_rows, MAX_ROWS_PER_SERIES)) for readings in series
+    ]
+    poses = sum(len(np.unique(readings.pose_id)) for readings in series)
     nominal_scatter = _scatter(state, series, prior, DOWN)
     if nominal_scatter > MAX_SCATTER * state.vjm.reach:
         return None

@@ -109,13 +109,13 @@ LoadCorrections = Iterator[Correction[LoadedRuns]]
 def _equal(submission: Submission) -> Iterator[Correction[Submission]]:
     """Find loaded readings that equal the unloaded readings of their run."""
     data = submission.data
-    loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.seen
+    loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.is_measured
     still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
     if still.any():
         runs = (
             []
             if still.sum() > MAX_LISTED_EQUAL_SHARE * loaded.sum()
-            else data.run[still.any(axis=1)].tolist()
+            else data.run_id[still.any(axis=1)].tolist()
         )
         yield Correction(tuple(map(str, runs)), details={"count": int(still.sum()), "of": int(loaded.sum())})
 
@@ -135,11 +135,11 @@ def _count_text(issue: Issue) -> str:
 def _repeated(submission: Submission) -> Iterator[Correction[Submission]]:
     """Find a run whose loaded readings are those of another pose."""
     data = submission.data
-    read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
+    read = np.where(data.is_measured[..., None], data.after, np.nan).reshape(data.n_runs, -1)
     _, first, group = np.unique(read, axis=0, return_index=True, return_inverse=True)
-    again = np.flatnonzero((data.q != data.q[first[group]]).any(axis=1) & data.seen.any(axis=1))
+    again = np.flatnonzero((data.q != data.q[first[group]]).any(axis=1) & data.is_measured.any(axis=1))
     if len(again):
-        yield Correction((str(data.run[again[0]]), str(data.run[first[group[again[0]]]])))
+        yield Correction((str(data.run_id[again[0]]), str(data.run_id[first[group[again[0]]]])))
 
 
 def _far_load(submission: Submission) -> Iterator[Correction[Submission]]:
@@ -151,7 +151,7 @@ def _far_load(submission: Submission) -> Iterator[Correction[Submission]]:
 def _against(data: Dataset) -> Iterator[Correction[Dataset]]:
     """Count runs whose targets move against the force: an elastic arm yields along it."""
     force = data.wrench[:, :3]
-    work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
+    work = np.einsum("rx,rmx->r", force, np.where(data.is_measured[..., None], data.deflection, 0))
     against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
     if against and against >= MIN_AGAINST_FORCE_SHARE * pushed:
         along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
@@ -607,7 +607,7 @@ def _touched_tracker(loads: LoadedRuns) -> LoadCorrections:
     if loads.model is None:
         return
     data, y = loads.data, loads.data.after
-    moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
+    moves = [*np.eye(3), *(np.cross(e, y - y[data.is_measured].mean(axis=0)) for e in np.eye(3))]
     for name in (station_number(series.frame) for series in unloaded_series(data)):
         here = PRIOR_TRACKER_SHIFT * runs_of_station(data, name)[:, None, None]
         corrected = [replace(data, after=y - here * move) for move in moves]
@@ -655,7 +655,7 @@ def _levels(loads: LoadedRuns) -> LoadCorrections:
     if len(levels) < 2:
         return
     sizes = [np.linalg.norm(data.wrench[level, :3], axis=1).mean() for level in levels]
-    factor = np.ones(data.runs)
+    factor = np.ones(data.n_runs)
     for level, size, other in zip(levels, sizes, sizes[::-1], strict=True):
         factor[level] = other / size
     yield Correction(corrected=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
@@ -665,7 +665,7 @@ def _equations_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]
     """Yield the name of every run and the range of its equations, three per reading."""
     assert loads.model is not None
     run = loads.model.readings.run_index
-    for r, name in enumerate(map(str, loads.data.run)):
+    for r, name in enumerate(map(str, loads.data.run_id)):
         first, end = np.searchsorted(run, [r, r + 1])
         if first < end:
             yield name, (3 * int(first), 3 * int(end))

@@ -319,9 +319,9 @@ def observations_of_series(vjm: Vjm, series: Series) -> Observations:
     Returns:
         The observations. Orientations, if read, are three more targets.
     """
-    there, m = series.seen, len(series.markers)
+    there, m = series.is_measured, len(series.markers)
     if series.rotation is not None:
-        there = np.hstack([there, np.repeat(series.oriented[:, None] & there[:, :1], 3, axis=1)])
+        there = np.hstack([there, np.repeat(series.is_oriented[:, None] & there[:, :1], 3, axis=1)])
     observations = Observations(
         vjm=vjm,
         q=series.q,
@@ -329,8 +329,8 @@ def observations_of_series(vjm: Vjm, series: Series) -> Observations:
         position=series.position[:, :m],
         seen=there,
         target_names=series.markers,
-        run_ids=series.row,
-        pose_ids=series.pose,
+        run_ids=series.row_id,
+        pose_ids=series.pose_id,
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         free_parameters=FreeParameters(frame=True, targets=True, targets_unknown=True),
     )

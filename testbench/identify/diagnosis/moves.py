@@ -140,7 +140,7 @@ def most_significant_steps(
     Yields:
         A series and its step, with numbers as in `best_step`.
     """
-    sums = [_sums(nuisance, readings, np.arange(1, readings.rows)) for readings in series]
+    sums = [_sums(nuisance, readings, np.arange(1, readings.n_rows)) for readings in series]
     rest = _unexplained(nuisance, series, sums)
     for readings, series_sums, steps in zip(series, sums, candidate_steps, strict=True):
         if not len(steps):
@@ -150,7 +150,7 @@ def most_significant_steps(
             for rotated in (False, True)
         )
         step = min(found, key=p_value)
-        poses = np.unique(readings.pose, return_inverse=True)[1]
+        poses = np.unique(readings.pose_id, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *series_sums.Z.shape[1:]))
         np.add.at(together, poses, series_sums.Z)
         # Single rows, and single poses.
@@ -213,7 +213,7 @@ def _unexplained(nuisance: NuisanceModel, series: Sequence[Series], sums: Sequen
     L = cholesky(H / size / size[:, None], lower=True)
     spent = c - float(np.trace(cho_solve((L, True), nuisance.prior_precision / size / size[:, None])))
     e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(part.count for part in sums)
-    poses = sum(len(np.unique(part.pose)) for part in series)
+    poses = sum(len(np.unique(part.pose_id)) for part in series)
     shared = max(1.0, count / (EQUATIONS_PER_POSE * poses))
     return _Unexplained(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
@@ -238,9 +238,9 @@ def _greatest_step(
         "share": decrease / rest.before,
         "free": rest.count / rest.shared,
         "place": place,
-        "before": int(series.row[place - 1]),
-        "after": int(series.row[place]),
-        "across": bool(series.pose[place - 1] == series.pose[place]),
+        "before": int(series.row_id[place - 1]),
+        "after": int(series.row_id[place]),
+        "across": bool(series.pose_id[place - 1] == series.pose_id[place]),
     }
     kind = "target_moved" if slipped else "tracker_moved"
     return Issue(kind, (series.name, series.frame), score.expected_size[k], numbers, gain)
@@ -248,9 +248,9 @@ def _greatest_step(
 
 def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     """Sum the whitened equations of a series between the places of possible steps."""
-    edges = np.r_[0, steps, series.rows]
+    edges = np.r_[0, steps, series.n_rows]
     cells, AA = [], 0.0
-    numbers = 3 * series.rows * (len(series.markers) + 1) * nuisance.active_unknowns.unknowns.size
+    numbers = 3 * series.n_rows * (len(series.markers) + 1) * nuisance.active_unknowns.unknowns.size
     batches = min(
         len(edges) - 1, 1 + numbers // MAX_NUMBERS_IN_MEMORY
     )  # of cells that are in memory together
@@ -261,7 +261,9 @@ def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
         for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
             rows = slice(per_row * a, per_row * b)
             cells.append(Z[:, rows] @ np.vstack([A[:, rows], Z[:, rows]]).T)
-    return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.oriented.sum()))
+    return _Sums(
+        np.asarray(AA), np.array(cells), steps, 3 * int(series.is_measured.sum() + series.is_oriented.sum())
+    )
 
 
 def _equations(nuisance: NuisanceModel, series: Series) -> tuple[Array, Array]:
@@ -299,7 +301,7 @@ def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved_object
     """
     if moved_object == "tracker":
         return A[:, :, nuisance.active_unknowns.unknowns.columns(f"frame {series.frame}")]
-    mount = A[:, :, nuisance.active_unknowns.unknowns.columns(f"mount {series.target}")]
+    mount = A[:, :, nuisance.active_unknowns.unknowns.columns(f"mount {series.mount}")]
     points = nuisance.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
     T[: 3 * len(points)] = rigid_motion_matrix(points)
@@ -323,7 +325,7 @@ def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issu
         nuisance, series, series_equations(nuisance.active_unknowns.unknowns, nuisance.state, series), moved
     )
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
-    shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
+    shift = float(np.sqrt((d**2).sum() / max(1, series.is_measured.sum())))
     return replace(step, details={**step.details, "shift": shift})
 
 
@@ -353,8 +355,8 @@ def candidate_rows(series: Series, min_poses: int) -> Ids:
     Returns:
         Index of the first row after each candidate step, ascending, (steps,).
     """
-    before, behind = _poses_so_far(series.pose), _poses_so_far(series.pose[::-1])[::-1]
-    steps = np.flatnonzero(np.diff(series.row)) + 1  # rows of one identifier are of one moment
+    before, behind = _poses_so_far(series.pose_id), _poses_so_far(series.pose_id[::-1])[::-1]
+    steps = np.flatnonzero(np.diff(series.row_id)) + 1  # rows of one identifier are of one moment
     return steps[(before[steps - 1] >= min_poses) & (behind[steps] >= min_poses)]
 
 
@@ -373,13 +375,13 @@ def _clear_step(series: Series, fitted: FittedState, compliance_prior: PriorScal
     ordered = without_unread_targets(sort_by_time(series))
     steps = candidate_rows(ordered, MIN_POSES_OF_PART)
     nuisance = nuisance_model(fitted[0], (ordered,), fitted[1], compliance_prior)
-    thin = evenly_spaced(ordered.rows, MAX_SCREENED_ROWS)
+    thin = evenly_spaced(ordered.n_rows, MAX_SCREENED_ROWS)
     tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
     if not len(place) or not _is_sure(issue := best_step(nuisance, select_rows(ordered, thin), place)):
         return None
-    if len(tried) < len(steps) or len(thin) < ordered.rows:
+    if len(tried) < len(steps) or len(thin) < ordered.n_rows:
         middle = np.searchsorted(tried, thin[int(issue.details["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
         issue = best_step(nuisance, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
@@ -395,7 +397,7 @@ def _is_sure(step: Issue) -> bool:
 
 def sort_by_time(series: Series) -> Series:
     """Return a series with its rows sorted by their identifiers, which are in order of time."""
-    return select_rows(series, np.argsort(series.row, kind="stable"))
+    return select_rows(series, np.argsort(series.row_id, kind="stable"))
 
 
 def divide_at_moves(
@@ -471,13 +473,13 @@ def _undivided_name(part: Series) -> str:
 
 def _moved_name(series: Series, step: Issue) -> str:
     """Return the name of the frame or mount that moved in a step."""
-    return series.target if step.name == "target_moved" else series.frame
+    return series.mount if step.name == "target_moved" else series.frame
 
 
 def _rename_moved(series: Series, step: Issue, name: str) -> Series:
     """Rename the frame or mount that moved in a step."""
     if step.name == "target_moved":
-        return replace(series, target=name)
+        return replace(series, mount=name)
     return replace(series, frame=name)
 
 
@@ -486,6 +488,6 @@ def _halves(series: Series, step: Issue | None) -> SeriesParts:
     if step is None:
         return (series,)
     ordered, words = sort_by_time(series), f"{SERIES_PART_SUFFIX}{step.details['after']}"
-    behind = np.arange(series.rows) >= step.details["place"]
+    behind = np.arange(series.n_rows) >= step.details["place"]
     second = _rename_moved(select_rows(ordered, behind), step, _moved_name(series, step) + words)
     return select_rows(ordered, ~behind), replace(second, name=series.name + words)

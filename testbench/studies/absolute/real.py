@@ -143,10 +143,10 @@ def approach(state: ArmState, series: Series) -> Array:
         Difference and half its interval, (n, 2) [rad, m].
     """
     one = sort_by_time(series)
-    came = np.flatnonzero(np.diff(one.row) == 1)
+    came = np.flatnonzero(np.diff(one.row_id) == 1)
     sign = np.sign(np.diff(one.q, axis=0)[came]).T
     J = translational_jacobian(series_equilibrium(state, one).chain, state.mount(one).points)
-    A = J.reshape(-1, len(state.theta_0), one.rows)[:3, state.vjm.joint_spring_slice, 1 + came] * sign / 2
+    A = J.reshape(-1, len(state.theta_0), one.n_rows)[:3, state.vjm.joint_spring_slice, 1 + came] * sign / 2
     A, y = A.transpose(0, 2, 1).reshape(-1, len(sign)), residuals(state, one)[0][:, 1 + came].ravel()
     inverse = np.linalg.pinv(A)
     x = inverse @ y
@@ -276,7 +276,7 @@ def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
     folder = find_arm(ARM)
     cell = build_cell(folder)
     series, _ = read_all([File(folder / "readings" / name) for name in FILES.values()], cell.arm)
-    some = [select_rows(one, np.arange(0, one.rows, thin)) for one in series]
+    some = [select_rows(one, np.arange(0, one.n_rows, thin)) for one in series]
     return cell, tuple(replace(one, name=name) for name, one in zip(FILES, some, strict=True))
 
 
@@ -295,7 +295,7 @@ def split(
     """
     a, c = series
     if some is not None:
-        rest = select_rows(a, np.setdiff1d(np.arange(a.rows), some))
+        rest = select_rows(a, np.setdiff1d(np.arange(a.n_rows), some))
         return (c, select_rows(a, some)), ((name, rest, None),)
     if name == TO_C:
         return (a,), ((TO_C, c, FRAME_POSES),)
@@ -370,7 +370,7 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
         )
         options = CalibrationOptions(used_errors=only, max_order=asked.orders)
         linearised_readings = linearise_readings(cell.vjm, train, cad_prior(cell.arm), options)
-        poses = sum(one.rows for one in train)
+        poses = sum(one.n_rows for one in train)
         for model in tried:
             calibration = select_and_solve(linearised_readings, LADDER[model])
             if not judged:
@@ -394,9 +394,9 @@ def _planned(known: ArmModel, series: Series) -> Ids:
 def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[RealFitRow]:
     """Models of random poses of C, judged on poses of C that they never saw, and on A."""
     a, c = series
-    order = trial_rng(seed).permutation(c.rows)
+    order = trial_rng(seed).permutation(c.n_rows)
     rest = select_rows(c, order[max(asked.draws) :][:JUDGING])
-    few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + FRAME_POSES).astype(int)))
+    few = select_rows(a, np.unique(np.linspace(0, a.n_rows - 1, JUDGING + FRAME_POSES).astype(int)))
     tried = CalibrationOptions(
         max_order=min(asked.orders, MAX_COUNTED_ORDER), used_errors=LADDER[SHARED].used_errors
     )
@@ -540,7 +540,7 @@ def _series(series: Series) -> Row:
     x, own = series.position[:, 0], series.precision
     sigma = series.sigma if own is None else np.sqrt(np.median(3 / np.trace(own, axis1=2, axis2=3)))
     reach = np.linalg.norm(x.max(axis=0) - x.min(axis=0))
-    return Row(name=series.name, poses=series.rows, sigma_um=float(UM * sigma), reach_mm=float(MM * reach))
+    return Row(name=series.name, poses=series.n_rows, sigma_um=float(UM * sigma), reach_mm=float(MM * reach))
 
 
 def _model(name: str, own: Trials, judged: Sequence[Row]) -> Row:
@@ -581,7 +581,7 @@ def _write(run: Run[RealSettings]) -> PageContent:
         for name in TWO
     }
     q = np.concatenate([one.q for one in judged])
-    named = [(one.name, int(row)) for one in judged for row in one.row]
+    named = [(one.name, int(row)) for one in judged for row in one.row_id]
     with (run.folder / "errors.csv").open("w", encoding="utf-8", newline="") as text:
         writer = csv.writer(text, lineterminator="\n")
         vectors = [f"{what}_{x}_um" for what in ("springs", "joint_errors") for x in "xyz"]

@@ -161,8 +161,8 @@ def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part,
         a, sought = group.of[:, active.columns], group.of @ true
         if group.part == "joint compliances":
             sought = _true_joints(active.unknowns.vjm, truth)
-            relative = a @ known.x / sought - 1
-        inside = (np.abs(a @ known.x - sought) < known.half_widths(a))[sought != 0]
+            relative = a @ known.mean / sought - 1
+        inside = (np.abs(a @ known.mean - sought) < known.half_widths(a))[sought != 0]
         if inside.size:
             parts[group.part] = Held(inside.size, int(inside.sum()))
     return parts, relative
@@ -223,13 +223,15 @@ def _with_frame_of(calibration: Calibration, series: Series) -> RegisteredSeries
         calibration.active_unknowns.unknowns,
         np.arange(calibration.active_unknowns.unknowns.size),
     )
-    names = f"frame {series.frame}", f"mount {series.target}"
+    names = f"frame {series.frame}", f"mount {series.mount}"
     # all frames and mounts are selected, before the arm's unknowns
     at = np.concatenate([every[unknowns.columns(name)] for name in names])
     at = np.r_[at, np.flatnonzero(calibration.active_unknowns.columns >= unknowns.first_columns["geometry"])]
     whole = posterior_of_calibration(calibration)
     return RegisteredSeries(
-        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
+        calibration.state,
+        np.zeros(0, dtype=int),
+        Posterior.from_covariance_root(whole.mean[at], whole.covariance_root[:, at]),
     )
 
 
@@ -477,7 +479,7 @@ def _rows(cell: Cell, asked: AbsoluteTrial, seed: int) -> Iterator[AbsoluteFitRo
     found = {name: select_and_solve(gathered, MODELS[name]) for name in asked.models}
     alone, known = (asked.true_arm, asked.campaign) == (REAL, ABSOLUTE), _known(found[ALL])
     about = Row(arm=cell.arm.name, true_arm=asked.true_arm, campaign=asked.campaign, poses=asked.poses)
-    about |= Row(readings=sum(one.rows for one in series))
+    about |= Row(readings=sum(one.n_rows for one in series))
     about |= Row(optimum_mm=optimum_mm(gathered, truth, checks[0]) if alone else None)
     text = series_text(cell.arm, series, "dataset") if asked.shown else None
     for name, fit in found.items():
@@ -537,7 +539,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
 def _known(fit: Calibration) -> Array:
     """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
     geometry = fit.active_unknowns.unknowns.columns("geometry")
-    root = posterior_of_calibration(fit).root[
+    root = posterior_of_calibration(fit).covariance_root[
         :, np.flatnonzero(np.isin(fit.active_unknowns.columns, np.r_[geometry]))
     ]
     values, vectors = np.linalg.eigh(root.T @ root)

@@ -153,7 +153,7 @@ def _cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iter
             loaded = poses_with_weight(cell, q[:n], np.arange(n) + 1, mass)
             runs = read_instruments(true, scenario.truth, loaded, some, trial_rng(seed, 1))
             shown = runs if (name, n, seed) == (THREE, USUAL, asked.first) else None
-            if runs.seen.any():
+            if runs.is_measured.any():
                 yield TrialCase(runs, truth, {"true_arm": arm, "instrument": name, "poses": n}, shown)
 
 
@@ -168,9 +168,9 @@ def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[Inst
 
     def more(name: str, k: int) -> Mapping[str, object]:
         runs = tried[k].runs
-        wanted = runs.runs * (1 if tried[k].factors["instrument"] in ALONE else len(runs.markers))
+        wanted = runs.n_runs * (1 if tried[k].factors["instrument"] in ALONE else len(runs.markers))
         shares = cover(cell, fits[name][k], tried[k].test) if name == DEFAULT else None
-        return {"read_percent": 100 * float(runs.seen.sum() / wanted), "cover": shares}
+        return {"read_percent": 100 * float(runs.is_measured.sum() / wanted), "cover": shares}
 
     yield from score_cases(cell, tried, fits, InstrumentRow, more)
 

@@ -88,10 +88,10 @@ def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) ->
     Returns:
         The dataset, and which readings are off, (runs, m).
     """
-    readings = data.runs * len(data.markers)
+    readings = data.n_runs * len(data.markers)
     spoiled = np.zeros(readings, dtype=bool)
     spoiled[rng.permutation(readings)[: round(share * readings)]] = True
-    mask = spoiled.reshape(data.runs, -1)
+    mask = spoiled.reshape(data.n_runs, -1)
     direction = rng.standard_normal(data.after.shape)
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     return replace(data, after=data.after + size * direction * mask[..., None]), mask
@@ -148,7 +148,7 @@ def _unweighted(data: Dataset) -> Dataset:
 def _lose(data: Dataset, seed: int) -> Dataset:
     """The same without some of its targets."""
     assert data.precision is not None
-    gone = trial_rng(seed, 3).random((data.runs, len(data.markers))) < LOST
+    gone = trial_rng(seed, 3).random((data.n_runs, len(data.markers))) < LOST
     return replace(data, precision=np.where(gone[..., None, None], 0.0, data.precision))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, select_runs
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_from_terms
@@ -154,8 +154,8 @@ def _lent(ls: Estimate, gco: Estimate) -> Estimate:
         return ls
     free = equal_fits(ls.regression, ls.pi)
     twice = np.where(ls.structure.fills_two_entries, 2.0, 1.0)  # entries that stand at two places of C
-    w: Array = free.N.T @ (twice * (gco.pi / free.unit - free.x))
-    pi = ls.pi + free.unit * (free.N @ w)
+    w: Array = free.null_space.T @ (twice * (gco.pi / free.parameter_units - free.minimum_norm_solution))
+    pi = ls.pi + free.parameter_units * (free.null_space @ w)
     return replace(ls, pi=pi, C_theta=ls.structure.matrix(pi))
 
 
@@ -234,12 +234,12 @@ class Clean:
 
     def first(self, poses: int) -> Mask:
         """Tell which runs are in the first poses, (runs,)."""
-        return np.asarray(np.isin(self.runs.pose, np.unique(self.runs.pose)[:poses]))
+        return np.asarray(np.isin(self.runs.pose_id, np.unique(self.runs.pose_id)[:poses]))
 
     def read(self, grid: CellGrid) -> list[Dataset]:
         """Read every cell's runs with noise: at every level, and in every cell, the same random numbers."""
         noisy = {sigma: reread(self.runs, sigma, trial_rng(self.seed, 1)) for sigma in grid.sigmas}
-        return [select(noisy[sigma], self.first(poses)) for poses, sigma in grid.cells]
+        return [select_runs(noisy[sigma], self.first(poses)) for poses, sigma in grid.cells]
 
 
 def _gravity(cell: Cell, grid: CellGrid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:

@@ -14,7 +14,7 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, select_runs
 from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_compliances
 from testbench.identify.method import least_squares
@@ -168,7 +168,7 @@ def scenario(asked: FamilySettings) -> Scenario:
 def read(campaign: Campaign) -> list[Dataset]:
     """Read the runs in few and in many poses, with noise."""
     every = reread(campaign.identification, campaign.scenario.sigma, trial_rng(campaign.seed, 1))
-    return [select(every, every.pose <= poses) for poses in POSES]
+    return [select_runs(every, every.pose_id <= poses) for poses in POSES]
 
 
 def _rows(
