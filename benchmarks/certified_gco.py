@@ -16,7 +16,7 @@ from testbench.identify.method import paper_gco
 from testbench.identify.regression import reduce
 from testbench.model.structure import Structure, all153
 from testbench.plant.equilibrium import solve_linear_equilibrium
-from testbench.plant.tracker import Tracker, read_orientations, read_positions
+from testbench.plant.tracker import IsotropicTracker, read_orientations, read_positions
 from testbench.studies.paper.factorised import Entries, cvxpy, solve_modelled, vectorised
 from testbench.workflows.cell import Cell, build_cell
 
@@ -40,7 +40,7 @@ def full_pose_runs(arm: Cell, seed: int) -> Dataset:
     wrench, point = np.tile(LOAD * np.eye(6), (POSES, 1)), np.zeros((len(q), 3))
     before = solve_linear_equilibrium(arm.plant, q, 0 * wrench, point)
     after = solve_linear_equilibrium(arm.plant, q, wrench, point)
-    tracker = Tracker(SIGMA, SIGMA_ROTATION)
+    tracker = IsotropicTracker(SIGMA, SIGMA_ROTATION)
     return Dataset(
         markers=arm.arm.markers,
         run_id=np.arange(len(q)) + 1,
@@ -48,11 +48,11 @@ def full_pose_runs(arm: Cell, seed: int) -> Dataset:
         q=q,
         wrench=wrench,
         point=point,
-        before=read_positions(tracker, before.markers, rng),
-        after=read_positions(tracker, after.markers, rng),
+        before=read_positions(tracker, before.marker_positions, rng),
+        after=read_positions(tracker, after.marker_positions, rng),
         sigma=SIGMA,
-        rotation_before=read_orientations(tracker, before.rotation, rng),
-        rotation_after=read_orientations(tracker, after.rotation, rng),
+        rotation_before=read_orientations(tracker, before.tool_rotations, rng),
+        rotation_after=read_orientations(tracker, after.tool_rotations, rng),
         sigma_rotation=SIGMA_ROTATION,
     )
 

@@ -16,7 +16,7 @@ from testbench.plant.equilibrium import (
     STEP_TOLERANCE,
     ArmEquilibrium,
     create_arm_copies,
-    evaluate,
+    evaluate_bodies,
     solve_equilibrium,
     undeflected_configurations,
 )
@@ -52,8 +52,8 @@ def newton_against_forward_passes() -> list[Row]:
     q = feasible_poses(arm, POSES, seed=1)
     wrench, point = hung(arm.vjm, POSES)
     model, data = arm.plant.model, mujoco.MjData(arm.plant.model)
-    data.qpos[arm.plant.joints] = q[0]
-    data.qpos[arm.plant.theta] = solve_equilibrium(arm.plant, q[:1], wrench[:1], point[:1]).theta[0]
+    data.qpos[arm.plant.joint_indices] = q[0]
+    data.qpos[arm.plant.theta_indices] = solve_equilibrium(arm.plant, q[:1], wrench[:1], point[:1]).theta[0]
     position, velocity = mujoco.mj_fwdPosition, mujoco.mj_fwdVelocity
 
     def pairs() -> None:
@@ -100,7 +100,7 @@ def two_threads(arm: Cell, q: Array) -> list[Row]:
             lambda: list(map(pairs, halves)),
             lambda: list(pool.map(pairs, halves)),
             lambda: batch.forward(stage=int(mujoco.mjtStage.mjSTAGE_VEL)),
-            lambda: evaluate(row, held),
+            lambda: evaluate_bodies(row, held),
         )
     shared, apart = one / two, theirs / ours
     return [
@@ -172,12 +172,12 @@ def step_to_rest(model: mujoco.MjModel, measured: Measured, pose: int) -> Steppe
     equilibrium, or by more than stepping can reach. The actuated joints are held by their armature.
     """
     plant, data = measured.arm.plant, mujoco.MjData(model)
-    data.qpos[plant.joints] = measured.q[pose]
+    data.qpos[plant.joint_indices] = measured.q[pose]
     load = data.xfrc_applied[model.body(measured.arm.arm.load_point).id]
     step = mujoco.mj_step
     smooth = data.qfrc_smooth
     damper = data.qfrc_damper
-    theta = plant.theta
+    theta = plant.theta_indices
 
     def left() -> float:
         return float(abs((smooth - damper)[theta]).max())

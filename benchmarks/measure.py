@@ -13,7 +13,7 @@ import numpy.typing as npt
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array
 from testbench.model.vjm import Vjm, WorkArea, random_poses
-from testbench.plant.site import collisions
+from testbench.plant.site import find_collisions
 from testbench.workflows.cell import Cell
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -100,7 +100,7 @@ def feasible_poses(arm: Cell, count: int, seed: int) -> Array:
     """Random poses inside the joint limits, clear of the floor and of the arm, (count, n) [rad]."""
 
     def clear(q: Array) -> npt.NDArray[np.bool_]:
-        return np.array([pair is None for pair in collisions(arm.room, q)], dtype=bool)
+        return np.array([pair is None for pair in find_collisions(arm.room, q)], dtype=bool)
 
     return random_poses(arm.vjm, ANYWHERE, count, clear, np.random.default_rng(seed))
 

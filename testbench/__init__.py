@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from testbench.model.vjm import Vjm as Vjm
     from testbench.plant.disturbance import SpringEffects as SpringEffects
     from testbench.plant.true_arms import TrueArm as TrueArm
-    from testbench.plant.true_arms import member_of_family as member_of_family
+    from testbench.plant.true_arms import draw_from_family as draw_from_family
     from testbench.plant.true_arms import true_arms as true_arms
     from testbench.workflows.arm_models import load_model as load_model
     from testbench.workflows.arm_models import save_model as save_model
@@ -135,7 +135,7 @@ HOMES = {
     "joint_laws": "model.laws",
     "true_arms": "plant.true_arms",
     "true_cell": "workflows.campaign",
-    "member_of_family": "plant.true_arms",
+    "draw_from_family": "plant.true_arms",
     "BenchError": "errors",
     "Arm": "arm.folder",
     "Calibration": "identify.absolute.fit",

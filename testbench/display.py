@@ -6,12 +6,12 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-LONGEST = 60  #: Most characters of a value that is shown as it is.
-SMALL = 6  #: Most numbers of an array that are shown.
+MAX_VALUE_CHARACTERS = 60  #: Most characters of a value that is shown; of a longer one its type is shown.
+MAX_ARRAY_NUMBERS = 6  #: Most numbers of an array that are shown; of a larger one its shape is shown.
 
 
 def span(values: npt.NDArray[np.float64]) -> str:
-    """Write the range of numbers, such as "3.53 to 7.78"; "none" if there are none."""
+    """Write the range of some numbers as text, such as "3.53 to 7.78"; "none" for an empty array."""
     if not np.size(values):
         return "none"
     ends = f"{np.min(values):.3g}", f"{np.max(values):.3g}"
@@ -19,7 +19,7 @@ def span(values: npt.NDArray[np.float64]) -> str:
 
 
 class Displayed:
-    """Give a type a repr of one line and an HTML table by `summary`; its dataclass has `repr=False`."""
+    """Define the display of a dataclass with `repr=False`: a line in a shell, a table in a notebook."""
 
     def summary(self) -> dict[str, object]:
         """Summarise the object by name and value; fields by default, an array by its shape."""
@@ -43,7 +43,7 @@ class Displayed:
 def _short(value: object) -> str:
     """Write a value in few characters: the shape of a large array, the type of anything else that is long."""
     if isinstance(value, np.ndarray):
-        few = value.ndim == 1 and value.size <= SMALL
+        few = value.ndim == 1 and value.size <= MAX_ARRAY_NUMBERS
         return f"[{', '.join(f'{x:.6g}' for x in value)}]" if few else f"array{value.shape}"
     text = repr(value)
-    return text if len(text) <= LONGEST and "\n" not in text else f"<{type(value).__name__}>"
+    return text if len(text) <= MAX_VALUE_CHARACTERS and "\n" not in text else f"<{type(value).__name__}>"

@@ -24,15 +24,15 @@ Mask = npt.NDArray[np.bool_]
 MAX_MESSAGE = 2000
 """Longest message about a file [characters]: a file of garbage is not repeated."""
 
-SPREADSHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
-PLAIN = "expected a file, got a folder or a device"
+SPREADSHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")  #: Suffixes of spreadsheets.
+NOT_A_FILE = "expected a file, got a folder or a device"
 
 
 def printable(text: str) -> str:
     """Make a text from outside safe to show: one line, without control of the terminal or of text direction.
 
-    Blanks and line ends of any kind become a blank. Every other character that does not print is replaced,
-    also half of a surrogate pair, which stands for a byte of a file's name that is no text.
+    Blanks and line ends of any kind become a blank. Every other character that does not print is replaced by
+    U+FFFD, also half of a surrogate pair, by which Python shows a byte of a file's name that is not UTF-8.
 
     Args:
         text: Any text.
@@ -87,17 +87,17 @@ def stem_of(path: Path) -> str:
     return f"{file.stem} {sheet}".strip()
 
 
-def shorten(text: str, most: int) -> str:
-    """Shorten a text; three dots stand for the rest.
+def shorten(text: str, max_length: int) -> str:
+    """Cut a text that is too long; three dots stand for the rest.
 
     Args:
         text: Any text.
-        most: Largest number of characters of the result, 3 or more.
+        max_length: Largest number of characters of the result, 3 or more.
 
     Returns:
         The text, unchanged if it is short enough.
     """
-    return text if len(text) <= most else f"{text[: most - 3]}..."
+    return text if len(text) <= max_length else f"{text[: max_length - 3]}..."
 
 
 class BenchError(Exception):
@@ -148,14 +148,14 @@ def open_file(path: Path, max_bytes: int) -> Iterator[BufferedReader]:
     try:
         file = open(sheet_of(path)[0], "rb", opener=_at_once)  # noqa: SIM115 - pathlib takes no opener
     except IsADirectoryError as err:
-        raise InputError(path, "", PLAIN) from err
+        raise InputError(path, "", NOT_A_FILE) from err
     except (OSError, ValueError) as err:  # also a zero byte in its name
         raise _unreadable(path, err) from err
     with file:
         try:
             status = os.fstat(file.fileno())  # of what is open: another file may take its name
             if not stat.S_ISREG(status.st_mode):
-                raise InputError(path, "", PLAIN)
+                raise InputError(path, "", NOT_A_FILE)
             if status.st_size > max_bytes:
                 raise InputError(path, "", f"expected at most {max_bytes} bytes, got {status.st_size}")
             yield file
@@ -260,7 +260,9 @@ def check_array(value: object, shape: tuple[int | None, ...], what: str) -> Arra
 
 
 def check_type(value: object, expected: type | tuple[type, ...], name: str) -> None:
-    """Check the type of an argument, such as "vjm: expected Vjm, got Cell; it has one as .vjm".
+    """Check the type of an argument.
+
+    The message is such as "vjm: expected Vjm, got Cell; it has one as .vjm".
 
     Args:
         value: The argument.
@@ -288,7 +290,7 @@ def check_items(values: object, expected: type, name: str) -> None:
         name: Name of the argument.
 
     Raises:
-        BenchError: When it is none, or an item is of another type.
+        BenchError: When it is no list or tuple, or an item is of another type.
     """
     if not isinstance(values, list | tuple):
         raise BenchError(f"{name}: expected a list of {expected.__name__}, got {type(values).__name__}")
@@ -298,7 +300,7 @@ def check_items(values: object, expected: type, name: str) -> None:
 
 @contextlib.contextmanager
 def of_flag(flag: str) -> Iterator[None]:
-    """Name the flag that asked for what the block refuses."""
+    """Begin the message of a BenchError that the block raises with the name of a flag."""
     try:
         yield
     except BenchError as err:
@@ -307,13 +309,13 @@ def of_flag(flag: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def in_flags(flags: Mapping[str, str]) -> Iterator[None]:
-    """Name the flag in place of the argument with which an error of the block begins.
+    """Replace the argument's name with which a BenchError of the block begins by the name of its flag.
 
     Args:
-        flags: Flag of every argument.
+        flags: Name of the flag by the name of the argument.
 
     Raises:
-        BenchError: Of the block, with its first word replaced.
+        BenchError: The error of the block, with its first word replaced.
     """
     try:
         yield
@@ -326,9 +328,9 @@ def in_flags(flags: Mapping[str, str]) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Doubt:
-    """Name what may be wrong with an arm or with readings, for people."""
+    """Warn of a possible mistake in an arm's folder or in readings."""
 
-    name: str  #: A word for programs, such as "frame".
-    sentence: str  #: What is seen, by how much, what to check.
-    #: By how many nats the readings are likelier with the mistake than without; None for what is plain.
+    name: str  #: Short name for programs, such as "frame".
+    sentence: str  #: What was observed, its size, and what to check.
+    #: Log-likelihood that the readings gain by assuming the mistake [1]; None if it was not estimated.
     evidence: float | None = None

@@ -1,4 +1,4 @@
-"""Progress of long steps: library functions report it, and whoever follows is called."""
+"""Progress of long computations: library functions report it, and a listener shows it."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -6,14 +6,14 @@ from contextvars import ContextVar
 from typing import TypeVar
 
 T = TypeVar("T")
-Listener = Callable[[str, int, int], None]  #: Called with the kind of steps, how many are done, of how many.
+Listener = Callable[[str, int, int], None]  #: Called with the kind of steps, the number done, and the total.
 
 
 def _ignore(_: str, done: int, total: int) -> None:
-    """Follow nothing."""
+    """Do nothing."""
 
 
-LISTENER: ContextVar[Listener] = ContextVar("listener", default=_ignore)  #: Who follows at the moment.
+LISTENER: ContextVar[Listener] = ContextVar("listener", default=_ignore)  #: The listener of this context.
 
 
 @contextmanager
@@ -30,19 +30,22 @@ def tell(words: str, done: int, total: int) -> None:
     """Report to the listener how many steps are done.
 
     Args:
-        words: The kind of steps, as "readings are fitted".
-        done: How many are done.
-        total: How many there are.
+        words: The kind of steps, such as "readings are fitted".
+        done: Number of steps done.
+        total: Number of all steps.
     """
     LISTENER.get()(words, done, total)
 
 
 def stepwise(items: Sequence[T], words: str) -> Iterator[T]:
-    """Iterate over items and report after each how many are done; all of them at the end, even an early one.
+    """Iterate over items and report progress after each; when the iteration ends early, all count as done.
 
     Args:
-        items: What is iterated over; fewer than two are not reported.
-        words: The kind of steps, as "readings are fitted".
+        items: The items; fewer than two are not reported.
+        words: The kind of steps, such as "readings are fitted".
+
+    Yields:
+        Every item.
     """
     if len(items) < 2:
         yield from items

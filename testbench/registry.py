@@ -1,4 +1,4 @@
-"""Tables of parts that users add to: by an installed package, or from Python."""
+"""Tables of extensions by name: built-in ones, those of installed packages, and those that a script adds."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
@@ -10,11 +10,11 @@ from typing import TypeVar
 from testbench.errors import BenchError
 
 T = TypeVar("T")
-PART_NAME = re.compile(r"[a-z]\w{0,39}", re.ASCII)  #: Names of parts stand in labels, flags and columns.
+PART_NAME = re.compile(r"[a-z]\w{0,39}", re.ASCII)  #: Form of a name: it must fit labels, flags and columns.
 
 
 class UnknownPart(BenchError, KeyError):
-    """Signal a name that is in no table; the message lists those that are."""
+    """Signal a name that a table lacks; the message lists the names that it has."""
 
     def __str__(self) -> str:
         """Return the message, without the quotes of a KeyError."""
@@ -22,16 +22,16 @@ class UnknownPart(BenchError, KeyError):
 
 
 class Registry(MutableMapping[str, T]):
-    """Hold parts by name: ours, then those of installed packages, then those that a script adds.
+    """Map names to parts such as joint laws: built-in ones, then those of installed packages and of scripts.
 
     A package names its parts as entry points of `group`. They are imported when the table is first used, in
     every process: commands, studies and their workers know them without a flag.
 
     Args:
-        kind: What a part is, for messages.
+        kind: Word for a part in messages, such as "joint law".
         group: Group of the entry points.
-        built_in: Our parts.
-        check: Refuses a wrong part, by BenchError; takes its name and the part.
+        built_in: Built-in parts by name.
+        check: Function of a name and its part, which raises BenchError for a wrong part.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Registry(MutableMapping[str, T]):
 
     @property
     def added(self) -> Mapping[str, T]:
-        """Return the parts that are not ours."""
+        """Return the parts that are not built in."""
         if self._entries is None:
             self._entries = {}  # a module that is loaded may look into the table
             entries = {entry.name: entry for entry in metadata.entry_points(group=self.group)}
@@ -67,7 +67,7 @@ class Registry(MutableMapping[str, T]):
         return part
 
     def origins(self) -> dict[str, Path | None]:
-        """Find the files of the parts that are not ours; None for a part that a script added."""
+        """Find the source files of the parts that are not built in; None for a part that a script added."""
         entries = self._entries or {}
         files = {name: find_spec(entry.module) for name, entry in entries.items()}
         origins = {name: spec.origin for name, spec in files.items() if spec is not None}
@@ -111,13 +111,13 @@ def check_has(kind: str, name: str, part: object, wanted: tuple[str, ...]) -> No
     """Refuse a part that lacks an attribute.
 
     Args:
-        kind: What the part is.
-        name: Its name.
+        kind: Word for a part in the message, such as "joint law".
+        name: Name of the part.
         part: The part.
         wanted: Names of the attributes that it needs.
 
     Raises:
-        BenchError: Names what is missing.
+        BenchError: When attributes are missing; the message names them.
     """
     if missing := [attribute for attribute in wanted if not hasattr(part, attribute)]:
         raise BenchError(f"{kind} {name!r}: {type(part).__name__} lacks {', '.join(missing)}")

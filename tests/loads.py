@@ -28,7 +28,7 @@ def hung(cell, runs, mass=460.3):
     """A hung mass as the truth has it: wrench, (runs, 6) [N, N m], and where it acts, (runs, 3) [m]."""
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -GRAVITY * mass
-    return wrench, np.tile(cell.plant.load, (runs, 1))
+    return wrench, np.tile(cell.plant.load_point, (runs, 1))
 
 
 def rows_of(cell, structure, where, targets=None):

@@ -31,7 +31,7 @@ from testbench.identify.method import gco
 from testbench.identify.posterior import intervals
 from testbench.identify.trace import SELECTION_CONFIDENCE, mean_and_standard_error
 from testbench.model.structure import template56
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed, true_arms
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed, true_arms
 from testbench.report import markdown
 from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.rows import trial_rng
@@ -47,10 +47,10 @@ from testbench.workflows.models import ALL_UNKNOWNS, JOINTS_ONLY, named_models, 
 ARM, SIGMA, POSES = "kr500_l480", 50e-6, 50  #: The arm; noise of a reading [m]; poses of the workspace.
 DISTURBED = "disturbed"
 KINDS = (
-    f"{FAMILY} {DISTURBED} cast off_40 coupled following_20 following_50 following_all tied_joints tied_all "
-    "slipping stiffer_10 stiffer_30 stiffer_100"
+    f"{FAMILY_NAME} {DISTURBED} cast off_40 coupled following_20 following_50 following_all tied_joints "
+    "tied_all slipping stiffer_10 stiffer_30 stiffer_100"
 ).split()
-WORDS = {**TRUE_ARM_LABELS, FAMILY: "family of six kinds", DISTURBED: "family, all disturbances"}
+WORDS = {**TRUE_ARM_LABELS, FAMILY_NAME: "family of six kinds", DISTURBED: "family, all disturbances"}
 KINDS += true_arms.added  # those of installed packages
 CLEARLY = 1.05  #: Ratio of errors from which on an arm counts as lost.
 DRAWS = 4000  #: Of a bootstrap.
@@ -66,7 +66,7 @@ STIFF = ("stiffer_10", "stiffer_30", "stiffer_100")
 def measured(cell, poses, kind, seed):
     """Readings of a true arm, and what it does in the poses of the workspace."""
     scenario = Scenario(arm=ARM, sigma=SIGMA, workspace_poses=POSES)
-    true = true_cell(cell, true_arm_of_seed(FAMILY if kind == DISTURBED else kind, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY_NAME if kind == DISTURBED else kind, seed), seed)
     if kind != DISTURBED:
         campaign = simulate_at(true, scenario, seed, poses)
         return campaign.identification, campaign.truth

@@ -32,8 +32,8 @@ from testbench.identify.estimate import deflections, score
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
-from testbench.plant.tracker import Gauge, Tracker
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.tracker import Gauge, IsotropicTracker
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
@@ -51,11 +51,11 @@ from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, 
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50
 KINDS = (
-    f"{FAMILY} cast off_40 coupled following_20 following_50 following_all tied_joints tied_all slipping "
-    "bearings stiffer_10 stiffer_30 stiffer_100"
+    f"{FAMILY_NAME} cast off_40 coupled following_20 following_50 following_all tied_joints tied_all "
+    "slipping bearings stiffer_10 stiffer_30 stiffer_100"
 ).split()
-WORDS = {**TRUE_ARM_LABELS, FAMILY: "family of six kinds"}
-TRACKER, GAUGE = Tracker(50e-6), Gauge()
+WORDS = {**TRUE_ARM_LABELS, FAMILY_NAME: "family of six kinds"}
+TRACKER, GAUGE = IsotropicTracker(50e-6), Gauge()
 
 
 def plan(cell, scenario, uncertainty, sigma):
@@ -78,7 +78,7 @@ def plan(cell, scenario, uncertainty, sigma):
     found = candidate_set(spec, clear_poses(cell, scenario.station, CANDIDATES, rng))
     criterion = criterion_of("I", found.problem, workspace_rows(spec))
     by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
-    gauges = Gauges(len(cell.arm.markers), sigma, GAUGE.tilt)
+    gauges = Gauges(len(cell.arm.markers), sigma, GAUGE.tilt_sigma)
     rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
     chosen = choose_poses_and_gauges(rows, found.problem, criterion, gauges, PLACES)
     direction = np.zeros((PLACES, len(cell.arm.markers), 3))

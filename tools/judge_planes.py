@@ -26,8 +26,8 @@ from threadpoolctl import threadpool_limits
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.fit import SELECTABLE_ERRORS, CalibrationOptions, calibrate
-from testbench.plant.disturbance import TYPICAL, Disturbances
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.disturbance import TYPICAL_DISTURBANCES, Disturbances
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.runs.rows import trial_rng
 from testbench.workflows.absolute import position_errors
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_distances, simulate_series
@@ -44,7 +44,7 @@ OPTIONS = CalibrationOptions(excluded_errors=frozenset(SELECTABLE_ERRORS) - {"jo
 CAMPAIGN = AbsoluteCampaign(
     poses=POSES,
     masses=(0.0, MASS),
-    disturbances=Disturbances(own_weight=True, geometry=TYPICAL.geometry),
+    disturbances=Disturbances(own_weight=True, geometry=TYPICAL_DISTURBANCES.geometry),
 )
 LOADS = {"weight": "own weight", "loaded": f"under {MASS:g} kg"}
 
@@ -84,7 +84,7 @@ KINDS = {
 
 def touches(cell, faces, seed, q):
     """Move the joints of every row until the true arm touches, and read noise about zero there."""
-    quiet = {"sigma": 1e-9, "flatness": 0.0, "travel": 1.0}  # the joints move until it touches
+    quiet = {"sigma": 1e-9, "flatness_sigma": 0.0, "max_height": 1.0}  # the joints move until it touches
     exact = [replace(own, instrument=replace(own.instrument, **quiet)) for own in faces]
     parts = []
     for mass in CAMPAIGN.masses:
@@ -98,7 +98,7 @@ def touches(cell, faces, seed, q):
     rng = trial_rng(seed, 6)
     read = []
     for own, both in zip(faces, zip(*parts, strict=True), strict=True):
-        sigma = float(np.hypot(own.instrument.sigma, own.instrument.flatness))
+        sigma = float(np.hypot(own.instrument.sigma, own.instrument.flatness_sigma))
         for one in both:
             noise = sigma * rng.standard_normal(one.distance.shape)
             there = np.abs(one.distance[:, 0]) < 1e-7  # a hundredth of the noise; others are never reached
@@ -108,7 +108,7 @@ def touches(cell, faces, seed, q):
 
 def judge(cell, seed, kind):
     """Calibrate one true arm by one instrument, and score it."""
-    true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY_NAME, seed), seed)
     series = KINDS[kind][1](cell, true, seed)
     found = calibrate(cell.vjm, series, wrong_prior(cell, seed), OPTIONS).model()
     unseen = CAMPAIGN.model_copy(update={"poses": CHECKED, "noise": False})

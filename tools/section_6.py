@@ -24,7 +24,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate, deflections, make_estimate, score
 from testbench.identify.regression import reduce
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report.report import read_report
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row, Trials, aligned
@@ -154,7 +154,7 @@ def _errors(cell: Cell, seed: int) -> tuple[Array, list[bool]]:
 
     And whether residuals of MGCO68 and MLS32 over all readings pass the test of Lilliefors at 5 %.
     """
-    true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY_NAME, seed), seed)
     asked = Scenario(arm=ARM, workspace_poses=1)
     poses = draw_poses(cell, asked, seed)
     runs: dict[float | None, Campaign] = {}
@@ -176,7 +176,7 @@ def _errors(cell: Cell, seed: int) -> tuple[Array, list[bool]]:
 
 def _stopped(cell: Cell, seed: int) -> Array:
     """Errors of a search over b that is stopped early, (starts, budgets, models, fit and check) [m]."""
-    true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY_NAME, seed), seed)
     asked = Scenario(arm=ARM, workspace_poses=1)
     own = simulate_at(true, asked, seed, draw_poses(cell, asked, seed))
     found = np.empty((len(SIZES), len(BUDGETS), len(GCO_MODELS), 2))

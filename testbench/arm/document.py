@@ -16,7 +16,7 @@ from testbench.errors import InputError, read_text, shorten
 DECIMAL_PATTERN = re.compile(r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$")
 """Pattern of a decimal number, with a point as decimal mark."""
 INTEGER_PATTERN = re.compile(r"^[+-]?[0-9]{1,19}$")
-NUMBER_EXAMPLES = "such as 12, -0.5 or 2e-3"
+NUMBER_EXAMPLES = "such as 12, -0.5 or 2e-3"  #: Examples of numbers, for error messages.
 MAX_DECIMAL_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
 
 
@@ -146,25 +146,25 @@ EXPECTED: Mapping[str, str] = {
     "dict_type": "expected a table of keys",
     "model_type": "expected a table of keys",
 }
-"""Kinds of findings of pydantic, in our words; other kinds keep the words of pydantic."""
+"""Message by pydantic's error type; other types keep pydantic's own message."""
 
 
 class Finding(NamedTuple):
-    """Hold the first value of a document that is not as expected."""
+    """Hold a value of a document that pydantic refuses: its place, the error type and a message."""
 
-    keys: KeyPath
-    kind: str  #: Such as "missing"; the keys of `EXPECTED`, and other kinds of pydantic.
+    keys: KeyPath  #: Keys and indices that lead to the value.
+    kind: str  #: Error type of pydantic, such as "missing".
     problem: str  #: What was expected, and what the document has.
 
 
 def first_finding(err: ValidationError) -> Finding:
-    """Say in one line what pydantic found first.
+    """Find the first value that pydantic refuses, with a message of one line.
 
     Args:
-        err: What it found.
+        err: The error that pydantic raised for the document.
 
     Returns:
-        The finding.
+        Place, error type and message of the value.
     """
     try:
         first = err.errors(include_url=False)[0]
@@ -185,14 +185,14 @@ FORBIDDEN_FIRST_CHARACTERS = "=+-@'"
 
 
 def matching(pattern: str, form: str) -> AfterValidator:
-    """Make a check that a text has a form.
+    """Make a pydantic check that a whole text matches a regular expression.
 
     Args:
-        pattern: A regular expression that the whole text must match.
-        form: What was expected, in words, such as "three numbers with commas between them".
+        pattern: The regular expression.
+        form: Words for the error message, such as "three numbers with commas between them".
 
     Returns:
-        The check, for the type of a field.
+        The check, to annotate the type of a field with.
     """
 
     def check(text: str) -> str:

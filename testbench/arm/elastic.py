@@ -115,7 +115,7 @@ def rotated_compliance(C: Array, axis: Array, angle: float) -> Array:
 
 
 def unit_diagonal_scale(C: Array) -> Array:
-    """Compute the scale s by which C / (s s^T) has a diagonal of ones: the roots of the diagonal of C.
+    """Compute s = sqrt(diag(C)), by which C / (s s^T) has a unit diagonal.
 
     Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length. Those of the scaled
     matrix do not, and have the same signs (Sylvester).
@@ -208,9 +208,9 @@ Length = Quantity[float, Literal["m"]]
 class TubeEntry(StrictModel):
     """Describe the table `tube` of a link in elastic.toml: a straight hollow circular beam."""
 
-    length: Length
+    length: Length  #: Length along the beam's x axis.
     outer_diameter: Length
-    inner_diameter: Length
+    inner_diameter: Length  #: 0 for a solid beam.
     youngs_modulus: Quantity[float, Literal["Pa"]]
     poissons_ratio: Quantity[float, Literal["1"]]
 
@@ -234,15 +234,12 @@ class JointEntry(StrictModel):
 
 
 class CompensatorEntry(StrictModel):
-    """Describe the table [compensator] of elastic.toml: a spring from link 1 to link 2 that supports joint 2.
+    """Describe the table [compensator] of elastic.toml: a spring between links 1 and 2."""
 
-    The fields have the meaning of those of `folder.Compensator`.
-    """
-
-    foot: Quantity[Vector3, Literal["m"]]
-    head: Quantity[Vector3, Literal["m"]]
-    rate: Quantity[float, Literal["N/m"]]
-    rest_length: Length
+    foot: Quantity[Vector3, Literal["m"]]  #: Hinge point on link 1, in that body's frame.
+    head: Quantity[Vector3, Literal["m"]]  #: Hinge point on link 2, in that body's frame.
+    rate: Quantity[float, Literal["N/m"]]  #: Change of force over change of length as joint 2 turns.
+    rest_length: Length  #: Length without force.
 
 
 class ElasticDocument(StrictModel):

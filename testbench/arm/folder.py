@@ -153,7 +153,7 @@ class JointMap:
         return np.asarray(change[..., self.free_joints] @ self.free_inverse.T) + 0.0
 
     def to_chain_torques(self, torque: Array) -> Array:
-        """Convert torques of file joints to torques of chain joints: both do the same work.
+        """Convert torques of file joints to torques of chain joints, torque_model = L^-T torque_file.
 
         Args:
             torque: Torques of the file joints, (..., m) [N m, N].
@@ -255,8 +255,8 @@ def build_joint_map(
         The map; None where every chain joint is the file joint of its name.
 
     Raises:
-        BenchError: When the rows do not determine every file joint, one would turn a hinge and move a slide,
-            or a coefficient is larger than `MAX_COEFFICIENT` or not finite.
+        BenchError: When the rows do not determine every file joint, a file joint would move both a hinge and
+            a slide, or a coefficient is larger than `MAX_COEFFICIENT` or not finite.
     """
     # names of file joints, in the order of the chain
     known = {joint.name: k for k, joint in enumerate(joints)}
@@ -437,7 +437,7 @@ class Arm(Displayed):
     tool: str  #: Body of the tool's centre point, a child of the last link.
     load_point: str  #: Body at whose origin a hung weight acts: the load point.
     markers: tuple[str, ...]  #: Bodies that the tracker reads, the markers.
-    payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
+    payload: float | None = None  #: Rated payload [kg]; None if elastic.toml states none.
     compensator: Compensator | None = None  #: Compensator of joint 2; None if elastic.toml states none.
     #: Map from file joints to chain joints; None where they are equal.
     joint_map: JointMap | None = None

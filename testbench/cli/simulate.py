@@ -178,7 +178,7 @@ def _campaign(
         sigma=_sigma(asked),
         sigma_rotation=_sigma(asked),
         trackers=tuple(_trackers(asked)) or None,
-        disturbances=Disturbances(own_weight=True, geometry=geometry, gear=gear),
+        disturbances=Disturbances(own_weight=True, geometry=geometry, gear_errors=gear),
     )
 
 

@@ -40,7 +40,7 @@ from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_it
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, rotation_vectors_between, tool_pose_and_jacobian
-from testbench.plant.site import Site, collisions
+from testbench.plant.site import Site, find_collisions
 
 # --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
 
@@ -567,7 +567,7 @@ def _refused(
         reasons[k] = reasons[k] or Refusal("limit", (arm.joints[j].name,), beyond)
     if site is not None:
         good = np.flatnonzero([reason is None for reason in reasons])
-        for k, pair in zip(good, collisions(site, corrected.q[good]), strict=True):
-            if pair and collisions(site, q[k : k + 1])[0] != pair:
+        for k, pair in zip(good, find_collisions(site, corrected.q[good]), strict=True):
+            if pair and find_collisions(site, q[k : k + 1])[0] != pair:
                 reasons[k] = Refusal("collision", pair)
     return reasons

@@ -75,7 +75,13 @@ def build_vjm(arm: Arm) -> Vjm:
 def build_pinocchio_model(arm: Arm) -> pin.Model:
     """Build Pinocchio's model of the rigid arm: joints, and frames of links, tool, load point and markers.
 
-    It is made from the arm's rigid.xml, and has no inertias and no limits.
+    The model has no inertias and no joint limits.
+
+    Args:
+        arm: Description of the arm; its rigid.xml is read.
+
+    Returns:
+        Pinocchio's model; the frame of every body has the body's name.
 
     Raises:
         InputError: When the MJCF cannot be read, or a body has no orientation that can be read.
@@ -294,7 +300,7 @@ class JointErrorTerms:
 
     @property
     def coefficient_bands(self) -> Ids:
-        """Return the place in `ORDER_BANDS` of every coefficient of a joint, (k,); -1 without an order."""
+        """Return the index into `ORDER_BANDS` of every coefficient of a joint, (k,); -1 without an order."""
         order = np.tile(self.orders, 2)
         band = np.full(self.n_coefficients, -1)
         band[: len(order)] = np.searchsorted(ORDER_BANDS, order, "right") - 1
@@ -304,17 +310,17 @@ class JointErrorTerms:
 def joint_error_basis(
     errors: JointErrorTerms, arm: Arm, q: Array, torque: Array, typical_torque: Array
 ) -> Array:
-    """Evaluate the functions phi_jk of every joint's own error, sum_k phi_jk(q_j, tau_j) n_jk.
+    """Evaluate the basis functions phi_jk of the joint errors, sum_k phi_jk(q_j, tau_j) n_jk for joint j.
 
     They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (BACKLASH_SMOOTHING tau_0))
-    and tau abs(tau) / tau_0^2, each as far as it is selected. The harmonic terms of a sliding joint are zero.
-    A typical torque tau_0 of zero counts as one.
+    and tau abs(tau) / tau_0^2; terms that are not selected are left out. The harmonic terms of a slide are
+    zero. A typical torque tau_0 of zero counts as one.
 
     Mathematics: `law-8`.
 
     Args:
         errors: Selection of the terms, k per joint.
-        arm: The arm, for its number of joints and which of them slide.
+        arm: Description of the arm: number of joints, and which of them are slides.
         q: Actuated joints, (runs, n) [rad, m].
         torque: Torque tau of every joint's spring, (n, runs) [N m, N].
         typical_torque: Typical torque tau_0 of every joint, (n,) [N m, N].

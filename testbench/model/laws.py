@@ -254,7 +254,7 @@ UNIT_COMPENSATOR_STIFFNESS = (
     0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
 )
 UNIT_COMPENSATOR_SHARE = UNIT_COMPENSATOR_STIFFNESS / (1 + UNIT_COMPENSATOR_STIFFNESS)
-"""Largest share of joint 2's deflection that a compensator of size one prevents, K / (1 + K) [1]."""
+"""Largest fraction of joint 2's deflection that a compensator of size one prevents, K / (1 + K) [1]."""
 COMPENSATOR_SIZE_PRIOR = 0.05, 1.5
 """Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
 deflects to half of that of joint 2."""
@@ -264,7 +264,7 @@ CACHED_VJMS = CACHED_STRUCTURES = 32  #: Number of models with laws, and of stru
 
 @dataclass(frozen=True)
 class JointLaws:
-    """Hold the laws of an arm's joints: each kind for every joint, and one of a compensator.
+    """Hold all joint laws of an arm: every kind for every joint, and one for a compensator.
 
     The laws are ordered by kind: stiffening of all joints, backlash of all, and so on. Their number is the
     number of kinds times n, and one more with a compensator.
@@ -303,7 +303,7 @@ class JointLaws:
         """
         nominal, c = self._nominal_deflections(chain, u), self.compliance[:, None]
         deflections = [law.deflection(nominal) for law in self.laws_by_kind.values()]
-        return np.concatenate([*deflections, self._compensator_share(chain) * (c * u)[1:2]])
+        return np.concatenate([*deflections, self._compensator_relief(chain) * (c * u)[1:2]])
 
     def unit_slopes(self, chain: ChainState, u: Array) -> Array:
         """Compute the derivative of the laws' unit deflections with respect to the torque of their joint.
@@ -317,7 +317,7 @@ class JointLaws:
         """
         nominal, c = self._nominal_deflections(chain, u), self.compliance[:, None]
         slopes = [c * law.slope(nominal) for law in self.laws_by_kind.values()]
-        return np.concatenate([*slopes, c[1:2] * self._compensator_share(chain)])
+        return np.concatenate([*slopes, c[1:2] * self._compensator_relief(chain)])
 
     def _nominal_deflections(self, chain: ChainState, u: Array) -> NominalDeflections:
         """Compute the nominal deflections of all joints before and under the load."""
@@ -327,7 +327,8 @@ class JointLaws:
     def torques_before_load(self, chain: ChainState) -> Array:
         """Compute the torques tau_0 at the actuated joints before a load is put on the arm.
 
-        They are the torques of own weight, if masses are known, less those that a compensator carries.
+        They are the torques of the arm's own weight, less those that a compensator carries. Without known
+        masses the arm counts as weightless.
 
         Mathematics: `law-2`.
 
@@ -347,8 +348,12 @@ class JointLaws:
             torque[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return torque
 
-    def _compensator_share(self, chain: ChainState) -> Array:
-        """Compute a compensator's share of joint 2's deflection, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
+    def _compensator_relief(self, chain: ChainState) -> Array:
+        """Compute the relative change of joint 2's deflection by a compensator, -K s^2 / (1 + K s^2).
+
+        Returns:
+            Relative change, (1, runs) [1]; (0, runs) without a compensator.
+        """
         if self.compensator is None:
             return np.zeros((0, len(chain.tool_position)))
         lever, longest, _ = _levers(self.compensator, chain)
@@ -390,10 +395,10 @@ def build_joint_laws(arm: Arm, laws_by_kind: Mapping[str, JointLaw] = joint_laws
 
     Args:
         arm: Description of the arm.
-        laws_by_kind: The laws by kind.
+        laws_by_kind: Laws of every joint by kind.
 
     Returns:
-        The laws; body_masses is None where masses cannot be read from the MJCF.
+        The laws; `body_masses` is None if masses cannot be read from the MJCF.
     """
     try:
         weights = read_body_masses(arm)
@@ -415,7 +420,7 @@ def law_size_prior(kind: str) -> tuple[float, float]:
 
 
 def law_unit(kind: str) -> float:
-    """Return the value of a size of one in SI units, by the kind of the law [1, rad; m for a slide]."""
+    """Return the SI value of a joint law's size of one, by the kind of the law [1, rad; m for a slide]."""
     return UNIT_COMPENSATOR_SHARE if kind == COMPENSATOR_KIND else joint_laws[kind].unit
 
 
@@ -439,16 +444,17 @@ def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
 
 
 def set_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
-    """Set the width of the friction loop for runs whose load was put on, or put on and taken off again.
+    """Set the width of the friction loop of every run: one half width, or two where the load was taken off.
+
+    Friction holds a joint back when the load is put on, and again when it is taken off.
 
     Args:
-        vjm: Kinematics, with or without laws.
-        taken_off: Runs whose load was taken off again, (all runs,); None for none.
+        vjm: Kinematics, with or without joint laws.
+        taken_off: Whether the load was put on and taken off again, (all runs,); None for no run.
         runs: Indices of the requested runs, (runs,), or a slice; all by default.
 
     Returns:
-        The kinematics with a loop of two half widths in those runs and of one in the others; unchanged
-        without laws.
+        The kinematics with these widths; unchanged without joint laws.
     """
     if taken_off is None or not isinstance(vjm.joint_laws, JointLaws):
         return vjm
@@ -458,14 +464,14 @@ def set_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice
 
 
 def vjm_for_structure(vjm: Vjm, structure: Structure) -> Vjm:
-    """Add to the kinematics the joint laws whose sizes are unknowns of a structure.
+    """Add to the kinematics of an arm the joint laws whose sizes are unknowns of a structure.
 
     Args:
         vjm: Kinematics of the arm.
         structure: Structure of the unknowns.
 
     Returns:
-        The kinematics with these laws; as given if the structure has none.
+        The kinematics with these laws; unchanged if the structure has none.
     """
     kinds = [kind for kind in law_kinds(structure) if kind != COMPENSATOR_KIND]
     return add_joint_laws(vjm, kinds) if kinds else vjm

@@ -178,7 +178,7 @@ def read_body_masses(arm: Arm) -> BodyMasses:
         Masses and centres of the links and the tool, with all bodies fixed to them.
 
     Raises:
-        InputError: When MuJoCo would take a mass from shapes, which this reader does not weigh.
+        InputError: When MuJoCo would compute a mass from shapes, which this function does not do.
     """
     root = read_mjcf(arm.mjcf_path)
     from_shapes = [c.get("inertiafromgeom", "auto") for c in root.iter("compiler")][-1:] or ["auto"]
@@ -200,7 +200,7 @@ def read_body_masses(arm: Arm) -> BodyMasses:
 
 
 def read_body_masses_with_note(arm: Arm) -> tuple[BodyMasses, list[str]]:
-    """Read masses and centres of mass of an arm; if its file has none, return zeros and a note for it."""
+    """Read masses and centres of mass of an arm; if they cannot be read, return zeros and a note about it."""
     try:
         return read_body_masses(arm), []
     except InputError as err:

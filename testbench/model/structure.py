@@ -30,9 +30,10 @@ BEAM_ENTRIES: EntryPairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 
 """The 8 entries of a straight beam: c11 c22 c33 c44 c55 c66 c26 c35."""
 JOINTS_ONLY = "Joints"  #: Name of the structure of joint stiffness only.
 Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
-"""Constraint of a method on every block. "none": none. "psd": positive semi-definite. "free": as positive
-semi-definite as unobservable directions allow; the fit is that of least squares. "ridge": small. "clipped":
-least squares, made positive semi-definite afterwards. "own": unknown, from an estimator of your own."""
+"""Constraint of an estimation method on every block of C_theta. "none": no constraint. "psd": positive
+semi-definite. "free": least squares, with unobservable directions chosen so that blocks become positive
+semi-definite where possible. "ridge": entries are penalised by their size. "clipped": least squares, made
+positive semi-definite afterwards. "own": unknown, because the estimator is the user's."""
 PAPER_GCO_METHOD = "GCO (paper)"
 """Method name of GCO without a learnt trace weight."""
 
@@ -302,10 +303,19 @@ def _named(
     joints: slice | None = None,
     entries: EntryPairs = FULL_ENTRIES,
 ) -> Callable[[Arm], Structure]:
-    """Make a builder of one of the paper's structures.
+    """Make the function that builds one of the paper's structures for an arm.
 
-    Links are given by number, None for all; joints by a slice, None for none. A structure is named after its
-    number of parameters: MGCO56 of the paper's arm is MGCO64 on an arm of seven joints.
+    A structure is named after its number of parameters: MGCO56 of the paper's arm is MGCO64 on an arm of
+    seven joints.
+
+    Args:
+        name: Name of the structure on an arm of six joints.
+        links: Indices of the elastic links; None for all.
+        joints: Slice of the elastic joints; None for no joint.
+        entries: Unknown entries of every link's compliance.
+
+    Returns:
+        The function.
     """
 
     def make(arm: Arm) -> Structure:

@@ -171,8 +171,8 @@ def evaluate_chain(vjm: Vjm, q: Array, theta: Array | None = None) -> ChainState
         vjm: Kinematics of the extended chain.
         q: Actuated joints, (runs, n) [rad, m].
         theta: Virtual joint coordinates, (runs, n_theta) [m, rad]: per link its slides x, y, z and its hinges
-            phi_x, phi_y, phi_z in the beam frame, then one per joint, then those of joint laws; None for
-            zero.
+            phi_x, phi_y, phi_z in the beam frame, then one per joint, then those of joint laws; None if all
+            are zero.
 
     Returns:
         Pose, Jacobian and bodies of every run.
@@ -411,15 +411,15 @@ def skew(vectors: Array) -> Array:
 
 
 def rigid_motion_matrix(points: Array) -> Array:
-    """Compute the matrix G with motion of points of a rigid tool = G @ twist of the tool, all in its frame.
+    """Compute G with dp = G @ twist: how points of a rigid tool move with the tool, in the tool's frame.
+
+    Mathematics: `vjm-4`.
 
     Args:
         points: Points in the tool's frame, (m, 3) [m].
 
     Returns:
-        G, three rows per point; a twist is translation, then rotation, (3 m, 6) [1, m].
-
-    Mathematics: `vjm-4`.
+        G, three rows per point, (3 m, 6) [1, m]; the twist is translation, then rotation.
     """
     turns = np.array([skew(point).T for point in points])
     return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
@@ -505,11 +505,12 @@ def append_law_unit_deflections(chain: ChainState, load: Array) -> Array:
     """Append the deflections of joint laws, per unit of size, to the generalised loads of links and joints.
 
     Args:
-        chain: Tool and Jacobian of every run, with the laws if there are some.
-        load: Loads of links and joints, (7 n + 6, runs) [N, N m].
+        chain: Tool and Jacobian of every run, and the joint laws of the model.
+        load: Generalised loads of links and joints, (7 n + 6, runs) [N, N m].
 
     Returns:
-        Loads of all virtual joints, (n_theta, runs) [N, N m; rad, m for laws].
+        Generalised loads, then the deflection per unit of size of every joint law, (n_theta, runs) [N, N m;
+        rad, m for laws]; `load` itself without joint laws.
     """
     if chain.joint_laws is None:
         return load
@@ -555,7 +556,7 @@ def observation_rows(structure: Structure, reading_jacobian: Array, load: Array)
     Args:
         structure: Structure of the unknowns, n_par of them.
         reading_jacobian: Readings per unit of each virtual joint, (rows, n_theta, runs).
-        load: Load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
+        load: Generalised load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
 
     Yields:
         One row of every run, (n_par, runs): transposed for LAPACK.
@@ -655,19 +656,19 @@ def tool_pose_and_jacobian(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
 # --- Random poses inside the joint limits -------------------------------------------------------------------
 
 POSES_PER_BATCH = 4096  #: Poses drawn at a time.
-POSES_PER_CHECK = 512  #: Poses checked at a time; drawing stops after a piece that completes the count.
+POSES_PER_CHECK = 512  #: Poses checked at a time; drawing stops with the check that completes the count.
 MAX_BATCHES = 400  #: Batches drawn before the search is given up.
 
 
 @dataclass(frozen=True)
 class WorkArea:
-    """Describe where the tool must be and where its x axis must point."""
+    """Describe the box in which the tool must be, and the cone in which its x axis must point."""
 
     lower: tuple[float, float, float]  #: Lower corner of the tool's position, world, (3,) [m].
     upper: tuple[float, float, float]  #: Upper corner, (3,) [m].
-    #: Unit vector that the tool's x axis follows, world, (3,).
+    #: Axis of the cone, world, unit vector, (3,) [1].
     direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    cone: float = np.pi  #: Largest angle between the two [rad].
+    cone: float = np.pi  #: Largest angle between the tool's x axis and that axis [rad].
 
 
 def in_work_area(vjm: Vjm, work_area: WorkArea, q: Array) -> Mask:

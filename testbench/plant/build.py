@@ -5,9 +5,9 @@ K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over t
 three hinges. Their energy is 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta. The result is plain MJCF
 that MuJoCo's own viewer opens.
 
-A Newton step of the equilibrium needs MuJoCo's kinematics and the gravity force, 2.8 us per pose; the call
-from Python takes as long. So a second model holds several copies of the arm, without geoms and springs: one
-call evaluates a pose in each.
+A Newton step of the equilibrium needs MuJoCo's kinematics and the gravity force. They take 2.8 us per pose,
+and the call from Python takes as long. So a second model holds several copies of the arm, without geoms and
+springs, and one call evaluates a pose in each copy.
 """
 
 import copy
@@ -22,16 +22,21 @@ import numpy as np
 from testbench.arm.folder import Arm, Link
 from testbench.arm.mjcf import MAX_LENGTH, find_body, mesh_files, read_meshes, read_mjcf
 from testbench.errors import Array, Ids, InputError
-from testbench.plant.disturbance import NOMINAL, Disturbances, Gears, SpringEffects
+from testbench.plant.disturbance import (
+    NOMINAL_DISTURBANCES,
+    Disturbances,
+    GearErrorCoefficients,
+    SpringEffects,
+)
 
 # --- Conversion of rigid MJCF to elastic MJCF: six sprung virtual joints after every link, one per joint ----
 
-AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+VIRTUAL_JOINT_AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")  #: Axes of a link in theta, in order.
 CARRIER_MASS = 1e-9
 """Mass [kg] and inertia [kg m^2] of the body between a link and the next joint.
 
-MuJoCo admits at most six degrees of freedom a body, so the virtual joint needs one; it weighs nothing
-that a float of the arm's weight could see.
+MuJoCo admits at most six degrees of freedom per body, so a link's virtual joint needs a body of its own. The
+mass is too small to change the arm's weight in double precision.
 """
 
 BRAKE_ARMATURE = 1e15
@@ -46,35 +51,38 @@ it."""
 
 
 def virtual_joint_name(link: str, axis: str) -> str:
-    """Return the name of a virtual joint in the elastic MJCF.
+    """Name the slide or hinge of a link's virtual joint in the elastic MJCF, such as link_2_theta_phi_x.
 
     Args:
         link: Name of the link.
-        axis: Name of the axis.
+        axis: Name of the axis, such as "phi_x".
+
+    Returns:
+        The name.
     """
     return f"{link}_theta_{axis}"
 
 
 def sprung_joint_name(joint: str) -> str:
-    """Name the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF."""
+    """Name the spring in series with an actuated joint in the elastic MJCF, such as joint_2_theta."""
     return f"{joint}_theta"
 
 
 def theta_joint_names(arm: Arm) -> list[str]:
     """List the names of the virtual joints in the order of theta, (n_theta,)."""
-    links = [virtual_joint_name(link.name, axis) for link in arm.links for axis in AXES]
+    links = [virtual_joint_name(link.name, axis) for link in arm.links for axis in VIRTUAL_JOINT_AXES]
     return links + [sprung_joint_name(j.name) for j in arm.joints]
 
 
-def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
-    """Convert the arm's rigid MJCF to an elastic one with its true compliances as joints and springs.
+def elastic_mjcf(arm: Arm, foundation_compliance: Array | None = None) -> str:
+    """Convert an arm's rigid MJCF to an elastic one: virtual joints with springs of the true compliances.
 
-    Contacts are off: an equilibrium has none, and feasibility of a pose is checked on the rigid arm.
+    Contacts are off: whether a pose is free of collisions is checked on the rigid arm.
 
     Args:
-        arm: The arm.
-        foundation: Diagonal of the compliance of a sprung foundation, at the base's origin in world axes,
-            (6,) [m/N, rad/(N m)]; None for a rigid one.
+        arm: Description of the arm; its rigid.xml is read.
+        foundation_compliance: Diagonal of the compliance of the foundation below the base, at the base's
+            origin in world axes, (6,) [m/N, rad/(N m)]; None for a rigid foundation.
 
     Returns:
         MJCF text; mesh files are named as in rigid.xml.
@@ -99,12 +107,12 @@ def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
     # A spring in series with every actuated joint.
     for joint in arm.joints:
         _insert_spring(root, joint.name, 1 / joint.compliance)
-    if foundation is not None:
+    if foundation_compliance is not None:
         # A sprung body below the base.
         base = find_body(arm.mjcf_path, root, arm.links[0].name)
         parent = next(element for element in root.iter() if base in list(element))
         carrier = _insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
-        for base_joint, compliance in zip(carrier.findall("joint"), foundation, strict=True):
+        for base_joint, compliance in zip(carrier.findall("joint"), foundation_compliance, strict=True):
             base_joint.set("stiffness", repr(float(1 / compliance)))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
@@ -123,7 +131,7 @@ def _insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Arr
     carrier = ET.Element("body", name=name, pos=child.attrib.pop("pos", "0 0 0"))
     parent.insert(list(parent).index(child), carrier)
     parent.remove(child)
-    for k, axis in enumerate(AXES):
+    for k, axis in enumerate(VIRTUAL_JOINT_AXES):
         kind, along = "slide" if k < 3 else "hinge", " ".join(map(repr, frame[:, k % 3].tolist()))
         ET.SubElement(carrier, "joint", name=f"{joint}_{axis}", type=kind, axis=along)
     carrier.append(child)
@@ -141,7 +149,7 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
             damping=repr(float(SPRING_DAMPING_TIME * stiffness)),
             springlength="0",
         )
-        for axis, coef in zip(AXES, v, strict=True):
+        for axis, coef in zip(VIRTUAL_JOINT_AXES, v, strict=True):
             if coef != 0:
                 ET.SubElement(
                     tendon, "joint", joint=virtual_joint_name(link.name, axis), coef=repr(float(coef))
@@ -149,15 +157,18 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
 
 
 def tendon_springs(C: Array) -> tuple[Array, Array]:
-    """Decompose K = C^-1 of a positive definite compliance, (6, 6), into six springs, K = sum_k k v_k v_k^T.
+    """Decompose the stiffness C^-1 of a link into six springs, C^-1 = sum_i k_i v_i v_i^T.
 
-    The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with rad/(N
-    m), and its raw eigenvectors lose digits of the small entries.
+    The springs follow from the eigenvectors of the unit-diagonal matrix D^-1/2 C D^-1/2. C itself mixes m/N
+    with rad/(N m), and its eigenvectors lose digits of the small entries.
 
     Mathematics: `loaded-8`.
 
+    Args:
+        C: Compliance of the link, positive definite, (6, 6) [m/N, rad/N, rad/(N m)].
+
     Returns:
-        Stiffness k of each spring, (6,), and the coefficients v of its tendon as rows, (6, 6).
+        Stiffness k of each spring, (6,) [N/m, N m/rad], and its direction v as rows, of length one, (6, 6).
     """
     # Unit-diagonal matrix and its eigenvectors.
     d = np.sqrt(np.diag(C))
@@ -189,55 +200,56 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
 COMPILE_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """Errors that MuJoCo raises if it does not compile a model."""
 MAX_COLLIDING_PAIRS = 50_000
-"""Most geoms that may collide: 316 on ten links."""
+"""Most pairs of geoms on different bodies that may collide: those of ten links with 33 geoms each."""
 MAX_HULL_CORNERS = 1000
 """Most corners of the convex hull by which a mesh collides."""
 ARMS_PER_MODEL = 8
-"""Number of copies. MuJoCo compiles them in 15 ms; the time grows with the square of their number."""
+"""Number of copies of the arm in one MuJoCo model. It compiles in 15 ms; the time grows with the square."""
 
 
 @dataclass(frozen=True)
 class ModelCopies:
-    """Hold several copies of an arm's bodies and joints in one MuJoCo model, compiled when first needed."""
+    """Hold a MuJoCo model with several copies of an arm's bodies and joints, compiled when first needed."""
 
-    model: mujoco.MjModel  #: The model that is copied.
+    model: mujoco.MjModel  #: Model of one arm.
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
-        """Compile the copies: that takes a third of the time in which a command loads its arm."""
+        """Compile the MuJoCo model with `ARMS_PER_MODEL` copies of the arm, without geoms and springs."""
         return _copies_in_one_model(self.model, ARMS_PER_MODEL)
 
 
 @dataclass(frozen=True)
 class Plant:
-    """Hold the true arm: a MuJoCo model with sprung virtual joints.
+    """Hold the true arm: a MuJoCo model with virtual joints on springs, and its disturbances.
 
-    All its joints are slides and hinges, so that one address serves qpos and qvel. To change the MuJoCo
-    model, replace `model` with an altered copy of it: the copies take its gravity and its places of bodies.
+    All its joints are slides and hinges, so that one index serves qpos and qvel. To change the MuJoCo model,
+    replace `model` with an altered copy of it; `model_of_copies` takes over gravity and poses of bodies.
     """
 
     arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
-    copies: ModelCopies  #: ModelCopies of the model, or of the model that it is an altered copy of.
-    theta: Ids  #: Index of each virtual joint in MuJoCo's qpos and qvel, (n_theta,).
-    joints: Ids  #: Index of each actuated joint in MuJoCo's qpos and qvel, (n,).
-    tool: int  #: Body id of the tool.
-    markers: Ids  #: Body ids of the markers, (m,).
-    load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
-    C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
-    joint_moves: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
+    copies: ModelCopies  #: Several copies of the arm in one model, from before `model` was altered.
+    theta_indices: Ids  #: Index of each virtual joint in MuJoCo's qpos and qvel, (n_theta,).
+    joint_indices: Ids  #: Index of each actuated joint in MuJoCo's qpos and qvel, (n,).
+    tool_body: int  #: Body id of the tool.
+    marker_bodies: Ids  #: Body ids of the markers, (m,).
+    load_point: Array  #: Load point in the tool's frame, (3,) [m].
+    #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv) [m/N, rad/N, rad/(N m)].
+    C_qpos: Array
+    joint_moves_body: Array  #: 1 where a joint moves a body, else 0, (bodies, nv) [1].
     disturbances: Disturbances  #: Disturbances of the true arm.
-    joint_offset: Array  #: True minus commanded joint angles, equal in all poses, (n,) [rad].
+    joint_offset: Array  #: True minus commanded joint coordinates, equal in all poses, (n,) [rad, m].
     load_point_error: Array  #: True minus recorded load point, tool's axes, (3,) [m].
-    #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
-    #: link before, turn about the frame's own. The model has them.
+    #: True minus nominal frames of the joints and of the tool, (n + 1, 6) [m, rad]: shift along the axes of
+    #: the link before, rotation about the frame's own axes. `model` contains them.
     frame_errors: Array
-    gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
+    gear_errors: GearErrorCoefficients | None = None  #: Joint errors that depend on the pose; None for none.
     spring_effects: SpringEffects | None = None  #: Elastic behaviour beyond constant matrices; None for none.
 
     @cached_property
     def model_of_copies(self) -> mujoco.MjModel:
-        """Return copies of the model's bodies and joints, with its gravity and its places of bodies."""
+        """Return the MuJoCo model with several copies of the arm, with gravity and body poses of `model`."""
         compiled = self.copies.compiled
         if self.model is self.copies.model:
             return compiled
@@ -249,40 +261,45 @@ class Plant:
         return altered
 
     @property
-    def hinges(self) -> Ids:
+    def joint_spring_indices(self) -> Ids:
         """Return the index in MuJoCo's qpos of the spring in series with each actuated joint, (n,)."""
-        return self.theta[6 * len(self.arm.links) :]
+        return self.theta_indices[6 * len(self.arm.links) :]
 
     def compliance(self, q: Array) -> Array:
-        """Compute the true compliance of the arm in some poses.
+        """Compute the true compliance of links and joints in some poses, in MuJoCo's coordinates.
 
         Args:
             q: Commanded joints, (poses, n) [rad, m].
 
         Returns:
-            Compliance, (poses, nv, nv) [m/N, rad/N, rad/(N m)]; C, (nv, nv), if all poses share it.
+            Compliance, (poses, nv, nv) [m/N, rad/N, rad/(N m)]; (nv, nv) if it is the same in all poses.
         """
         if self.spring_effects is None:
-            return self.C
-        C, hinges = self.C.copy(), self.hinges
+            return self.C_qpos
+        C, hinges = self.C_qpos.copy(), self.joint_spring_indices
         if self.spring_effects.joint_coupling is not None:
             C[np.ix_(hinges, hinges)] += self.spring_effects.joint_coupling
         if self.spring_effects.pose_dependence is None:
             return C
         root = np.ones((len(q), len(C)))
-        root[:, self.theta[: 6 * len(self.arm.links)]] = self.spring_effects.pose_dependence.factors(q)
+        root[:, self.theta_indices[: 6 * len(self.arm.links)]] = (
+            self.spring_effects.pose_dependence.root_factors(q)
+        )
         return root[:, :, None] * C * root[:, None, :]
 
 
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
-    """Compile MJCF text to a MuJoCo model; mesh files are read from the folder of `path`.
+    """Compile MJCF text to a MuJoCo model.
 
     Args:
-        path: The rigid MJCF that the text comes from; for messages and meshes.
-        text: MJCF.
+        path: Path of the rigid MJCF that the text comes from; mesh files are read from its folder.
+        text: MJCF text.
+
+    Returns:
+        The MuJoCo model.
 
     Raises:
-        InputError: If MuJoCo refuses the text.
+        InputError: If MuJoCo refuses the text, or a geom is too large or too many geoms can collide.
     """
     meshes = read_meshes(mesh_files(path, read_mjcf(path)))
     try:
@@ -303,14 +320,14 @@ def _small_hulls(text: str) -> str:
 
 
 def check_geoms(path: Path, model: mujoco.MjModel) -> None:
-    """Refuse geoms of a size that no arm has, and models with too many geoms to check poses in time.
+    """Refuse geoms larger than `MAX_LENGTH`, and more than `MAX_COLLIDING_PAIRS` pairs that can collide.
 
     Args:
-        path: File of the model, for the message.
+        path: Path of the MJCF, for messages.
         model: The compiled MuJoCo model.
 
     Raises:
-        InputError: If a geom is too large, or too many pairs of geoms can collide.
+        InputError: If a geom or the number of pairs is too large.
     """
     bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
@@ -327,7 +344,13 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
 
 
 def build_plant(arm: Arm) -> Plant:
-    """Build the elastic MuJoCo model of an arm, without disturbances.
+    """Build the true arm as its folder describes it: elastic, without disturbances.
+
+    Args:
+        arm: Description of the arm; its rigid.xml is read.
+
+    Returns:
+        The true arm with its elastic MuJoCo model.
 
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
@@ -336,11 +359,14 @@ def build_plant(arm: Arm) -> Plant:
 
 
 def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
-    """Make the plant of an arm from its compiled elastic model.
+    """Make the true arm, without disturbances, from its compiled elastic MuJoCo model.
 
     Args:
-        arm: The arm.
-        model: Its elastic MuJoCo model.
+        arm: Description of the arm.
+        model: MuJoCo model compiled from `elastic_mjcf`.
+
+    Returns:
+        The true arm.
     """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_joint_names(arm)])
     # Compliances in the order of MuJoCo's degrees of freedom.
@@ -353,14 +379,14 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
         arm=arm,
         model=model,
         copies=ModelCopies(model),
-        theta=theta,
-        joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
-        tool=model.body(arm.tool).id,
-        markers=np.array([model.body(name).id for name in arm.markers]),
-        load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load_point).xpos - tool.xpos)),
-        C=C,
-        joint_moves=_carries(model),
-        disturbances=NOMINAL,
+        theta_indices=theta,
+        joint_indices=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
+        tool_body=model.body(arm.tool).id,
+        marker_bodies=np.array([model.body(name).id for name in arm.markers]),
+        load_point=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load_point).xpos - tool.xpos)),
+        C_qpos=C,
+        joint_moves_body=_carries(model),
+        disturbances=NOMINAL_DISTURBANCES,
         joint_offset=np.zeros(arm.n_joints),
         load_point_error=np.zeros(3),
         frame_errors=np.zeros((arm.n_joints + 1, 6)),
@@ -368,7 +394,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
 
 
 def weightless(plant: Plant) -> Plant:
-    """Copy a plant with the gravity of its MuJoCo model set to zero."""
+    """Copy a true arm with zero gravity in its MuJoCo model."""
     model = copy.copy(plant.model)
     model.opt.gravity[:] = 0
     return replace(plant, model=model)

@@ -1,4 +1,4 @@
-"""Appearance of the arm: geoms of its rigid MJCF, their surfaces, and poses of all bodies.
+"""Shapes of the arm: geoms of its rigid MJCF, their surfaces and hulls, and poses of all bodies.
 
 Hulls of meshes are computed by Qhull, not by trimesh, which perturbs flat points until they have a hull.
 """
@@ -27,85 +27,88 @@ GEOM_KINDS: dict[int, GeomKind] = {
     int(mujoco.mjtGeom.mjGEOM_BOX): "box",
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
-"""Geoms that are drawn; a plane is the floor."""
+"""Kinds of geoms that are drawn, by MuJoCo's geom type; planes are not drawn."""
 
-Faces = Ids
-Surface = tuple[Array, Faces]
-"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
-FLAT_TRIANGLE_AREA = (
-    1e-9  #: Area of a triangle over the largest one of its surface below which it has none [1].
+Faces = Ids  #: Corner indices of triangles, (f, 3).
+Surface = tuple[Array, Faces]  #: Corners, (v, 3) [m], and triangles of a surface.
+#: Area of a triangle over the largest one of its surface, below which it is dropped [1].
+MIN_TRIANGLE_AREA_RATIO = 1e-9
+STICK_RADIUS_RATIO = (
+    0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 )
-STICK_RADIUS = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Hold a triangle mesh."""
+    """Hold a triangle mesh with one normal per corner."""
 
-    vertices: Array  #: Corners, each once, (v, 3) [m].
+    vertices: Array  #: Corners, (v, 3) [m].
     normals: Array  #: Unit normal of every corner, (v, 3) [1].
     faces: Ids  #: Corner indices of every triangle, (f, 3).
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Describe one visual geom, fixed in a body."""
+    """Describe a geom of the arm, fixed in a body: kind, size, pose and colour."""
 
     kind: GeomKind  #: MuJoCo's geom type.
-    body: int  #: Index of its body.
-    #: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius, half
-    #: length without caps).
-    size: Array
-    position: Array  #: Position of its centre in the body, (3,) [m].
+    body: int  #: MuJoCo's id of its body.
+    #: Half sizes along the shape's axes, (3,) [m]; of a capsule or cylinder radius, radius and half length
+    #: without caps.
+    half_sizes: Array
+    centre: Array  #: Position of its centre in the body's frame, (3,) [m].
     rotation: Array  #: Body from shape, (3, 3) [1].
-    rgba: Array  #: Colour, (4,) [1].
-    mesh: Mesh | None = None  #: For kind "mesh", in the shape's axes.
+    rgba: Array  #: Red, green, blue and opacity, (4,) [1].
+    mesh: Mesh | None = None  #: Mesh in the shape's axes; None for other kinds.
 
 
 @dataclass(frozen=True)
 class BodyFrames:
-    """Hold the poses of the bodies of the rigid MJCF, the world first, as in `Site.names`."""
+    """Hold poses of all bodies of the rigid MJCF, in MuJoCo's order: the world itself is first."""
 
     positions: Array  #: Origins, (runs, bodies, 3) [m].
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
-def select_frames(frames: BodyFrames, rows: Ids) -> BodyFrames:
-    """Select poses of bodies.
+def select_frames(frames: BodyFrames, pose_indices: Ids) -> BodyFrames:
+    """Select some poses of the arm from frames of its bodies.
 
     Args:
-        frames: Places of all bodies.
-        rows: Numbers of the poses, (rows,), in the order wanted; one may occur more than once.
+        frames: Frames of all bodies in all poses.
+        pose_indices: Indices of the poses, (k,), in any order; an index may occur more than once.
+
+    Returns:
+        Frames of all bodies in these poses.
     """
-    return BodyFrames(frames.positions[rows], frames.rotations[rows])
+    return BodyFrames(frames.positions[pose_indices], frames.rotations[pose_indices])
 
 
 def body_origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
-    """Return the origins of named bodies.
+    """Return the world positions of the origins of named bodies.
 
     Args:
-        site: The site.
-        names: Names of the bodies.
-        frames: Places of all bodies.
+        site: The rigid cell, for the order of its bodies.
+        names: Names of the bodies, k of them.
+        frames: Frames of all bodies.
 
     Returns:
-        Origins, (rows, len(names), 3) [m].
+        Origins, world, (runs, k, 3) [m].
     """
-    return np.asarray(frames.positions[:, [site.names.index(name) for name in names]])
+    return np.asarray(frames.positions[:, [site.body_names.index(name) for name in names]])
 
 
-def drawn_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm; none if it has none."""
+def mjcf_visual_shapes(site: Site) -> list[Shape]:
+    """List the visual geoms of the rigid MJCF; the list is empty if it has none."""
     return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
 
 
 def visual_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm, or sticks from body to body if it has none."""
-    return drawn_shapes(site) or _sticks(site.model)
+    """List the visual geoms of the rigid MJCF, or sticks from body to body if it has none."""
+    return mjcf_visual_shapes(site) or _sticks(site.model)
 
 
-def solid_shapes(site: Site) -> list[Shape]:
-    """List the colliding geoms of an arm."""
+def collision_shapes(site: Site) -> list[Shape]:
+    """List the geoms of the rigid MJCF that take part in collisions."""
     return _shapes(site.model, site.model.geom_contype != 0)
 
 
@@ -122,39 +125,39 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
     return Shape(
         kind=kind,
         body=int(model.geom_bodyid[g]),
-        size=half_sizes(kind, model.geom_size[g]),
-        position=model.geom_pos[g].copy(),
-        rotation=rotation_of(model.geom_quat[g]),
+        half_sizes=half_sizes(kind, model.geom_size[g]),
+        centre=model.geom_pos[g].copy(),
+        rotation=rotation_from_quaternion(model.geom_quat[g]),
         rgba=geom_rgba(model, g),
         mesh=_mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else None,
     )
 
 
-def half_sizes(kind: GeomKind, size: Array) -> Array:
-    """Compute the half sizes of a geom along its axes from MuJoCo's size; see `Shape.size`.
+def half_sizes(kind: GeomKind, mujoco_size: Array) -> Array:
+    """Compute the half sizes of a geom along its axes from MuJoCo's size parameters.
 
     Args:
         kind: Kind of the geom.
-        size: MuJoCo's size, (3,) [m].
+        mujoco_size: MuJoCo's size parameters, (3,) [m].
 
     Returns:
-        Half sizes, (3,) [m].
+        Half sizes along x, y and z, (3,) [m]; those of a capsule are without its caps along z.
     """
     places = {"sphere": [0, 0, 0], "capsule": [0, 0, 1], "cylinder": [0, 0, 1]}
-    return size[places.get(kind, [0, 1, 2])]
+    return mujoco_size[places.get(kind, [0, 1, 2])]
 
 
-def geom_rgba(model: mujoco.MjModel, g: int) -> Array:
-    """Return the colour of a geom, or of its material if the geom has MuJoCo's default.
+def geom_rgba(model: mujoco.MjModel, geom: int) -> Array:
+    """Return the colour of a geom, or that of its material if the geom has MuJoCo's default colour.
 
     Args:
         model: The MuJoCo model.
-        g: Number of the geom.
+        geom: Id of the geom.
 
     Returns:
         Red, green, blue and opacity, (4,) [1].
     """
-    material, rgba = int(model.geom_matid[g]), model.geom_rgba[g]
+    material, rgba = int(model.geom_matid[geom]), model.geom_rgba[geom]
     has_own_colour = material < 0 or not np.array_equal(rgba, [0.5, 0.5, 0.5, 1])
     return np.asarray(rgba if has_own_colour else model.mat_rgba[material], dtype=float)
 
@@ -175,16 +178,19 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
 
 
 def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
-    """Join the meshes of one body, in its axes [m], to one mesh; shapes without a mesh are skipped.
+    """Join the meshes of one body to one mesh in the body's axes.
+
+    Args:
+        shapes: Shapes of the body, at least one with a mesh; those without a mesh are skipped.
 
     Returns:
-        The mesh, and the number of vertices of each part.
+        The joined mesh, and the number of vertices of each of its parts.
     """
     pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
     counts = [len(mesh.vertices) for _, mesh in pairs]
     first = np.cumsum([0, *counts])
     joined = Mesh(
-        vertices=np.concatenate([s.position + mesh.vertices @ s.rotation.T for s, mesh in pairs]),
+        vertices=np.concatenate([s.centre + mesh.vertices @ s.rotation.T for s, mesh in pairs]),
         normals=np.concatenate([mesh.normals @ s.rotation.T for s, mesh in pairs]),
         faces=np.concatenate([mesh.faces + first[k] for k, (_, mesh) in enumerate(pairs)]),
     )
@@ -194,7 +200,7 @@ def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
 def _sticks(model: mujoco.MjModel) -> list[Shape]:
     """Make a capsule in every body, from its origin to the origin of each of its children."""
     length = np.linalg.norm(model.body_pos, axis=1)
-    radius = STICK_RADIUS * length[model.body_parentid > 0].sum()  # wherever the base is
+    radius = STICK_RADIUS_RATIO * length[model.body_parentid > 0].sum()  # wherever the base is
     children = [i for i in range(1, model.nbody) if model.body_parentid[i] and length[i] > 0]
     sticks = []
     for i in children:
@@ -204,37 +210,37 @@ def _sticks(model: mujoco.MjModel) -> list[Shape]:
             Shape(
                 kind="capsule",
                 body=int(model.body_parentid[i]),
-                size=np.array([radius, radius, length[i] / 2]),
-                position=model.body_pos[i] / 2,
-                rotation=rotation_of(turn),
+                half_sizes=np.array([radius, radius, length[i] / 2]),
+                centre=model.body_pos[i] / 2,
+                rotation=rotation_from_quaternion(turn),
                 rgba=np.array([0.6, 0.6, 0.6, 1.0]),
             )
         )
     return sticks
 
 
-def rotation_of(quaternion: Array) -> Array:
+def rotation_from_quaternion(quaternion: Array) -> Array:
     """Convert MuJoCo's quaternion (w, x, y, z), (4,) [1], to a rotation matrix, (3, 3)."""
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
     return rotation.reshape(3, 3)
 
 
-def quaternions(R: Array) -> Array:
-    """Convert rotation matrices to quaternions q, each with a positive largest component.
+def quaternions_from_rotations(rotations: Array) -> Array:
+    """Convert rotation matrices to unit quaternions whose largest component is positive.
 
-    Every row of the symmetric matrix 4 q q^T is q times one of its components; the row of the largest one is
-    normalised.
+    Every row of the symmetric matrix 4 q q^T is the quaternion q times one of its components. The row of the
+    largest component is normalised.
 
     Args:
-        R: Rotation matrices, (..., 3, 3) [1].
+        rotations: Rotation matrices, (..., 3, 3) [1].
 
     Returns:
         Quaternions (x, y, z, w), (..., 4) [1].
     """
-    xx, yy, zz = (R[..., k, k] for k in range(3))
-    xy, yz, zx = (R[..., j, i] + R[..., i, j] for i, j in ((0, 1), (1, 2), (2, 0)))
-    xw, yw, zw = (R[..., j, i] - R[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1)))
+    xx, yy, zz = (rotations[..., k, k] for k in range(3))
+    xy, yz, zx = (rotations[..., j, i] + rotations[..., i, j] for i, j in ((0, 1), (1, 2), (2, 0)))
+    xw, yw, zw = (rotations[..., j, i] - rotations[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1)))
     products = [
         [1 + xx - yy - zz, xy, zx, xw],
         [xy, 1 - xx + yy - zz, yz, yw],
@@ -248,47 +254,60 @@ def quaternions(R: Array) -> Array:
 
 
 def rigid_frames(site: Site, q: Array) -> BodyFrames:
-    """Compute the places of the bodies of the rigid arm.
+    """Compute the frames of all bodies of the rigid arm in some poses.
 
     Args:
-        site: The site.
-        q: Joint angles, (rows, n) [rad, m].
+        site: The rigid cell.
+        q: Actuated joints, (runs, n) [rad, m].
+
+    Returns:
+        Frames of all bodies.
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
     """
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
-    return _frames(site.model, site.joints, q, np.arange(site.model.nbody))
+    return _frames(site.model, site.joint_addresses, q, np.arange(site.model.nbody))
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
-    """Compute the places of the bodies of the elastic arm, in the order of the rigid arm's.
+    """Compute the frames of the bodies of the elastic arm, those of the rigid MJCF in the same order.
 
     Args:
-        plant: The plant.
-        q: Joint angles, (rows, n) [rad, m].
-        theta: Deflection of the virtual joints, (rows, n_theta) [m, rad]; it may be magnified.
+        plant: The true arm.
+        q: Actuated joints, (runs, n) [rad, m].
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad]; they may be magnified for a drawing.
+
+    Returns:
+        Frames of all bodies.
+
+    Raises:
+        BenchError: When an array has another shape or is not finite.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")
     model = plant.model
-    carriers = model.dof_bodyid[plant.theta[: 6 * len(plant.arm.links)]]
+    carriers = model.dof_bodyid[plant.theta_indices[: 6 * len(plant.arm.links)]]
     bodies = np.setdiff1d(np.arange(model.nbody), carriers)
-    address = np.concatenate([plant.joints, plant.theta])
+    address = np.concatenate([plant.joint_indices, plant.theta_indices])
     return _frames(model, address, np.hstack([q, theta]), bodies)
 
 
-def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
-    """Compute where MuJoCo places bodies of the elastic arm at theta = 0.
+def undeflected_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
+    """Compute the poses of named bodies of the elastic arm by MuJoCo, without deflection.
 
     Args:
-        plant: The plant.
-        q: Joint angles, (runs, n) [rad, m].
+        plant: The true arm.
+        q: Actuated joints, (runs, n) [rad, m].
         names: Names of the bodies.
 
     Returns:
-        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3) [1].
+        Per body its origin in the world, (runs, 3) [m], and its orientation, world from body, (runs, 3, 3)
+        [1].
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = np.array([plant.model.body(name).id for name in names])
-    frames = _frames(plant.model, plant.joints, q, bodies)
+    frames = _frames(plant.model, plant.joint_indices, q, bodies)
     return [(frames.positions[:, k], frames.rotations[:, k]) for k in range(len(names))]
 
 
@@ -310,12 +329,15 @@ def _frames(
     return BodyFrames(positions, rotations)
 
 
-CIRCLE_ANGLES = 2 * np.pi * np.arange(24) / 24
-CIRCLE = np.column_stack([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES), np.zeros_like(CIRCLE_ANGLES)])
-SPHERE = np.array([np.cos(t) * CIRCLE + [0, 0, np.sin(t)] for t in np.linspace(-np.pi / 2, np.pi / 2, 13)])
-"""Rings of a sphere of radius 1 from pole to pole, (13, 24, 3)."""
-CUBE = np.array([[[-1.0, -1, z], [1, -1, z], [1, 1, z], [-1, 1, z]] for z in (-1, 1)])
-"""Corners of the lower and of the upper face of a cube, (2, 4, 3)."""
+_angles = 2 * np.pi * np.arange(24) / 24
+UNIT_CIRCLE = np.column_stack([np.cos(_angles), np.sin(_angles), np.zeros_like(_angles)])
+"""Points on the circle of radius 1 in the xy plane, (24, 3) [1]."""
+UNIT_SPHERE_RINGS = np.array(
+    [np.cos(t) * UNIT_CIRCLE + [0, 0, np.sin(t)] for t in np.linspace(-np.pi / 2, np.pi / 2, 13)]
+)
+"""Rings of points on the sphere of radius 1, from pole to pole, (13, 24, 3) [1]."""
+UNIT_CUBE_FACES = np.array([[[-1.0, -1, z], [1, -1, z], [1, 1, z], [-1, 1, z]] for z in (-1, 1)])
+"""Corners of the lower and of the upper face of the cube from -1 to 1, (2, 4, 3) [1]."""
 
 
 def _capped_ends(size: Array, lower: Array, upper: Array) -> Array:
@@ -324,26 +346,29 @@ def _capped_ends(size: Array, lower: Array, upper: Array) -> Array:
 
 
 PRIMITIVE_RINGS: dict[GeomKind, Callable[[Array], Array]] = {
-    "box": lambda size: CUBE * size,
-    "cylinder": lambda size: _capped_ends(size, CIRCLE[None], CIRCLE[None]),
-    "capsule": lambda size: _capped_ends(size, SPHERE[:7], SPHERE[6:]),
-    "sphere": lambda size: SPHERE * size,
-    "ellipsoid": lambda size: SPHERE * size,
+    "box": lambda size: UNIT_CUBE_FACES * size,
+    "cylinder": lambda size: _capped_ends(size, UNIT_CIRCLE[None], UNIT_CIRCLE[None]),
+    "capsule": lambda size: _capped_ends(size, UNIT_SPHERE_RINGS[:7], UNIT_SPHERE_RINGS[6:]),
+    "sphere": lambda size: UNIT_SPHERE_RINGS * size,
+    "ellipsoid": lambda size: UNIT_SPHERE_RINGS * size,
 }
-"""Corners of a primitive by its half sizes, in its own axes: rings from below to above, counterclockwise."""
+"""Function by kind of geom: corners from half sizes, in the geom's axes, (rings, corners, 3) [m].
+
+Rings go from below to above; the corners of a ring are counterclockwise as seen from above.
+"""
 
 
-def primitive_surface(kind: GeomKind, size: Array) -> Surface:
-    """Triangulate a primitive in its own axes: between its rings, and across the first and the last one.
+def primitive_surface(kind: GeomKind, half_sizes: Array) -> Surface:
+    """Triangulate the surface of a sphere, capsule, ellipsoid, cylinder or box, in its own axes.
 
     Args:
-        kind: Kind of the geom, not a mesh.
-        size: Its half sizes, see `Shape.size`, (3,) [m].
+        kind: Kind of the geom, not "mesh".
+        half_sizes: Half sizes of the geom, (3,) [m]; those of a capsule are without its caps.
 
     Returns:
-        Corners and triangles, counterclockwise as seen from outside.
+        Corners, (v, 3) [m], and triangles, (f, 3), counterclockwise as seen from outside.
     """
-    rings = PRIMITIVE_RINGS[kind](size)
+    rings = PRIMITIVE_RINGS[kind](half_sizes)
     count, around, _ = rings.shape
     low = np.arange((count - 1) * around).reshape(count - 1, around)
     beside, high = np.roll(low, -1, axis=1), low + around
@@ -355,37 +380,42 @@ def primitive_surface(kind: GeomKind, size: Array) -> Surface:
     corners, faces = rings.reshape(-1, 3), np.concatenate([bottom, sides, top])
     a, b, c = corners[faces].transpose(1, 0, 2)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return corners, faces[area > FLAT_TRIANGLE_AREA * area.max()]  # at a pole all corners of a ring are one
+    return corners, faces[
+        area > MIN_TRIANGLE_AREA_RATIO * area.max()
+    ]  # at a pole all corners of a ring are one
 
 
-def corners(shape: Shape) -> Array:
+def hull_points(shape: Shape) -> Array:
     """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
     points = (
-        PRIMITIVE_RINGS[shape.kind](shape.size).reshape(-1, 3) if shape.mesh is None else shape.mesh.vertices
+        PRIMITIVE_RINGS[shape.kind](shape.half_sizes).reshape(-1, 3)
+        if shape.mesh is None
+        else shape.mesh.vertices
     )
-    return np.asarray(shape.position + points @ shape.rotation.T)
+    return np.asarray(shape.centre + points @ shape.rotation.T)
 
 
 # --- Surfaces of triangles: convex hulls of points, and fewer triangles -------------------------------------
 
 PLAUSIBLE_DENSITY = 300.0, 4000.0
-"""Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
+"""Range of the mass of an arm over the volume of its hulls; a mass beyond it raises a warning [kg/m^3]."""
 HULL_TOLERANCE = 5e-4
 """Distance by which points may be outside a hull, over the extent of all points [1]."""
-MAX_KEPT_SHARE = 0.9
-"""Share of points below which the next hull is computed of the points that are left [1]."""
+MAX_KEPT_FRACTION = 0.9
+"""Largest fraction of points that a round of hulls of subsets may keep to be worth it [1]."""
 POINTS_PER_HULL = 20_000
-"""Most points of a hull that is computed in one step."""
+"""Most points of which one hull is computed; more points are split into subsets first."""
 
 
-def hull_of(vertices: Array) -> Surface | None:
-    """Compute the convex hull of points, to within HULL_TOLERANCE.
+def convex_hull(vertices: Array) -> Surface | None:
+    """Compute the surface of the convex hull of points, to within `HULL_TOLERANCE`.
 
     Args:
         vertices: The points, (v, 3) [m].
 
     Returns:
-        Corners and faces of the hull; None if the points are flat.
+        Corners, (h, 3) [m], and triangles, (f, 3), counterclockwise as seen from outside; None if the points
+        lie in a plane.
     """
     hull = _hull(vertices, _slack(vertices))
     if hull is None:
@@ -402,10 +432,10 @@ def hull_volume(shape: Shape) -> float:
         shape: The shape.
 
     Returns:
-        The volume [m^3]; 0 of a flat mesh.
+        The volume [m^3]; 0 for a flat mesh.
     """
     own = shape.mesh
-    hull = primitive_surface(shape.kind, shape.size) if own is None else hull_of(own.vertices)
+    hull = primitive_surface(shape.kind, shape.half_sizes) if own is None else convex_hull(own.vertices)
     if hull is None:
         return 0.0
     a, b, c = hull[0][hull[1]].transpose(1, 0, 2)
@@ -415,19 +445,19 @@ def hull_volume(shape: Shape) -> float:
 def convex_hull_vertices(vertices: Array) -> Array:
     """Select the vertices of the convex hull of many points.
 
-    For many corners, hulls of subsets are computed first: the time of one hull grows faster than their
-    number.
+    Hulls of subsets are computed first if there are many points: the time of one hull grows faster than the
+    number of its points.
 
     Args:
-        vertices: The corners, (v, 3) [m].
+        vertices: The points, (v, 3) [m].
 
     Returns:
-        The selected corners, (h, 3) [m]; all if they are flat.
+        The selected points, (h, 3) [m]; all if they lie in a plane.
     """
     slack = _slack(vertices)
     while (groups := -(-len(vertices) // POINTS_PER_HULL)) > 1:
         kept = np.concatenate([_outer(vertices[k::groups], slack) for k in range(groups)])
-        if len(kept) > MAX_KEPT_SHARE * len(vertices):
+        if len(kept) > MAX_KEPT_FRACTION * len(vertices):
             break
         vertices = kept
     return _outer(vertices, slack)
@@ -455,40 +485,39 @@ def _hull(vertices: Array, slack: float) -> "ConvexHull | None":
 
 
 def orient_outward(corners: Array, faces: Faces) -> Faces:
-    """Orient the faces of a convex body counterclockwise as seen from outside.
+    """Order the corners of a convex body's triangles counterclockwise as seen from outside.
 
     Args:
         corners: Corners of the body, (v, 3) [m].
         faces: Corner indices of every triangle, (f, 3).
 
     Returns:
-        The triangles in that order, (f, 3).
+        The triangles with ordered corners, (f, 3).
     """
     a, b, c = corners[faces].transpose(1, 0, 2)
     inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), a - corners.mean(axis=0)) < 0
     return np.where(inward[:, None], faces[:, ::-1], faces).astype(int)
 
 
-def decimate(vertices: Array, faces: Faces, most: int) -> Surface:
-    """Reduce a surface to at most about a given number of triangles.
-
-    Uses fast_simplification, which trimesh uses too.
+def decimate(vertices: Array, faces: Faces, max_triangles: int) -> Surface:
+    """Reduce the number of triangles of a surface by fast_simplification.
 
     Args:
         vertices: Corners, (v, 3) [m].
         faces: Corner indices of every triangle, (f, 3).
-        most: Number of triangles to keep.
+        max_triangles: Number of triangles of the result, approximately; a surface with fewer is returned
+            unchanged.
 
     Returns:
-        Corners and triangles; the surface itself if it is small enough.
+        Corners, (w, 3) [m], and triangles, (g, 3).
     """
-    if len(faces) <= most:
+    if len(faces) <= max_triangles:
         return vertices, faces
     import fast_simplification
 
     thin, kept = fast_simplification.simplify(
         np.ascontiguousarray(vertices, dtype=np.float32),
         np.ascontiguousarray(faces, dtype=np.int32),
-        target_count=most,
+        target_count=max_triangles,
     )
     return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)

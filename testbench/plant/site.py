@@ -1,8 +1,8 @@
 """The rigid cell: the arm with its payload and its tracker, their contacts, and the lines of sight.
 
-Colliding geoms of the arm's MJCF must not touch. A line of sight is stopped by drawn geoms instead: geoms
-that only collide are padded, and may enclose a marker. In a body without drawn geoms, and in the world, whose
-geoms are not padded, every geom stops it.
+Colliding geoms of the arm's MJCF must not touch. Visual geoms block a line of sight: geoms that only collide
+are padded, and may enclose a marker. In a body without visual geoms, and in the world, whose geoms are not
+padded, every geom blocks it.
 """
 
 import copy
@@ -26,14 +26,14 @@ from testbench.plant.build import compile_mjcf
 
 COLLISION_ATTRIBUTES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
 """Attributes of a geom that collides with every colliding geom, whatever the defaults of a user's MJCF."""
-MAX_CONTACTS = 5000
-"""Most contacts in one pose."""
+MAX_CONTACTS = 5000  #: Most contacts in one pose.
 VISUAL_GROUPS = 3
-"""Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
+"""First geom group that MuJoCo's viewer does not show; by convention geoms of this and higher groups only
+collide."""
 
 
 def add_floor(root: ET.Element, height: float | None) -> None:
-    """Add a floor to an MJCF document; it collides with everything that collides.
+    """Add a floor to an MJCF; it collides with all geoms that can collide.
 
     Args:
         root: Root of the MJCF; changed in place.
@@ -52,10 +52,10 @@ def body_name(model: mujoco.MjModel, body: int) -> str:
 
     Args:
         model: The MuJoCo model.
-        body: Its number.
+        body: Id of the body.
 
     Returns:
-        Its name; body_K where the MJCF gives none.
+        Its name in the MJCF, or body_ID if it has none there.
     """
     return model.body(int(body)).name or f"body_{body}"
 
@@ -64,17 +64,17 @@ def compute_contacts(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> 
     """Compute MuJoCo's contacts in a pose.
 
     Args:
-        path: File of the model, for the message.
+        path: Path of the MJCF, for messages.
         model: The MuJoCo model.
-        data: The pose; it receives the contacts.
+        data: MuJoCo's state in the pose; the contacts are written into it.
 
     Raises:
-        InputError: When there are more contacts than any arm has.
+        InputError: When there are more than `MAX_CONTACTS`.
     """
     try:
         mujoco.mj_collision(model, data)
         count = int(data.ncon)
-    except mujoco.FatalError:  # they are beyond MuJoCo's own memory
+    except mujoco.FatalError:  # MuJoCo has no memory for so many
         count = MAX_CONTACTS + 1
     if count > MAX_CONTACTS:
         problem = f"expected at most {MAX_CONTACTS} contacts in a pose, got more: use simpler geoms"
@@ -83,26 +83,29 @@ def compute_contacts(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 # --- The rigid cell: the arm with its payload and its tracker, their contacts, and the lines of sight -------
 
-ContactCategory = Literal["itself", "room", "tracker", "payload"]
+ContactCategory = Literal["itself", "room", "tracker", "payload"]  #: What is in contact.
 
 CONTACT_CATEGORIES: tuple[ContactCategory, ...] = ("itself", "room", "tracker", "payload")
-"""Kinds of contact: with the arm itself, with floor and walls, with the tracker; and of the payload with
-anything. Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its
-two."""
+"""Contact of the arm with itself, with floor or walls, with the tracker, and of the payload with anything.
+
+Every geom belongs to the arm, the room, the tracker or the payload. A contact has the category of that one of
+its two geoms which comes later in this order.
+"""
 
 SHACKLE_LENGTH = 0.1
-"""Length below the load point that counts as part of the tool [m], where the payload's clearance does not
-apply."""
+"""Length of the shackle below the load point [m]; it counts as part of the tool, without clearance."""
 SLING_RADIUS = 0.01  #: Radius of the sling [m].
-HEAD_RADIUS = 0.2
+TRACKER_HEAD_RADIUS = 0.2
 """Radius of the sphere that contains the tracker's head, its motion and the top of its stand [m]."""
 MAX_STATION_COORDINATE = 1000.0
 """Largest coordinate of a station [m]; beyond it a unit is wrong."""
 TARGET_RADIUS = 0.06
 """Distance from a marker within which an obstacle counts as the target itself or its holder [m]."""
 COLLISION_XML = " ".join(f'{key}="{value}"' for key, value in COLLISION_ATTRIBUTES.items())
+"""`COLLISION_ATTRIBUTES` as text of an XML element."""
 RAY_GROUPS = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
-"""Geom groups that stop a ray: `_opaque` puts such geoms into group 0, all others into group 5."""
+"""Geom groups that block a ray, 1 or 0 for each of MuJoCo's six: in `Site.ray_model` opaque geoms are in
+group 0, all others in group 5."""
 
 
 @dataclass(frozen=True)
@@ -110,31 +113,32 @@ class Payload:
     """Describe a weight that hangs from the load point: an upright steel cylinder, as high as wide."""
 
     mass: float  #: Mass of the weight [kg].
-    sling: float = 0.5  #: Length from the load point to the top of the weight [m].
+    sling_length: float = 0.5  #: Length from the load point to the top of the weight [m].
     density: float = 7850.0  #: Density of the weight [kg/m^3]; 7850 is steel.
-    clearance: float = 0.05  #: Least distance to anything [m], since weights swing.
+    clearance: float = 0.05  #: Least distance to any other object [m], because weights swing.
 
     def __post_init__(self) -> None:
+        """Refuse masses, densities and lengths that no payload has, by BenchError."""
         for name in ("mass", "density"):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise BenchError(f"{name} of the payload: expected a finite number above 0, got {value}")
         check_least(self.clearance, "clearance [m] of the payload")
-        shortest = self.sling_start + 2 * SLING_RADIUS
-        if not shortest < self.sling < math.inf:
+        shortest = self.unchecked_sling_length + 2 * SLING_RADIUS
+        if not shortest < self.sling_length < math.inf:
             raise BenchError(
-                f"sling [m] of the payload: expected more than {shortest:.4g} (shackle, clearance), "
-                f"got {self.sling}"
+                f"sling_length [m] of the payload: expected more than {shortest:.4g} (shackle, clearance), "
+                f"got {self.sling_length}"
             )
 
     @property
     def diameter(self) -> float:
-        """Compute diameter and height of the weight [m]."""
+        """Compute the diameter of the weight, which is also its height [m]."""
         return float(np.cbrt(4 * self.mass / (np.pi * self.density)))
 
     @property
-    def sling_start(self) -> float:
-        """Compute the length below the load point in which the sling is not checked for contacts [m]."""
+    def unchecked_sling_length(self) -> float:
+        """Compute the length below the load point on which the sling is not checked for contacts [m]."""
         return SHACKLE_LENGTH + self.clearance
 
 
@@ -142,36 +146,42 @@ class Payload:
 class Contact:
     """Describe two bodies that touch, or come closer than the payload's clearance."""
 
-    kind: ContactCategory  #: Category of the contact.
-    #: Their names, in the order of `CONTACT_CATEGORIES`: the arm's before the world's, the payload's last.
+    category: ContactCategory  #: Category of the contact.
+    #: Names of the two bodies, in the order of `CONTACT_CATEGORIES`: the payload's, for example, is last.
     bodies: tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Site:
-    """Hold the rigid arm, its room, and the payload and tracker of a measurement."""
+    """Hold the MuJoCo model of a rigid cell: the arm, its room, the payload and the tracker."""
 
     arm: Arm  #: Description of the arm.
     payload: Payload | None  #: Payload on the tool; None for none.
-    station: Array | None  #: Origin of the tracker's beam, (3,) [m]; None for no tracker.
+    tracker_position: Array | None  #: Origin of the tracker's beam, world, (3,) [m]; None for no tracker.
     model: mujoco.MjModel  #: Rigid MuJoCo model of the whole cell.
-    sight: mujoco.MjModel  #: The model for rays, in which only opaque geoms count.
+    ray_model: mujoco.MjModel  #: Copy of the model in which only opaque geoms block a ray.
     #: State of the model, overwritten by every call: creating one takes longer than using it.
     data: mujoco.MjData
-    names: tuple[str, ...]  #: Names of the bodies.
-    joints: Ids  #: Address of each actuated joint in qpos, (n,).
-    slides: Ids  #: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
-    load: int  #: Body id of the load point.
-    markers: Ids  #: Body ids of the markers, (m,).
-    facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
-    geom_owner: Ids  #: Index in `CONTACT_CATEGORIES` of the owner of each geom, (geoms,).
+    body_names: tuple[str, ...]  #: Names of the bodies by their id.
+    joint_addresses: Ids  #: Index of each actuated joint in qpos, (n,).
+    payload_addresses: Ids  #: Index of the payload's x, y and z in qpos, (3,); (0,) without a payload.
+    load_point_body: int  #: Body id of the load point.
+    marker_bodies: Ids  #: Body ids of the markers, (m,).
+    marker_directions: Array  #: Z axis of each marker's body, in the tool's frame, (m, 3) [1].
+    geom_categories: Ids  #: Category of each geom, an index into `CONTACT_CATEGORIES`, (geoms,).
 
 
 def check_station_position(position: object) -> Array:
-    """Check the position of a station, three coordinates [m], and return it as an array.
+    """Check the position of a tracker's station.
+
+    Args:
+        position: Three coordinates, world [m].
+
+    Returns:
+        The position, (3,) [m].
 
     Raises:
-        BenchError: If it is not three finite numbers, or is far from any arm.
+        BenchError: When it is not three finite numbers up to `MAX_STATION_COORDINATE`.
     """
     where = check_array(position, (3,), "position of the station [m]")
     if np.abs(where).max() > MAX_STATION_COORDINATE:
@@ -185,24 +195,27 @@ def check_station_position(position: object) -> Array:
 def build_site(
     arm: Arm,
     payload: Payload | None = None,
-    station: tuple[float, float, float] | None = None,
-    floor: float | None = None,
+    tracker_position: tuple[float, float, float] | None = None,
+    floor_height: float | None = None,
 ) -> Site:
     """Build the rigid MuJoCo model of an arm, alone or with its payload and its tracker.
 
     Args:
-        arm: The arm.
-        payload: The payload on the tool; None for none.
-        station: Origin of the tracker's beam [m]; None for no tracker.
-        floor: Height of a floor that the arm's MJCF does not have [m]; None for none.
+        arm: Description of the arm; its rigid.xml is read.
+        payload: Payload on the tool; None for none.
+        tracker_position: Origin of the tracker's beam, world, (3,) [m]; None for no tracker.
+        floor_height: Height of a floor to add to the arm's MJCF [m]; None for none.
+
+    Returns:
+        The rigid cell.
 
     Raises:
-        InputError: If MuJoCo refuses the arm's MJCF.
-        BenchError: If the station is invalid, or inside something that does not move.
+        InputError: When MuJoCo refuses the arm's MJCF.
+        BenchError: When the tracker's position is invalid, or inside something that does not move.
     """
-    where = None if station is None else check_station_position(station)
+    where = None if tracker_position is None else check_station_position(tracker_position)
     root = read_mjcf(arm.mjcf_path)
-    add_floor(root, floor)
+    add_floor(root, floor_height)
     taken = {str(body.get("name")) for body in root.iter("body")}
     weight, head = unused_name("payload", taken), unused_name("tracker", taken)
     if payload is not None:
@@ -217,17 +230,17 @@ def build_site(
     return Site(
         arm=arm,
         payload=payload,
-        station=where,
+        tracker_position=where,
         model=model,
-        sight=_opaque(model, part),
+        ray_model=_opaque(model, part),
         data=mujoco.MjData(model),
-        names=tuple(body_name(model, body) for body in range(model.nbody)),
-        joints=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
-        slides=model.jnt_qposadr[slides].astype(int),
-        load=model.body(arm.load_point).id,
-        markers=markers,
-        facing=_facing(model, model.body(arm.tool).id, markers),
-        geom_owner=part,
+        body_names=tuple(body_name(model, body) for body in range(model.nbody)),
+        joint_addresses=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
+        payload_addresses=model.jnt_qposadr[slides].astype(int),
+        load_point_body=model.body(arm.load_point).id,
+        marker_bodies=markers,
+        marker_directions=_facing(model, model.body(arm.tool).id, markers),
+        geom_categories=part,
     )
 
 
@@ -238,13 +251,13 @@ def _hang_payload(root: ET.Element, name: str, payload: Payload) -> None:
     not even if one is a mocap body; and base and floor have none.
     """
     half = payload.diameter / 2
-    rope = (payload.sling - payload.sling_start) / 2
-    top = payload.sling_start
+    rope = (payload.sling_length - payload.unchecked_sling_length) / 2
+    top = payload.unchecked_sling_length
     slides = "".join(f'<joint type="slide" axis="{x}" limited="false"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
     _add_body(
         root,
         f"""<body name="{name}"><inertial pos="0 0 0" mass="{payload.mass}" diaginertia="1 1 1"/>{slides}
-        <geom type="cylinder" size="{half} {half}" pos="0 0 {-payload.sling - half}"
+        <geom type="cylinder" size="{half} {half}" pos="0 0 {-payload.sling_length - half}"
           mass="{payload.mass}" margin="{payload.clearance}" {COLLISION_XML}/>
         <geom type="capsule" size="{SLING_RADIUS} {rope - SLING_RADIUS}" pos="0 0 {-top - rope}"
           mass="0" margin="{payload.clearance}" {COLLISION_XML}/></body>""",
@@ -257,7 +270,8 @@ def _place_tracker(root: ET.Element, name: str, position: Array) -> None:
     _add_body(
         root,
         f"""<body name="{name}" pos="{x} {y} {z}">
-        <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {COLLISION_XML}/></body>""",
+        <geom type="sphere" size="{TRACKER_HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {COLLISION_XML}/>
+        </body>""",
     )
 
 
@@ -293,8 +307,8 @@ def _check_head(model: mujoco.MjModel, part: Ids, position: Array | None) -> Non
     for g in still:
         if mujoco.mj_geomDistance(model, data, head, g, 1e-3, None) < 0:
             raise BenchError(
-                f"station at {position.tolist()} m: the tracker's head (radius {HEAD_RADIUS} m) is inside "
-                f"{body_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
+                f"station at {position.tolist()} m: the tracker's head (radius {TRACKER_HEAD_RADIUS} m) is "
+                f"inside {body_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
             )
 
 
@@ -320,25 +334,28 @@ def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
     """Set the cell to every pose, with the payload straight below the load point; the data are one object."""
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     model, data = site.model, site.data
-    qpos, load = data.qpos, data.xpos[site.load]
+    qpos, load = data.qpos, data.xpos[site.load_point_body]
     for pose in q:
-        qpos[site.joints] = pose
+        qpos[site.joint_addresses] = pose
         mujoco.mj_kinematics(model, data)
         if site.payload is not None:
-            qpos[site.slides] = load
+            qpos[site.payload_addresses] = load
             mujoco.mj_kinematics(model, data)
         yield data
 
 
-def contacts(site: Site, q: Array) -> list[Contact | None]:
-    """Find the contacts of the arm and its payload in every pose.
+def find_contacts(site: Site, q: Array) -> list[Contact | None]:
+    """Find a contact of the arm or its payload in every pose.
 
     Args:
-        site: The site.
-        q: Joint angles, (poses, n) [rad, m].
+        site: The rigid cell.
+        q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Per pose the first contact in the order of `CONTACT_CATEGORIES`; None where there is none.
+        Per pose the first contact in the order of `CONTACT_CATEGORIES`; None if there is none.
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
     """
     first_contacts: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
@@ -350,16 +367,18 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     pose = np.repeat(np.arange(len(first_contacts)), [len(depth) for depth in depths[1:]])
     pairs = np.concatenate(geoms)
     for k in _touching(site, pose, pairs, np.concatenate(depths)):
-        pair = sorted(pairs[k], key=lambda g: site.geom_owner[g])
-        first, second = (site.names[site.model.geom_bodyid[g]] for g in pair)
-        first_contacts[pose[k]] = Contact(CONTACT_CATEGORIES[site.geom_owner[pair].max()], (first, second))
+        pair = sorted(pairs[k], key=lambda g: site.geom_categories[g])
+        first, second = (site.body_names[site.model.geom_bodyid[g]] for g in pair)
+        first_contacts[pose[k]] = Contact(
+            CONTACT_CATEGORIES[site.geom_categories[pair].max()], (first, second)
+        )
     return first_contacts
 
 
 def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     """Select the first contact of every pose by the order of `CONTACT_CATEGORIES`, if it is close enough."""
     clearance = 0.0 if site.payload is None else site.payload.clearance
-    kind = site.geom_owner[pairs].max(axis=1)
+    kind = site.geom_categories[pairs].max(axis=1)
     # geoms of a user's MJCF may have margins
     near = np.where(kind == CONTACT_CATEGORIES.index("payload"), clearance, 0.0)
     touching = np.flatnonzero(distance < near)
@@ -367,28 +386,28 @@ def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
 
 
-def collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
-    """Find the two bodies that touch in every pose.
+def find_collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
+    """Find two bodies that touch in every pose.
 
     Args:
-        site: The site.
-        q: Joint angles, (poses, n) [rad, m].
+        site: The rigid cell.
+        q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Per pose the names of the bodies of `contacts`; None where there is no contact.
+        Per pose the names of the bodies of its first contact; None if there is no contact.
     """
-    return [contact.bodies if contact else None for contact in contacts(site, q)]
+    return [contact.bodies if contact else None for contact in find_contacts(site, q)]
 
 
 def check_poses(site: Site, q: Array) -> None:
-    """Refuse the first pose that the arm cannot take.
+    """Check that all poses are within the joint limits and free of collisions.
 
     Args:
-        site: The site.
-        q: Joint angles, (poses, n) [rad, m].
+        site: The rigid cell.
+        q: Actuated joints, (poses, n) [rad, m].
 
     Raises:
-        PoseError: Names the pose and the limit or the colliding bodies.
+        PoseError: At the first pose that is not; the message names the limit or the colliding bodies.
     """
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     lower, upper = site.arm.limits
@@ -396,7 +415,7 @@ def check_poses(site: Site, q: Array) -> None:
         joint = site.arm.joints[k]
         limits = f"{joint.lower:.4f} to {joint.upper:.4f}"
         raise PoseError(f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} {joint.unit}, expected {limits}")
-    for i, pair in enumerate(collisions(site, q)):
+    for i, pair in enumerate(find_collisions(site, q)):
         if pair:
             raise PoseError(
                 f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {site.arm.pose_text(q[i])}"
@@ -404,42 +423,44 @@ def check_poses(site: Site, q: Array) -> None:
 
 
 def has_surroundings(site: Site) -> bool:
-    """Tell whether anything of the world collides, such as a floor or a wall."""
+    """Tell whether the world has geoms that can collide with the arm, such as a floor or a wall."""
     model = site.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     return bool((collides & (model.geom_bodyid == 0)).any())
 
 
-def hidden_markers(site: Site, q: Array) -> list[tuple[str, str] | None]:
-    """Find the first marker of every pose whose line of sight is blocked.
+def find_hidden_markers(site: Site, q: Array) -> list[tuple[str, str] | None]:
+    """Find the first marker of every pose whose line of sight from the tracker is blocked.
 
-    A ray is cast from the station to every marker. The marker's own body blocks none, nor does what is nearer
-    than TARGET_RADIUS to it; another marker, the load point's shackle and the payload do.
+    The marker's own body does not block it, nor does anything nearer to the marker than `TARGET_RADIUS`.
+    Another marker, the load point's shackle and the payload do.
 
     Args:
-        site: The site.
-        q: Joint angles, (poses, n) [rad, m].
+        site: The rigid cell, with a tracker.
+        q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Per pose the marker and the body that blocks it; None where all are visible.
+        Per pose the names of the marker and of the body that blocks it; None if all markers are visible.
 
     Raises:
-        BenchError: When no tracker stands there.
+        BenchError: When the cell has no tracker.
     """
-    if site.station is None:
+    if site.tracker_position is None:
         raise BenchError("line of sight: expected a site with a station, got one without")
-    return [_first_hidden(site, site.station, data) for data in _poses(site, q)]
+    return [_first_hidden(site, site.tracker_position, data) for data in _poses(site, q)]
 
 
 def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str, str] | None:
     """Find the first marker that a body hides from the station, and that body; None if there is none."""
     hit = np.empty(1, dtype=np.int32)
-    beams = data.xpos[site.markers] - station
+    beams = data.xpos[site.marker_bodies] - station
     lengths = np.sqrt((beams**2).sum(axis=1))
     for k, (beam, length) in enumerate(zip(beams, lengths, strict=True)):
         if length <= TARGET_RADIUS:
             continue
-        share = mujoco.mj_ray(site.sight, data, station, beam, RAY_GROUPS, True, site.markers[k], hit, None)
+        share = mujoco.mj_ray(
+            site.ray_model, data, station, beam, RAY_GROUPS, True, site.marker_bodies[k], hit, None
+        )
         if share >= 0 and share * length < length - TARGET_RADIUS:
-            return site.arm.markers[k], site.names[site.model.geom_bodyid[hit[0]]]
+            return site.arm.markers[k], site.body_names[site.model.geom_bodyid[hit[0]]]
     return None

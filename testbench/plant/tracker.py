@@ -1,14 +1,15 @@
 """Measuring instruments: noise of readings, and the targets that a tracker can see.
 
-A flat instrument has equal noise along every axis, as in the paper. A laser tracker has a station: its range
-is accurate to microns, its two angles to microns per metre, so that every reading has a covariance of its
-own. Targets are visible by distance, elevation and incidence; obstacles are tested in `testbench.plant.site`.
+An isotropic instrument has equal noise along every axis, as in the paper. A laser tracker measures a range,
+accurate to microns, and two angles, accurate to microns per metre. The covariance of its readings therefore
+depends on the target's position. Whether a target is visible depends on distance, elevation and incidence;
+`testbench.plant.site` tests obstacles.
 
-Gauges on a face of the tool and distance meters read one number of a marker's motion. Their readings follow
-from the arm at rest, unloaded and loaded. A gauge stands on the floor. Its tip touches a plane face of the
-tool at a marker. Under the load the face moves, turns and slides below the tip; the tip follows along its
-axis until it touches the face again. Face and axis differ from their stated places. A distance meter
-(ballbar, draw-wire, interferometer) reads from a fixed point to a marker.
+Gauges and distance meters read one coordinate of a marker's motion. Their readings follow from the
+equilibria of the arm, unloaded and loaded. A gauge stands on the floor, and its tip touches a plane face of
+the tool at a marker. Under the load the face moves, rotates and slides below the tip; the tip follows along
+its axis until it touches the face again. The true normal and axis differ from the stated ones. A distance
+meter (ballbar, draw-wire, interferometer) reads from a fixed point to a marker.
 """
 
 import math
@@ -22,13 +23,13 @@ from testbench.plant.site import check_station_position
 
 # --- Measuring instruments: noise of readings, and the targets that a tracker can see -----------------------
 
-MAX_DEVIATION = 1e-2
-"""Largest standard deviation of a reading, or drift of a frame, that an instrument can have [m, rad]."""
+MAX_SIGMA = 1e-2
+"""Largest standard deviation of a reading, or of the drift of a base frame, that is accepted [m, rad]."""
 
 
 @dataclass(frozen=True)
-class Tracker:
-    """Describe a flat instrument: its noise is white, normal and equal along every axis."""
+class IsotropicTracker:
+    """Describe an instrument that reads positions with independent normal noise, equal along every axis."""
 
     sigma: float  #: Standard deviation of ONE position reading along one axis [m].
     #: Standard deviation of one orientation reading [rad]; None if it reads positions only.
@@ -41,11 +42,11 @@ class Tracker:
             check_least(0.0 if value is None else value, name)
 
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """Draw the noise of position readings, of sigma along every axis.
+        """Draw the noise of position readings, of the standard deviation sigma along every axis.
 
         Args:
-            positions: True positions, (..., 3) [m]; their shape counts.
-            rng: Source of the noise.
+            positions: True positions, (..., 3) [m]; only their shape is used.
+            rng: Random number generator.
 
         Returns:
             Noise, (..., 3) [m].
@@ -54,24 +55,24 @@ class Tracker:
 
 
 RADIAL_MPE, TRANSVERSE_MPE = (10e-6, 0.3e-6), (15e-6, 6e-6)
-"""Maximum permissible errors a + b d at a distance d, a [m] and b [m/m], along the beam and across it.
+"""Maximum permissible errors a + b d at a distance d, along the beam and across it: a [m] and b [m/m].
 
-Published by makers of laser trackers; from the project's list of numbers, without a data sheet.
+Makers of laser trackers publish such numbers; these are not from one data sheet.
 """
-TYPICAL_MPE_SHARE = (
-    0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
-)
+TYPICAL_MPE_FRACTION = 0.5  #: Typical standard deviation of a reading over its maximum permissible error [1].
 
 
 @dataclass(frozen=True)
 class LaserTracker:
-    """Describe a spherical instrument: one distance and two angles with independent normal noise."""
+    """Describe a laser tracker by its noise: independent normal errors of one distance and two angles."""
 
-    station: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
-    share: float = TYPICAL_MPE_SHARE  #: Standard deviation over the maximum permissible error [1].
+    position: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
+    mpe_fraction: float = TYPICAL_MPE_FRACTION  #: Standard deviation over the maximum permissible error [1].
 
     def covariance(self, positions: Array) -> Array:
-        """Compute transverse^2 (I - u u^T) + radial^2 u u^T for the beam directions u.
+        """Compute the covariance of a position reading, transverse^2 (I - u u^T) + radial^2 u u^T.
+
+        u is the direction of the beam; radial and transverse are the standard deviations along and across it.
 
         Args:
             positions: True positions, world, (..., 3) [m].
@@ -85,14 +86,15 @@ class LaserTracker:
         return np.asarray(transverse**2 * (np.eye(3) - along) + radial**2 * along)
 
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """Draw the noise (transverse (I - u u^T) + radial u u^T) z with z standard normal.
+        """Draw the noise of position readings, (transverse (I - u u^T) + radial u u^T) z, z standard normal.
 
-        The symmetric root of the covariance is unique and smooth in the position. A root by decomposition is
-        not: if eigenvalues are equal, the last digit of a position rotates the axes.
+        u is the direction of the beam; radial and transverse are the standard deviations along and across it.
+        This symmetric root of the covariance is smooth in the position; a root by decomposition is not,
+        because two eigenvalues are equal.
 
         Args:
             positions: True positions, world, (..., 3) [m].
-            rng: Source of z.
+            rng: Random number generator.
 
         Returns:
             Noise, (..., 3) [m].
@@ -104,35 +106,37 @@ class LaserTracker:
 
     def _beam(self, positions: Array) -> tuple[Array, Array, Array]:
         """Compute the beam, (..., 3) [1], and the deviations along and across it, (..., 1) [m]."""
-        beam = positions - np.array(self.station)
+        beam = positions - np.array(self.position)
         distance = np.linalg.norm(beam, axis=-1, keepdims=True)
         radial, transverse = (
-            self.share * (base + slope * distance) for base, slope in (RADIAL_MPE, TRANSVERSE_MPE)
+            self.mpe_fraction * (base + slope * distance) for base, slope in (RADIAL_MPE, TRANSVERSE_MPE)
         )
         return beam / distance, radial, transverse
 
 
-def read_positions(tracker: Tracker | LaserTracker, positions: Array, rng: np.random.Generator) -> Array:
-    """Read every target once, with noise.
+def read_positions(
+    tracker: IsotropicTracker | LaserTracker, positions: Array, rng: np.random.Generator
+) -> Array:
+    """Simulate one position reading of every target: the true position plus noise.
 
     Args:
         tracker: The instrument.
-        positions: True positions, (..., 3) [m].
-        rng: Source of the noise.
+        positions: True positions, world, (..., 3) [m].
+        rng: Random number generator.
 
     Returns:
-        Readings, (..., 3) [m].
+        Readings, world, (..., 3) [m].
     """
     return positions + tracker.noise(positions, rng)
 
 
-def precision(tracker: LaserTracker, before: Array, after: Array) -> Array:
-    """Compute the inverse covariance of deflections, the differences of two tracker readings per target.
+def deflection_precision(tracker: LaserTracker, before: Array, after: Array) -> Array:
+    """Compute the inverse covariance of deflections, the difference of two tracker readings of a target.
 
     Args:
-        tracker: The instrument.
-        before: First readings, (..., 3) [m].
-        after: Second readings, (..., 3) [m].
+        tracker: The laser tracker.
+        before: Readings before the load, world, (..., 3) [m].
+        after: Readings under the load, world, (..., 3) [m].
 
     Returns:
         Inverse covariance, (..., 3, 3) [1/m^2].
@@ -140,19 +144,19 @@ def precision(tracker: LaserTracker, before: Array, after: Array) -> Array:
     return np.asarray(np.linalg.inv(tracker.covariance(before) + tracker.covariance(after)))
 
 
-def read_orientations(tracker: Tracker, rotations: Array, rng: np.random.Generator) -> Array:
-    """Read orientations as rotation vectors, with noise.
+def read_orientations(tracker: IsotropicTracker, rotations: Array, rng: np.random.Generator) -> Array:
+    """Simulate readings of orientations: the true ones with noise, as rotation vectors.
 
     Args:
         tracker: The instrument.
-        rotations: True orientations, world axes, (runs, 3, 3).
-        rng: Source of the noise.
+        rotations: True orientations, world from tool, (runs, 3, 3) [1].
+        rng: Random number generator.
 
     Returns:
         Rotation vectors, world axes, (runs, 3) [rad].
 
     Raises:
-        BenchError: If the instrument reads positions only.
+        BenchError: When the instrument reads positions only.
     """
     if tracker.sigma_rotation is None:
         raise BenchError("tracker: expected a sigma_rotation to read orientations, got None")
@@ -168,47 +172,49 @@ TOO_STEEP = "target too high or low for the tracker"
 FACES_AWAY = "target faces away from the tracker"
 
 
-MIN_RANGE, MAX_RANGE = 1.0, 20.0  #: Distances between which a target is seen [m].
+MIN_RANGE, MAX_RANGE = 1.0, 20.0  #: Distances from the tracker between which a target can be read [m].
 MIN_ELEVATION, MAX_ELEVATION = math.radians(-50), math.radians(75)
-"""Elevations above the station's horizon between which a target is seen [rad].
+"""Elevations above the tracker's horizon between which a target can be read [rad].
 
-These ranges are narrower than those of common trackers: an instrument is least accurate near the ends of its
+Both ranges are narrower than those of common trackers: an instrument is least accurate near the ends of its
 range, and a stand is never quite upright.
 """
 
 
 @dataclass(frozen=True)
 class Station:
-    """Describe a laser tracker that stands upright."""
+    """Describe the place of an upright laser tracker, and the angles at which its targets return the beam."""
 
     position: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
     #: Half angle of the cone in which a fixed target returns the beam [rad]; such a target faces along the z
     #: axis of its marker's body in rigid.xml. None for targets that are turned to the tracker by hand, such
-    #: as spherically mounted reflectors in magnetic nests: any incidence is accepted.
-    acceptance: float | None = None
+    #: as spherically mounted reflectors in magnetic nests.
+    acceptance_angle: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse an invalid position or acceptance, by BenchError."""
+        """Refuse an invalid position or acceptance angle, by BenchError."""
         check_station_position(self.position)
         most = math.pi / 2
-        if self.acceptance is not None and not 0 < self.acceptance <= most:  # false for NaN
+        if self.acceptance_angle is not None and not 0 < self.acceptance_angle <= most:  # false for NaN
             raise BenchError(
-                f"acceptance [rad] of a station's targets: expected 0 <= least < largest <= {most:.4g}, "
-                f"got 0.0 to {self.acceptance}"
+                f"acceptance_angle [rad] of targets: expected more than 0, at most {most:.4g}, "
+                f"got {self.acceptance_angle}"
             )
 
 
-def out_of_view(station: Station, targets: Array, facing: Array | None = None) -> dict[str, Mask]:
-    """Find poses with a target that the tracker cannot see, by reason.
+def find_out_of_view(
+    station: Station, targets: Array, target_directions: Array | None = None
+) -> dict[str, Mask]:
+    """Find the poses in which the tracker cannot read a target, by reason: distance, elevation or incidence.
 
     Args:
-        station: The tracker.
+        station: The tracker's station.
         targets: Positions of the targets, world, (poses, m, 3) [m].
-        facing: Unit vectors along which the targets face, world, (poses, m, 3) [1]; needed with an
-            acceptance.
+        target_directions: Unit vectors along which the targets face, world, (poses, m, 3) [1]; needed if the
+            station has an acceptance angle.
 
     Returns:
-        Reasons in a fixed order, each with the poses that have it, (poses,).
+        For every reason, in a fixed order, whether it applies to each pose, (poses,).
     """
     beam = targets - np.array(station.position)
     distance = np.linalg.norm(beam, axis=2)
@@ -218,162 +224,181 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
         TOO_FAR: distance > MAX_RANGE,
         TOO_STEEP: (elevation < MIN_ELEVATION) | (elevation > MAX_ELEVATION),
     }
-    if station.acceptance is not None:
-        assert facing is not None
-        away = -np.einsum("pmx,pmx->pm", facing, beam)
-        refused[FACES_AWAY] = away < math.cos(station.acceptance) * distance
+    if station.acceptance_angle is not None:
+        assert target_directions is not None
+        away = -np.einsum("pmx,pmx->pm", target_directions, beam)
+        refused[FACES_AWAY] = away < math.cos(station.acceptance_angle) * distance
     return {reason: np.asarray(mask.any(axis=1)) for reason, mask in refused.items()}
 
 
 # --- Instruments that read one number of a marker's motion --------------------------------------------------
 
-GAUGE_PRELOAD = 0.5  #: Share of its range at which a gauge is set up unloaded [1].
+GAUGE_PRELOAD_FRACTION = 0.5  #: Reading of a gauge on the unloaded arm over its measuring range [1].
 
 
-def face_travel(axis: Array, normal: Array, start: Array, end: Array, rotation: Array) -> Array:
-    """Compute how far a tip travels along its axis to a plane face that moved and turned.
+def tip_travel(
+    tip_axis: Array, face_normal: Array, contact_before: Array, contact_after: Array, rotation: Array
+) -> Array:
+    """Compute how far a gauge's tip travels along its axis a when the face that it touches moves and rotates.
 
-    The tip starts at the point `start` of the face, which moves to `end`. The face then has the normal
-    n' = turn @ normal, and the tip touches it after ((end - start) . n') / (axis . n').
+    The point of contact on the face moves by d, and the face has the normal n' = rotation @ n afterwards. The
+    tip touches it after the travel (d . n') / (a . n').
 
     Args:
-        axis: Unit vectors along which the tips move, (runs, 3) [1].
-        normal: Unit normals of the faces before, (runs, 3) [1].
-        start: Where the tips touch the faces before, (runs, 3) [m].
-        end: Where these points of the faces are afterwards, (runs, 3) [m].
-        rotation: Rotations of the tool in between, world axes, (runs, 3, 3) [1].
+        tip_axis: Axis a of every tip, unit vectors, world, (runs, 3) [1].
+        face_normal: Normal n of every face before the motion, unit vectors, world, (runs, 3) [1].
+        contact_before: Point of contact on every face before the motion, world, (runs, 3) [m].
+        contact_after: The same point of the face after the motion, world, (runs, 3) [m].
+        rotation: Rotation of the face, world axes, (runs, 3, 3) [1].
 
     Returns:
-        Travel, (runs,) [m]; NaN where the face is along the axis, or a direction is zero.
+        Travel, (runs,) [m]; NaN if the axis lies in the face, or a direction is zero.
     """
-    after = np.matvec(rotation, normal)
-    along = np.vecdot(axis, after)
-    return np.asarray(np.vecdot(end - start, after) / np.where(along == 0, np.nan, along))
+    after = np.matvec(rotation, face_normal)
+    along = np.vecdot(tip_axis, after)
+    return np.asarray(np.vecdot(contact_after - contact_before, after) / np.where(along == 0, np.nan, along))
 
 
-def tilt_directions(direction: Array, tilt: float, group: Ids, rng: np.random.Generator) -> Array:
-    """Tilt directions by random angles; the directions of one group are tilted equally.
+def tilt_directions(directions: Array, tilt_sigma: float, groups: Ids, rng: np.random.Generator) -> Array:
+    """Tilt directions by random small angles; the directions of one group are tilted equally.
 
     Args:
-        direction: Unit vectors, (runs, 3) [1].
-        tilt: Standard deviation of the angle about each axis across [rad].
-        group: Group of every direction, (runs,).
-        rng: Source of the angles.
+        directions: Unit vectors, (runs, 3) [1].
+        tilt_sigma: Standard deviation of the angle about each axis [rad].
+        groups: Identifier of the group of every direction, (runs,).
+        rng: Random number generator.
 
     Returns:
         Unit vectors, (runs, 3) [1].
     """
-    _, group_index = np.unique(group, return_inverse=True)
-    turn = tilt * rng.standard_normal((int(group_index.max()) + 1, 3))[group_index]
-    moved = direction + np.cross(turn, direction)
+    _, group_index = np.unique(groups, return_inverse=True)
+    turn = tilt_sigma * rng.standard_normal((int(group_index.max()) + 1, 3))[group_index]
+    moved = directions + np.cross(turn, directions)
     return np.asarray(moved / np.maximum(np.linalg.norm(moved, axis=1, keepdims=True), np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
 class Gauge:
-    """Describe a dial gauge, an LVDT or a touch probe on a stand, against a plane face of the tool.
+    """Describe a dial gauge, an LVDT or a touch probe on a stand, whose tip touches a plane face of the tool.
 
-    Defaults are a digital gauge of 1 um steps on a magnetic stand. DIN 878 admits 3 um of hysteresis and 3 um
-    of scatter to a dial gauge of 10 mm; 5 um of standard deviation contain both and the stand.
+    The defaults are those of a digital gauge on a magnetic stand. DIN 878 admits 3 um of hysteresis and 3 um
+    of scatter to a dial gauge of 10 mm; a standard deviation of 5 um contains both and the stand.
     """
 
     sigma: float = 5e-6  #: Standard deviation of one reading [m].
-    #: Standard deviation of the face's normal, and of the gauge's axis, about each axis across [rad].
-    tilt: float = math.radians(0.5)
-    travel: float = 25e-3  #: Range of the tip [m]; it is set up in the middle.
+    #: Standard deviation of the tilts of the face's normal and of the gauge's axis from the stated direction,
+    #: about each axis [rad].
+    tilt_sigma: float = math.radians(0.5)
+    measuring_range: float = 25e-3  #: Measuring range of the tip [m]; unloaded the tip is in its middle.
     resolution: float = 1e-6  #: Step of the display [m]; 0 for none.
-    hysteresis: float = 0.0  #: Half-width of the loop by friction of the tip [m].
-    stand_motion: float = 0.0  #: Standard deviation of the stand's motion between two readings [m].
-    #: Whether the tilts of normal and axis are equal in all poses, not new in each.
-    constant_tilt: bool = False
+    hysteresis: float = 0.0  #: Half-width of the hysteresis loop by friction of the tip [m].
+    stand_sigma: float = 0.0  #: Standard deviation of the stand's motion between two readings [m].
+    constant_tilt: bool = False  #: Whether all poses have the same tilts; if not, each pose has its own.
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "tilt", "resolution", "hysteresis", "stand_motion"):
+        """Refuse negative or infinite numbers, and a measuring range of zero, by BenchError."""
+        for name in ("sigma", "tilt_sigma", "resolution", "hysteresis", "stand_sigma"):
             check_least(getattr(self, name), name)
-        if not 0 < self.travel < math.inf:
-            raise BenchError(f"travel [m] of a gauge: expected more than 0, got {self.travel}")
+        if not 0 < self.measuring_range < math.inf:
+            raise BenchError(
+                f"measuring_range [m] of a gauge: expected more than 0, got {self.measuring_range}"
+            )
 
     def read(
         self,
-        direction: Array,
-        places: tuple[Array, Array],
-        rotations: tuple[Array, Array],
-        pose: Ids,
+        directions: Array,
+        marker_positions: tuple[Array, Array],
+        tool_rotations: tuple[Array, Array],
+        pose_ids: Ids,
         rng: np.random.Generator,
     ) -> Array:
-        """Read the face of the tool unloaded and loaded; a pose is one set-up of gauge and face.
+        """Simulate the gauge's readings of the tool's face, unloaded and loaded.
 
         Args:
-            direction: Direction as it is stated, of axis and normal, unit vectors, (runs, 3) [1].
-            places: The marker that is touched, unloaded and loaded, (runs, 3) [m] each.
-            rotations: Orientations of the tool, unloaded and loaded, (runs, 3, 3) [1] each.
-            pose: Identifier of the pose of every run, (runs,).
-            rng: Source of tilts and noise.
+            directions: Stated direction of both the gauge's axis and the face's normal, unit vectors, world,
+                (runs, 3) [1].
+            marker_positions: Positions of the touched marker, unloaded and loaded, world, (runs, 3) [m] each.
+            tool_rotations: Orientations of the tool, unloaded and loaded, world from tool, (runs, 3, 3) [1]
+                each.
+            pose_ids: Identifier of the pose of every run, (runs,); the gauge is set up anew for each pose.
+            rng: Random number generator.
 
         Returns:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
-        group = np.zeros_like(pose) if self.constant_tilt else pose
-        normal, axis = (tilt_directions(direction, self.tilt, group, rng) for _ in range(2))
-        turn = rotations[1] @ rotations[0].swapaxes(1, 2)
-        moved = face_travel(axis, normal, *places, turn)
-        # Friction holds the tip back: from either side unloaded, against the motion loaded.
+        group = np.zeros_like(pose_ids) if self.constant_tilt else pose_ids
+        normal, axis = (tilt_directions(directions, self.tilt_sigma, group, rng) for _ in range(2))
+        turn = tool_rotations[1] @ tool_rotations[0].swapaxes(1, 2)
+        moved = tip_travel(axis, normal, *marker_positions, turn)
+        # Friction holds the tip back: unloaded from either side, loaded against its motion.
         held = np.array([rng.uniform(-1, 1, len(moved)), -np.sign(moved)])
-        read = self.travel * GAUGE_PRELOAD + np.array([np.zeros_like(moved), moved]) + self.hysteresis * held
-        read[1] += self.stand_motion * rng.standard_normal(len(moved))
+        read = (
+            self.measuring_range * GAUGE_PRELOAD_FRACTION
+            + np.array([np.zeros_like(moved), moved])
+            + self.hysteresis * held
+        )
+        read[1] += self.stand_sigma * rng.standard_normal(len(moved))
         read += self.sigma * rng.standard_normal(read.shape)
         if self.resolution:
             read = self.resolution * np.round(read / self.resolution)
-        return np.asarray(np.where((read >= 0) & (read <= self.travel), read, np.nan))
+        return np.asarray(np.where((read >= 0) & (read <= self.measuring_range), read, np.nan))
 
 
 @dataclass(frozen=True)
 class DistanceMeter:
-    """Describe a ballbar, a draw-wire or an interferometer between a fixed point and a marker."""
+    """Describe a ballbar, draw-wire or interferometer: it reads the distance from a point to a marker."""
 
     sigma: float  #: Standard deviation of one reading [m].
-    fixed_point_sigma: float  #: Standard deviation of the fixed point's stated place along each axis [m].
-    #: Largest change of the distance that it follows, to either side [m].
-    travel: float
-    #: Standard deviation of an unknown constant in every distance [m]; a change of distance is without it.
+    fixed_point_sigma: float  #: Standard deviation of the fixed point's stated position along each axis [m].
+    max_change: float  #: Largest change of the distance to either side [m].
+    #: Standard deviation of an unknown constant in all distances [m]; changes of distance do not contain it.
     zero_sigma: float = 0.0
 
     def __post_init__(self) -> None:
+        """Refuse negative or infinite numbers, and a largest change of zero, by BenchError."""
         for name in ("sigma", "fixed_point_sigma", "zero_sigma"):
             check_least(getattr(self, name), name)
-        if not 0 < self.travel < math.inf:
-            raise BenchError(f"travel [m] of a distance meter: expected more than 0, got {self.travel}")
+        if not 0 < self.max_change < math.inf:
+            raise BenchError(
+                f"max_change [m] of a distance meter: expected more than 0, got {self.max_change}"
+            )
 
-    def read(self, stated: Array, places: tuple[Array, Array], rng: np.random.Generator) -> Array:
-        """Read the distance unloaded and loaded.
+    def read(
+        self, fixed_point: Array, marker_positions: tuple[Array, Array], rng: np.random.Generator
+    ) -> Array:
+        """Simulate readings of the distance to a marker, unloaded and loaded.
 
         Args:
-            stated: Stated position of the fixed point, (3,) [m].
-            places: The marker unloaded and loaded, (runs, 3) [m] each.
-            rng: Source of the fixed point's error, the same in all runs, and of noise.
+            fixed_point: Stated position of the fixed point, world, (3,) [m]; its error is the same in all
+                runs.
+            marker_positions: Positions of the marker, unloaded and loaded, world, (runs, 3) [m] each.
+            rng: Random number generator.
 
         Returns:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
-        read, length = self._lengths(stated, np.array(places), rng)
-        return np.where(np.abs(length[1] - length[0]) <= self.travel, read, np.nan)
+        read, length = self._lengths(fixed_point, np.array(marker_positions), rng)
+        return np.where(np.abs(length[1] - length[0]) <= self.max_change, read, np.nan)
 
-    def read_absolute(self, stated: Array, places: Array, rng: np.random.Generator) -> Array:
-        """Read the distance in any poses; the middle of its range is that of the distances.
+    def read_absolute(self, fixed_point: Array, marker_positions: Array, rng: np.random.Generator) -> Array:
+        """Simulate readings of the absolute distance to a marker.
+
+        The range is centred between the least and the largest distance.
 
         Args:
-            stated: Stated position of the fixed point, (3,) [m].
-            places: The marker in every pose, (runs, 3) [m].
-            rng: Source of the fixed point's error, the same in all runs, and of noise.
+            fixed_point: Stated position of the fixed point, world, (3,) [m]; its error is the same in all
+                runs.
+            marker_positions: Positions of the marker, world, (runs, 3) [m].
+            rng: Random number generator.
 
         Returns:
             Readings, (runs,) [m]; NaN out of range.
         """
-        read, length = self._lengths(stated, places, rng)
+        read, length = self._lengths(fixed_point, marker_positions, rng)
         middle = (length.min() + length.max()) / 2
         if self.zero_sigma:
             read += self.zero_sigma * rng.standard_normal()
-        return np.where(np.abs(length - middle) <= self.travel, read, np.nan)
+        return np.where(np.abs(length - middle) <= self.max_change, read, np.nan)
 
     def _lengths(self, stated: Array, places: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Read distances from a fixed point that is not quite where it is stated, and the true ones."""
@@ -382,13 +407,13 @@ class DistanceMeter:
         return length + self.sigma * rng.standard_normal(length.shape), length
 
 
-BALLBAR = DistanceMeter(sigma=1e-6, fixed_point_sigma=1e-3, travel=1e-3)
+BALLBAR = DistanceMeter(sigma=1e-6, fixed_point_sigma=1e-3, max_change=1e-3)
 """A telescoping ballbar. Makers state about 1 um and a range of 1 mm to either side [assumed]; the fixed ball
 is placed with a tape or a square, to a millimetre [assumed]."""
-LONG_BAR = DistanceMeter(sigma=10e-6, fixed_point_sigma=1e-3, travel=1.0)
+LONG_BAR = DistanceMeter(sigma=10e-6, fixed_point_sigma=1e-3, max_change=1.0)
 """A bar that telescopes by a metre to either side, or an interferometer that follows its reflector: 10 um are
 usual [assumed]."""
-DRAW_WIRE = DistanceMeter(sigma=50e-6, fixed_point_sigma=2e-3, travel=1.0)
+DRAW_WIRE = DistanceMeter(sigma=50e-6, fixed_point_sigma=2e-3, max_change=1.0)
 """A draw-wire encoder of 2 m. Makers state a repeatability of some hundredths of a millimetre [assumed]; its
 outlet is known to two millimetres [assumed]."""
 
@@ -397,63 +422,74 @@ outlet is known to two millimetres [assumed]."""
 class PlaneProbe:
     """Describe a probe on the tool that reads its height over a plane face on a stand.
 
-    A touch probe reads zero where it touches; a gauge or a laser triangulation sensor reads near it.
+    It may be a touch probe, whose reading is zero at contact, a gauge, or a laser triangulation sensor.
     """
 
     sigma: float = 10e-6  #: Standard deviation of one reading [m].
-    flatness: float = 3e-6  #: Standard deviation of the face from a plane, one per pose [m].
-    fixed_point_sigma: float = 2e-3  #: Standard deviation of the stated point along each axis [m].
-    tilt: float = math.radians(0.5)  #: Standard deviation of the stated normal [rad].
-    travel: float = 25e-3  #: Largest height that it reads, to either side [m].
-    radius: float = 0.4  #: Radius of the face around the stated point [m].
+    flatness_sigma: float = (
+        3e-6  #: Standard deviation of the face's height from a plane, drawn once per pose [m].
+    )
+    fixed_point_sigma: float = 2e-3  #: Standard deviation of the face's stated point along each axis [m].
+    tilt_sigma: float = math.radians(0.5)  #: Standard deviation of the face's stated normal [rad].
+    max_height: float = 25e-3  #: Largest height that the probe reads, above and below the face [m].
+    face_radius: float = 0.4  #: Radius of the face around the stated point [m].
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "flatness", "fixed_point_sigma", "tilt"):
+        """Refuse negative or infinite numbers, and a range or radius of zero, by BenchError."""
+        for name in ("sigma", "flatness_sigma", "fixed_point_sigma", "tilt_sigma"):
             check_least(getattr(self, name), name)
-        if not (0 < self.travel < math.inf and 0 < self.radius < math.inf):
-            raise BenchError(f"plane probe: expected a travel and a radius, got {self.travel}, {self.radius}")
+        if not (0 < self.max_height < math.inf and 0 < self.face_radius < math.inf):
+            raise BenchError(
+                "plane probe: expected max_height and face_radius above 0, got "
+                f"{self.max_height} and {self.face_radius}"
+            )
 
     def read_absolute(
-        self, face: tuple[Array, Array], places: Array, pose: Ids, rng: np.random.Generator
+        self, face: tuple[Array, Array], marker_positions: Array, pose_ids: Ids, rng: np.random.Generator
     ) -> Array:
-        """Read the height of a marker over the face.
+        """Simulate readings of the height of a marker over the face.
 
         Args:
-            face: Point of the face [m] and its unit normal [1], as they truly are, (3,) each.
-            places: The marker in every row, (runs, 3) [m].
-            pose: Identifier of the pose of every row, (runs,).
-            rng: Source of noise and of the unevenness of the face.
+            face: True point of the face [m] and its true unit normal [1], world, (3,) each.
+            marker_positions: Positions of the marker, world, (runs, 3) [m].
+            pose_ids: Identifier of the pose of every run, (runs,).
+            rng: Random number generator.
 
         Returns:
             Heights, (runs,) [m]; NaN out of range and beside the face.
         """
         point, normal = face
-        off = places - point
+        off = marker_positions - point
         height = off @ normal
         beside = np.linalg.norm(off - height[:, None] * normal, axis=1)
-        _, spot = np.unique(pose, return_inverse=True)
-        uneven = self.flatness * rng.standard_normal(int(spot.max()) + 1)[spot]
+        _, spot = np.unique(pose_ids, return_inverse=True)
+        uneven = self.flatness_sigma * rng.standard_normal(int(spot.max()) + 1)[spot]
         read = height - uneven + self.sigma * rng.standard_normal(len(height))
-        return np.where((np.abs(height) <= self.travel) & (beside <= self.radius), read, np.nan)
+        return np.where((np.abs(height) <= self.max_height) & (beside <= self.face_radius), read, np.nan)
 
 
-def place_block(
-    stated: Sequence[tuple[Array, Array]], shift: float, tilt: float, rng: np.random.Generator
+def place_faces(
+    stated_faces: Sequence[tuple[Array, Array]],
+    shift_sigma: float,
+    tilt_sigma: float,
+    rng: np.random.Generator,
 ) -> list[tuple[Array, Array]]:
-    """Place the faces of one rigid block where they truly are: shifted, and turned about their mean point.
+    """Draw the true faces of a rigid block: the stated faces, shifted and rotated together.
+
+    The block rotates about the mean of its faces' points.
 
     Args:
-        stated: Stated point of every face [m] and its stated unit normal [1], (3,) each.
-        shift: Standard deviation of the block's place along each axis [m].
-        tilt: Standard deviation of the block's rotation about each axis [rad].
-        rng: Source of shift and rotation.
+        stated_faces: Stated point [m] and stated unit normal [1] of every face, world, (3,) each.
+        shift_sigma: Standard deviation of the block's shift along each axis [m].
+        tilt_sigma: Standard deviation of the block's rotation about each axis [rad].
+        rng: Random number generator.
 
     Returns:
-        Point and unit normal of every face.
+        True point and true unit normal of every face, world.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import
 
-    centre = np.mean([point for point, _ in stated], axis=0)
-    moved = shift * rng.standard_normal(3)
-    turn = Rotation.from_rotvec(tilt * rng.standard_normal(3)).as_matrix()
-    return [(centre + moved + turn @ (point - centre), turn @ normal) for point, normal in stated]
+    centre = np.mean([point for point, _ in stated_faces], axis=0)
+    moved = shift_sigma * rng.standard_normal(3)
+    turn = Rotation.from_rotvec(tilt_sigma * rng.standard_normal(3)).as_matrix()
+    return [(centre + moved + turn @ (point - centre), turn @ normal) for point, normal in stated_faces]

@@ -1,8 +1,8 @@
 """Kinds of true arms that differ from the model, and plants with disturbances built in.
 
-The model and the prior from CAD remain those of the arm's folder; only the simulated arm differs.
-`true_arms` holds the kinds by name. Add one by `true_arms["name"] = TrueArm(...)`, or by an entry point of
-the group `testbench.true_arms`.
+Model and prior remain those of the arm's folder; only the simulated arm differs. `true_arms` holds the kinds
+by name. Add one by `true_arms["name"] = TrueArm(...)`, or by an entry point of the group
+`testbench.true_arms`.
 
 `disturb` builds disturbances into a plant. Own weight, geometry and foundation change the MuJoCo model.
 Offsets and payload errors change its inputs. Compensator and joint laws change the forces and springs of its
@@ -21,9 +21,16 @@ import numpy as np
 from testbench.arm.elastic import check_compliance, rotated_compliance
 from testbench.arm.folder import Arm, Link
 from testbench.errors import Array, BenchError
-from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant_from_model, weightless
+from testbench.plant.build import (
+    VIRTUAL_JOINT_AXES,
+    Plant,
+    compile_mjcf,
+    elastic_mjcf,
+    plant_from_model,
+    weightless,
+)
 from testbench.plant.cast import cast_link
-from testbench.plant.disturbance import FOUNDATION_COMPLIANCE, Disturbances, draw_gears
+from testbench.plant.disturbance import FOUNDATION_COMPLIANCE, Disturbances, draw_gear_errors
 from testbench.plant.equilibrium import compensator_bodies
 from testbench.registry import Registry
 
@@ -33,61 +40,62 @@ if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does
 
 # --- True arms outside the model's templates: one model, and families of truths to judge it by --------------
 
-Springs = Callable[[Arm, np.random.Generator], "SpringEffects"]
-"""Function that draws the elasticity of an arm beyond constant matrices."""
+DrawSprings = Callable[[Arm, np.random.Generator], "SpringEffects"]
+"""Function of an arm and a random number generator that draws elastic effects beyond constant compliances."""
 
 
 @dataclass(frozen=True)
 class TrueArm:
-    """Describe a kind of true arm: how an arm of it is drawn."""
+    """Describe a kind of true arm by the functions that draw such an arm at random."""
 
-    #: Returns another arm of the same kinematics, given the arm as its folder describes it.
-    draw: Callable[[Arm, np.random.Generator], Arm]
-    springs: Springs | None = None  #: Draws the effects beyond constant compliances, given the drawn arm.
+    #: Function of the arm of the folder that draws an arm of the same kinematics with other compliances.
+    draw_arm: Callable[[Arm, np.random.Generator], Arm]
+    #: Function of the drawn arm that draws elastic effects beyond constant compliances; None for no effect.
+    draw_springs: DrawSprings | None = None
 
 
-#: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
 JOINT_LOG_DEVIATION = 0.5
+"""Standard deviation of the log of a joint's compliance over the folder's, for the kind "joints" [1]."""
 JOINT_FACTOR_RANGE = 0.3, 3.0
-"""Range of a joint's compliance over the folder's, if all joints are far off [1]."""
+"""Range of a joint's compliance over the folder's, for the kind "far_joints" [1]."""
 STIFFER_FACTORS = 3, 10, 30, 100, 300
-"""Factors by which links are stiffer, so that the joints dominate."""
+"""Factors by which all links are stiffer, so that the joints dominate [1]."""
 BEARING_RADIUS, BEARING_TILTS = 0.15, (0.1, 1.0)
-"""Radius of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
+"""Radius of a bearing [m], and range of its tilt compliance over the compliance of the folder's joint [1]."""
 SOFT_LINK_FACTOR = 5.0
-"""Factor by which one link is softer than the others [1]."""
+"""Factor by which one link is softer than in the drawn arm [1]."""
 TUBE_ENTRIES = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
-"""Entries of a tube's compliance that are not zero, one of each pair."""
-CORRELATION_VECTORS = 7
-"""Vectors that define a random correlation matrix."""
+"""Rows and columns of the entries of a tube's compliance that are not zero, in the upper triangle."""
+N_CORRELATION_VECTORS = 7
+"""Number of random vectors whose correlations make a random correlation matrix of order six."""
 POSE_DEPENDENCE_PERCENT = 20, 50
 """Largest change of a link's compliance with the angle of the next joint, softer or stiffer [%]."""
-AXIS_LOG_DEVIATION = 0.5
-"""Change of the log compliance of a link's axes with all joints, standard deviation [1]."""
+AXIS_COMPLIANCE_LOG_DEVIATION = 0.5
+"""Standard deviation of the log change of a link's compliance with the pose, drawn for every axis [1]."""
 JOINT_COUPLING_RANGE = 0.2, 0.5
 """Range of the compliance between neighbouring joints over the geometric mean of theirs [1]."""
 SLIP_RANGE = 5e-5, 4e-4
-"""Range of the largest half width of friction that slips gradually [rad]; hysteresis has one of 3e-5."""
-FAMILY = "family"
-"""All of FAMILY_TRUE_ARMS, one per seed in turn."""
+"""Range of the largest half width H of friction that slips gradually [rad]."""
+FAMILY_NAME = "family"
+"""Name that stands for all kinds in `FAMILY_TRUE_ARMS`, which take turns by the seed."""
 DEFORMATION_BISECTIONS = 24
-"""Bisections for the size of a link's deformation."""
+"""Bisection steps that find the size of a link's deformation."""
 
 
 def distance_from_tubes(C: Array) -> float:
-    """Compute the distance of a compliance from the nearest tube, in units of that tube [1].
+    """Compute the relative distance of a compliance from tubes, min_T |T^-1/2 C T^-1/2 - I|_F / sqrt(6).
 
-    It is the least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for
-    tubes: the RMS relative error of the six compliances along the common axes of C and T. T^-1 has the
-    pattern of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem. Above
-    0.4 the nearest template may not be positive definite, hence not a tube.
+    T runs over the beam templates, which contain the tubes, so the distance is a lower bound for tubes. It is
+    the RMS relative error of the six compliances along the common axes of C and T. Above 0.4 the nearest
+    template may not be positive definite.
 
     Args:
-        C: Compliance in beam axes, (6, 6) [m/N, rad/(N m)].
+        C: Compliance in the beam frame, (6, 6) [m/N, rad/N, rad/(N m)].
 
     Returns:
         The distance [1].
     """
+    # T^-1 has the pattern of T, and |T^-1/2 C T^-1/2 - I| = |L^T T^-1 L - I| with C = L L^T: linear in T^-1
     L = np.linalg.cholesky(C)
     columns = []
     for a, b in TUBE_ENTRIES:
@@ -99,15 +107,15 @@ def distance_from_tubes(C: Array) -> float:
 
 
 def deform_tube(C: Array, S: Array, distance: float) -> Array:
-    """Deform a tube to C^1/2 exp(t S) C^1/2, with t for a given distance from the nearest tube.
+    """Deform the compliance of a tube to C^1/2 exp(t S) C^1/2, with t for a given distance from tubes.
 
     Args:
-        C: Compliance of the tube, (6, 6) [m/N, rad/(N m)].
-        S: Symmetric direction of the deformation, (6, 6) [1].
-        distance: Distance by `distance_from_tubes` [1].
+        C: Compliance of the tube, (6, 6) [m/N, rad/N, rad/(N m)].
+        S: Direction of the deformation, symmetric, (6, 6) [1].
+        distance: Wanted `distance_from_tubes` of the result [1].
 
     Returns:
-        The deformed compliance, (6, 6).
+        The deformed compliance, (6, 6) [m/N, rad/N, rad/(N m)].
     """
     d = np.sqrt(np.diag(C))
     values, Q = np.linalg.eigh(C / np.outer(d, d))
@@ -166,48 +174,48 @@ FAMILY_TRUE_ARMS: Mapping[str, TrueArm] = {
     "cast": TrueArm(_cast),
     "joints": TrueArm(_unequal_joints),
 }
-"""The family of true arms by name: tubes as in the folder; links 10, 20, 40 % off any tube; cast links;
-unequal joints."""
+"""Kinds of the family of true arms by name: tubes as in the folder; links that differ from any tube by 10,
+20 or 40 %; cast links; joints unlike the folder's."""
 
 
-def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
-    """Draw an arm of one kind of FAMILY_TRUE_ARMS, each as often as the others.
+def draw_from_family(arm: Arm, rng: np.random.Generator) -> Arm:
+    """Draw a true arm of a kind that is drawn from `FAMILY_TRUE_ARMS`, all kinds with equal probability.
 
     Args:
         arm: The arm as its folder describes it.
-        rng: Source of randomness.
+        rng: Random number generator.
 
     Returns:
         The drawn arm.
     """
-    return FAMILY_TRUE_ARMS[str(rng.choice(list(FAMILY_TRUE_ARMS)))].draw(arm, rng)
+    return FAMILY_TRUE_ARMS[str(rng.choice(list(FAMILY_TRUE_ARMS)))].draw_arm(arm, rng)
 
 
 def _stiffer_links(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
-    drawn = member_of_family(arm, rng)
+    drawn = draw_from_family(arm, rng)
     return _scaled_links(drawn, np.full(len(drawn.links), 1 / times))
 
 
 def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
-    drawn, factors = member_of_family(arm, rng), np.ones(len(arm.links))
+    drawn, factors = draw_from_family(arm, rng), np.ones(len(arm.links))
     factors[rng.integers(len(factors))] = SOFT_LINK_FACTOR
     return _scaled_links(drawn, factors)
 
 
 def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
-    """Replace the couplings of a compliance by those of a random correlation matrix.
+    """Replace the off-diagonal entries of a compliance, by a random correlation matrix.
 
-    Correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order six:
-    Wishart's density with n + 1 degrees of freedom, divided by the scales.
+    The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
+    six: Wishart's density with n + 1 degrees of freedom, divided by the scales.
 
     Args:
-        C: Compliance, whose diagonal is kept, (6, 6) [m/N, rad/(N m)].
-        rng: Source of the correlations.
+        C: Compliance, (6, 6) [m/N, rad/N, rad/(N m)]; its diagonal is kept.
+        rng: Random number generator.
 
     Returns:
-        The coupled compliance, (6, 6).
+        The compliance with new off-diagonal entries, (6, 6) [m/N, rad/N, rad/(N m)].
     """
-    A = rng.standard_normal((6, CORRELATION_VECTORS))
+    A = rng.standard_normal((6, N_CORRELATION_VECTORS))
     W = A @ A.T
     scale = np.sqrt(np.diag(C) / np.diag(W))
     return np.asarray(W * np.outer(scale, scale))
@@ -223,7 +231,7 @@ def _coupled_links(arm: Arm, rng: np.random.Generator) -> Arm:
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
     """Add a bearing, equal in all directions, to the end of every link before a hinge."""
-    drawn, unit = member_of_family(arm, rng), np.diag([BEARING_RADIUS**2] * 3 + [1.0] * 3)
+    drawn, unit = draw_from_family(arm, rng), np.diag([BEARING_RADIUS**2] * 3 + [1.0] * 3)
     shares = np.exp(rng.uniform(np.log(BEARING_TILTS[0]), np.log(BEARING_TILTS[1]), arm.n_joints))
     tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
     links = zip(drawn.links, [*tilts, 0.0], strict=True)
@@ -254,7 +262,7 @@ def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     from testbench.plant.disturbance import PoseDependence, SpringEffects
 
     links, n = len(arm.links), arm.n_joints
-    share = AXIS_LOG_DEVIATION * rng.standard_normal((links, 6))
+    share = AXIS_COMPLIANCE_LOG_DEVIATION * rng.standard_normal((links, 6))
     return SpringEffects(
         PoseDependence(share, rng.standard_normal((links, n)), rng.uniform(-np.pi, np.pi, links))
     )
@@ -287,26 +295,25 @@ def _slipping(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     from testbench.plant.disturbance import SpringEffects
 
     least, most = np.log(SLIP_RANGE)
-    return SpringEffects(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
+    return SpringEffects(max_slip_half_width=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
 
 
-_SPRINGS: Mapping[str, Springs] = {
+_SPRINGS: Mapping[str, DrawSprings] = {
     **{f"following_{percent}": partial(_pose_dependent, percent) for percent in POSE_DEPENDENCE_PERCENT},
     "following_all": _pose_dependent_axes,
     "tied_joints": _coupled_neighbours,
     "tied_all": _all_joints_coupled,
     "slipping": _slipping,
 }
-HELD_OUT: Mapping[str, TrueArm] = {
+HELD_OUT_TRUE_ARMS: Mapping[str, TrueArm] = {
     **{f"stiffer_{n}": TrueArm(partial(_stiffer_links, n)) for n in STIFFER_FACTORS},
     "soft_link": TrueArm(_soft_link),
     "coupled": TrueArm(_coupled_links),
     "far_joints": TrueArm(_far_joints),
     "bearings": TrueArm(_soft_bearings),
-    **{name: TrueArm(member_of_family, springs) for name, springs in _SPRINGS.items()},
+    **{name: TrueArm(draw_from_family, springs) for name, springs in _SPRINGS.items()},
 }
-"""True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
-them."""
+"""Kinds of true arms outside the family, by name: nothing in testbench was tuned on them."""
 FAMILY_DESCRIPTIONS = {
     "tubes": "the arm's folder: every link is a straight tube, which the template contains",
     **{
@@ -319,78 +326,87 @@ FAMILY_DESCRIPTIONS = {
     "joints": "joints differ from the folder's: their log compliance has a standard deviation of "
     f"{JOINT_LOG_DEVIATION:g}",
 }
-"""Description of each kind of true arm in FAMILY_TRUE_ARMS, for pages and reports."""
+"""Description of each kind in `FAMILY_TRUE_ARMS`, for reports."""
 
 
 def _check(name: str, kind: TrueArm) -> None:
     """Refuse anything but a TrueArm, and the name of the family."""
-    if name == FAMILY or not isinstance(kind, TrueArm):
-        problem = f"expected a TrueArm with a name other than {FAMILY!r}, got {type(kind).__name__}"
+    if name == FAMILY_NAME or not isinstance(kind, TrueArm):
+        problem = f"expected a TrueArm with a name other than {FAMILY_NAME!r}, got {type(kind).__name__}"
         raise BenchError(f"true arm {name!r}: {problem}")
 
 
 true_arms: Registry[TrueArm] = Registry(
-    "true arm", "testbench.true_arms", {**FAMILY_TRUE_ARMS, **HELD_OUT}, _check
+    "true arm", "testbench.true_arms", {**FAMILY_TRUE_ARMS, **HELD_OUT_TRUE_ARMS}, _check
 )
-"""Kinds of true arms by name: FAMILY_TRUE_ARMS, HELD_OUT, and those that users add."""
+"""Kinds of true arms by name: `FAMILY_TRUE_ARMS`, `HELD_OUT_TRUE_ARMS`, and those that users add."""
 
 
 def true_arm_of_seed(family: str, seed: int) -> str:
-    """Return the name of the true arm that belongs to a seed: the kinds of a family take turns.
+    """Return the name of the kind of true arm that belongs to a seed.
 
     Args:
-        family: "family" for the kinds of FAMILY_TRUE_ARMS in turn, or the name of one kind.
+        family: "family" if the kinds of `FAMILY_TRUE_ARMS` take turns by the seed, or the name of one kind.
         seed: The seed.
 
     Returns:
         Name of the kind.
     """
-    return list(FAMILY_TRUE_ARMS)[seed % len(FAMILY_TRUE_ARMS)] if family == FAMILY else family
+    return list(FAMILY_TRUE_ARMS)[seed % len(FAMILY_TRUE_ARMS)] if family == FAMILY_NAME else family
 
 
-def true_plant(arm: Arm, name: str, rng: np.random.Generator, stiffer: float = 1.0) -> "Plant":
-    """Build another true arm, drawn at random.
+def draw_true_plant(
+    arm: Arm, name: str, rng: np.random.Generator, link_stiffness_factor: float = 1.0
+) -> "Plant":
+    """Draw a true arm of a kind at random, and build its plant.
 
     Args:
         arm: The arm as its folder describes it.
-        name: Kind of truth, a name of `true_arms`.
-        rng: Source of randomness.
-        stiffer: Factor by which its links are stiffer [1].
+        name: Kind of true arm, a name in `true_arms`.
+        rng: Random number generator.
+        link_stiffness_factor: Factor by which all links are stiffer [1].
 
     Returns:
-        The plant of the true arm.
+        The true arm, without disturbances.
 
     Raises:
-        BenchError: If there is no such kind, or what it draws is no arm of the same joints and links.
+        BenchError: If there is no such kind, or it does not draw an arm with the same joints and links.
     """
     from testbench.plant.build import build_plant
 
     kind = true_arms[name]
-    drawn = kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng)
+    drawn = kind.draw_arm(_scaled_links(arm, np.full(len(arm.links), 1 / link_stiffness_factor)), rng)
     if not isinstance(drawn, Arm) or (drawn.n_joints, drawn.n_theta) != (arm.n_joints, arm.n_theta):
         problem = "expected an Arm of the same joints and links from draw(arm, rng)"
         raise BenchError(f"true arm {name!r}: {problem}")
     plant = build_plant(drawn)
-    return plant if kind.springs is None else replace(plant, spring_effects=kind.springs(plant.arm, rng))
+    return (
+        plant
+        if kind.draw_springs is None
+        else replace(plant, spring_effects=kind.draw_springs(plant.arm, rng))
+    )
 
 
 # --- The disturbed true arm: a plant with disturbances built in ---------------------------------------------
 
 
 def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> Plant:
-    """Build disturbances into a plant.
+    """Build disturbances into a copy of a true arm; random errors are drawn.
 
-    Every disturbance draws its random numbers whether it is on or off: switching one does not change the
-    others. Gears have a random stream of their own, because their number of orders varies.
+    Random numbers are drawn for every disturbance, on or off, so that switching one does not change the
+    others. Gear errors have a random stream of their own, because their number of orders varies.
 
     Args:
-        plant: The nominal elastic arm; it stays unchanged. For a soft foundation its model is compiled anew
-            from `plant.arm`, and gravity is kept.
-        disturbances: Kinds of disturbances, with their sizes.
-        rng: Source of offsets and errors.
+        plant: The true arm without disturbances. For a soft foundation its model is compiled anew from
+            `plant.arm`, with the gravity of `plant.model`.
+        disturbances: The disturbances, with their sizes.
+        rng: Random number generator.
+
+    Returns:
+        The true arm with disturbances.
 
     Raises:
-        BenchError: If a compensator is requested and the arm has no link 2.
+        BenchError: If there is a compensator and the arm has no hinge between links 1 and 2.
     """
     if disturbances.compensator is not None:
         compensator_bodies(plant)
@@ -399,32 +415,34 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     offset = rng.standard_normal(n)
     frames = rng.standard_normal((n + 1, 6))
     centre = rng.standard_normal(3)
-    true = _on_foundation(plant, disturbances.foundation)
+    true = _on_foundation(plant, disturbances.foundation_factor)
     if not disturbances.own_weight:
         true = weightless(true)
     if (errors := disturbances.geometry) is None:
         frames = np.zeros_like(frames)
     else:
-        frames = frames * np.repeat([errors.position, errors.angle], 3)
+        frames = frames * np.repeat([errors.position_sigma, errors.angle_sigma], 3)
         true = _with_frame_errors(true, frames)
     return replace(
         true,
         disturbances=disturbances,
-        joint_offset=disturbances.sensor_offset * offset,
-        load_point_error=disturbances.centre_error * centre,
+        joint_offset=disturbances.joint_offset_sigma * offset,
+        load_point_error=disturbances.load_point_sigma * centre,
         frame_errors=frames,
-        gears=None if disturbances.gear is None else draw_gears(disturbances.gear, n, rng.spawn(1)[0]),
+        gear_errors=None
+        if disturbances.gear_errors is None
+        else draw_gear_errors(disturbances.gear_errors, n, rng.spawn(1)[0]),
     )
 
 
-def exactly_loaded(plant: Plant) -> Plant:
-    """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
-    exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
+def with_exact_load(plant: Plant) -> Plant:
+    """Copy a true arm, without errors of the payload's recorded mass and load point."""
+    exact = replace(plant.disturbances, mass_error=0.0, load_point_sigma=0.0)
     return replace(plant, disturbances=exact, load_point_error=np.zeros(3))
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
-    """Put the plant on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
+    """Put the plant on a foundation of `scale` times `FOUNDATION_COMPLIANCE`, 0 for a rigid one."""
     arm = plant.arm
     if not scale:
         return plant
@@ -432,8 +450,8 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
     model = compile_mjcf(arm.mjcf_path, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
     true = replace(plant_from_model(arm, model), spring_effects=plant.spring_effects)
-    soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
-    true.C[soft, soft] = compliance
+    soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in VIRTUAL_JOINT_AXES]
+    true.C_qpos[soft, soft] = compliance
     return true
 
 

@@ -26,7 +26,7 @@ from testbench.plant.shapes import (
     Surface,
     decimate,
     primitive_surface,
-    quaternions,
+    quaternions_from_rotations,
     visual_shapes,
 )
 from testbench.report.colours import SCALE, Look, hexadecimal
@@ -262,7 +262,7 @@ def _near(points: Array) -> Json:
 
 def frames_plain(frames: BodyFrames) -> list[list[int | None]]:
     """Convert frames by pose: of every body its origin and its turn as a quaternion, x, y, z, w."""
-    turns = quaternions(frames.rotations)
+    turns = quaternions_from_rotations(frames.rotations)
     return [_whole(row) for row in np.concatenate([frames.positions, turns], axis=2)]
 
 
@@ -291,8 +291,8 @@ def solid(shape: Shape) -> Surface:
     Of a mesh they are few, and corners that differ in their normals alone are one.
     """
     if shape.mesh is None:
-        corners, faces = primitive_surface(shape.kind, shape.size)
-        return shape.position + corners @ shape.rotation.T, faces
+        corners, faces = primitive_surface(shape.kind, shape.half_sizes)
+        return shape.centre + corners @ shape.rotation.T, faces
     places, inverse = np.unique(shape.mesh.vertices, axis=0, return_inverse=True)
     thin, faces = decimate(places, inverse.ravel()[shape.mesh.faces], TRIANGLES)
-    return shape.position + thin @ shape.rotation.T, faces
+    return shape.centre + thin @ shape.rotation.T, faces

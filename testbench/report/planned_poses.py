@@ -161,7 +161,7 @@ class World:
         if planes:
             at, normals = np.array([own.fixed for own, _ in planes]), [unit_normal(own) for own, _ in planes]
             probes = [own.instrument for own, _ in planes]
-            half = max(probe.radius for probe in probes if isinstance(probe, PlaneProbe))
+            half = max(probe.face_radius for probe in probes if isinstance(probe, PlaneProbe))
             layers.append(faces(at, np.array(normals), half, [name for _, name in planes]))
         return layers
 

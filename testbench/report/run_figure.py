@@ -20,7 +20,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from testbench.errors import Array, Ids, Mask
-from testbench.plant.shapes import BodyFrames, corners, visual_shapes
+from testbench.plant.shapes import BodyFrames, hull_points, visual_shapes
 from testbench.report.colours import LOAD, MEASURED, STIFFNESS, TASK, Colour, hexadecimal
 from testbench.report.figure import (
     CAPTION,
@@ -85,13 +85,15 @@ def outlines(cell: Cell, frames: BodyFrames, pose: int, sides: Array) -> tuple[l
     Returns:
         Polygons, (p, 2) each [m], and the brightness of each solid, (solids,) [1].
     """
-    hidden = {cell.room.names.index(name) for name in (cell.arm.load_point, *cell.arm.markers)}
+    hidden = {cell.room.body_names.index(name) for name in (cell.arm.load_point, *cell.arm.markers)}
     away = np.cross(sides[0], sides[1])
     found: list[tuple[float, Array, float]] = []
     for shape in visual_shapes(cell.room):
         if shape.body in hidden:  # drawn by their roles
             continue
-        points = frames.positions[pose, shape.body] + corners(shape) @ frames.rotations[pose, shape.body].T
+        points = (
+            frames.positions[pose, shape.body] + hull_points(shape) @ frames.rotations[pose, shape.body].T
+        )
         hull = _hull(points @ sides.T)
         found.append((float((points @ away).max()), hull, float(shape.rgba[:3] @ [0.299, 0.587, 0.114])))
     found.sort(key=lambda own: own[0])

@@ -385,7 +385,7 @@ def on_tool(cell: "Cell", frames: BodyFrames, point: Array) -> Array:
     Returns:
         Places, (poses, 3) [m].
     """
-    tool = cell.room.names.index(cell.arm.tool)
+    tool = cell.room.body_names.index(cell.arm.tool)
     turned = np.einsum("rxy,ry->rx", frames.rotations[:, tool], point)
     return np.asarray(frames.positions[:, tool] + turned)
 

@@ -37,18 +37,18 @@ from testbench.identify.prior import Prior, scale_by_prior
 from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.structure import all153
 from testbench.model.vjm import WorkArea
-from testbench.plant.disturbance import TYPICAL
+from testbench.plant.disturbance import TYPICAL_DISTURBANCES
 from testbench.plant.equilibrium import ArmEquilibrium, solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.plant.true_arms import (
-    FAMILY,
     FAMILY_DESCRIPTIONS,
+    FAMILY_NAME,
     FAMILY_TRUE_ARMS,
     disturb,
-    exactly_loaded,
     true_arm_of_seed,
+    with_exact_load,
 )
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
@@ -252,7 +252,7 @@ SETUP = Setup(arm=ARM, truth="nonlinear", sigma=SIGMA)
 DIGITS = 7  #: Of a distance in millimetres.
 HIDDEN, CHOSEN, PROCESS, NOISE = 20, 30, 50, 1000
 """Streams of a seed: disturbances, random poses, forces of the process, noise (plus the campaign)."""
-LINEAR_JOINTS = replace(TYPICAL, stiffening=0.0, backlash=0.0, hysteresis=0.0)
+LINEAR_JOINTS = replace(TYPICAL_DISTURBANCES, stiffening=0.0, backlash=0.0, hysteresis=0.0)
 Settle = Callable[[Array, Array, Array], tuple[ArmEquilibrium, ArmEquilibrium]]
 """The arm unloaded and loaded, in poses (runs, n), under wrenches (runs, 6) at points (runs, 3)."""
 
@@ -295,7 +295,7 @@ class CorrectionModel:
 
 def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
     """Make the rows of a seed; `asked` holds the scene."""
-    truth = true_arm_of_seed(FAMILY, seed)
+    truth = true_arm_of_seed(FAMILY_NAME, seed)
     work = tasks_of(asked, seed)
     rows = []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
@@ -358,9 +358,11 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
     if arm == IDEAL:
         own = partial(settle_both, cell.plant, "nonlinear")
         return own, own
-    plant = disturb(cell.plant, LINEAR_JOINTS if arm == LINEAR else TYPICAL, trial_rng(seed, HIDDEN))
+    plant = disturb(
+        cell.plant, LINEAR_JOINTS if arm == LINEAR else TYPICAL_DISTURBANCES, trial_rng(seed, HIDDEN)
+    )
     return partial(solve_unloaded_and_loaded, plant), partial(
-        solve_unloaded_and_loaded, exactly_loaded(plant)
+        solve_unloaded_and_loaded, with_exact_load(plant)
     )
 
 
@@ -504,7 +506,8 @@ def execute(working: Settle, work: Tasks, orders: Sequence[Compensated | None]) 
     )
     rest, loaded = working(q, *(np.tile(part, (n, 1)) for part in (work.load.wrench, work.load.point)))
     start, end = (
-        equilibrium.tool + np.matvec(equilibrium.rotation, np.array(TIP)) for equilibrium in (rest, loaded)
+        equilibrium.tool_positions + np.matvec(equilibrium.tool_rotations, np.array(TIP))
+        for equilibrium in (rest, loaded)
     )
     return np.asarray(end.reshape(n, -1, 3) - start[: len(work.q)])
 
@@ -704,7 +707,7 @@ def _seen(run: Run[CompensationSettings]) -> PageContent:
     """Draw the jobs of the first trial: the tool without correction and with, the arm undisturbed."""
     seed, rows = run.seeds[0], run.first.where(arm=IDEAL, **vars(ADVISED))
     true, work = (
-        true_cell(build_cell(find_arm(run.settings.arm)), true_arm_of_seed(FAMILY, seed), seed),
+        true_cell(build_cell(find_arm(run.settings.arm)), true_arm_of_seed(FAMILY_NAME, seed), seed),
         tasks_of(run.settings, seed),
     )
     every = [np.reshape(rows.where(name=name)["off_mm"][0], (2, -1, 1, 3)) / MM for name in DRAWN]

@@ -29,7 +29,7 @@ from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, evaluate_chain
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
-from testbench.plant.true_arms import FAMILY, FAMILY_TRUE_ARMS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY_NAME, FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.figure import Figure, forest, headed, sweeps
@@ -337,7 +337,7 @@ def _of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> I
     n = asked.scope.featured
     ground = asked.scope.ground.name
     models = _tried(cell, seed, own)
-    bench = _build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
+    bench = _build_bench(true_cell(cell, true_arm_of_seed(FAMILY_NAME, seed), seed), asked)
     drawn = _poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
     yield from _of_promise(bench, seed, (RANDOM, drawn, chance))
@@ -381,7 +381,7 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
             tasks_mm=float(_rms_mm(off, 0, 1)),
             ground=settings.scope.ground.name,
             expected=forecast_summary(inflate_intervals(promise)),
-            truth=true_arm_of_seed(FAMILY, seed),
+            truth=true_arm_of_seed(FAMILY_NAME, seed),
             prior=name,
             inside=float((np.abs(own) <= half_widths(promise)).mean()),
         )

@@ -20,7 +20,7 @@ from testbench.files.write import write_csv
 from testbench.identify.method import gco, least_squares, paper_gco
 from testbench.model.structure import all153, template56
 from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
-from testbench.plant.true_arms import FAMILY, true_arms
+from testbench.plant.true_arms import FAMILY_NAME, true_arms
 from testbench.report.colours import MEASURED, Look, look_of
 from testbench.report.figure import Figure
 from testbench.report.recording.stream import RecordingHeader
@@ -55,9 +55,9 @@ from testbench.workflows.rows import MM
 
 def true_arm_name(text: str) -> str:
     """Check the name of a kind of true arm; BadParameter if there is none."""
-    if text == FAMILY or text in true_arms:
+    if text == FAMILY_NAME or text in true_arms:
         return text
-    raise typer.BadParameter(f"expected one of {', '.join([FAMILY, *true_arms])}, got {text!r}")
+    raise typer.BadParameter(f"expected one of {', '.join([FAMILY_NAME, *true_arms])}, got {text!r}")
 
 
 ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or name of a built-in one.")]
@@ -79,7 +79,7 @@ class CampaignOptions:
         float, typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise of a reading, per axis.")
     ] = 50.0
     truth: Annotated[Truth, typer.Option(help="MuJoCo's arm or a linear one.")] = "nonlinear"
-    true_arm: TrueArmFlag = FAMILY
+    true_arm: TrueArmFlag = FAMILY_NAME
 
     def scenario(self, workspace_poses: int) -> Scenario:
         """Make the campaign that is asked for; InputError names an arm that there is not."""
@@ -406,7 +406,7 @@ def _poses(
         M: Magnification.
     """
     before, after = settle_both(cell.plant, setup.truth, data.q, data.wrench, data.point)
-    at = before.markers + M * data.deflection
+    at = before.marker_positions + M * data.deflection
     bent = elastic_frames(cell.plant, data.q, M * (after.theta - before.theta))
     moved = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
     poses = PoseGroup(

@@ -13,15 +13,15 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
-from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
+from testbench.plant.disturbance import TYPICAL_DISTURBANCES, Disturbances, GearErrorCoefficients, GearErrors
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import (
     DistanceMeter,
+    IsotropicTracker,
     LaserTracker,
     PlaneProbe,
-    Tracker,
-    place_block,
-    precision,
+    deflection_precision,
+    place_faces,
     read_orientations,
     read_positions,
 )
@@ -44,7 +44,10 @@ MAX_POSES = 20_000
 Mass = Annotated[float, Field(ge=0, le=10_000)]
 
 REAL_ARM = Disturbances(
-    own_weight=True, geometry=TYPICAL.geometry, sensor_offset=TYPICAL.sensor_offset, gear=GearErrors()
+    own_weight=True,
+    geometry=TYPICAL_DISTURBANCES.geometry,
+    joint_offset_sigma=TYPICAL_DISTURBANCES.joint_offset_sigma,
+    gear_errors=GearErrors(),
 )
 """What absolute readings show of an arm: own weight, typical errors of geometry and joint offsets, gears."""
 NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over the arm's reach [1].
@@ -111,9 +114,9 @@ class Truth:
         return self.arm.arm.C_theta
 
     @property
-    def gears(self) -> Gears | None:
+    def gears(self) -> GearErrorCoefficients | None:
         """Return joint errors that depend on the pose."""
-        return self.arm.gears
+        return self.arm.gear_errors
 
     @property
     def theta_0(self) -> Array:
@@ -173,7 +176,7 @@ def simulate_series(
             absolute_campaign.share_frame,
         ),
         mounts=_of_all([_mount(own[1]) for own in chances], absolute_campaign.share_target),
-        markers=cell.plant.model.body_pos[cell.plant.markers[: absolute_campaign.targets]],
+        markers=cell.plant.model.body_pos[cell.plant.marker_bodies[: absolute_campaign.targets]],
         outliers=tuple(
             own[2].random((len(turn), absolute_campaign.targets)) < absolute_campaign.outliers
             for own in chances
@@ -248,8 +251,8 @@ def _true_faces(mounted: Sequence[Mounted], rng: np.random.Generator) -> list[Fa
     for members in blocks_of(mounted):
         stated = [(np.asarray(mounted[k].fixed), unit_normal(mounted[k])) for k in members]
         probes = [own for k in members if isinstance(own := mounted[k].instrument, PlaneProbe)]
-        shift, tilt = max(own.fixed_point_sigma for own in probes), max(own.tilt for own in probes)
-        for k, face in zip(members, place_block(stated, shift, tilt, rng), strict=True):
+        shift, tilt = max(own.fixed_point_sigma for own in probes), max(own.tilt_sigma for own in probes)
+        for k, face in zip(members, place_faces(stated, shift, tilt, rng), strict=True):
             faces[k] = face
     return faces
 
@@ -326,8 +329,8 @@ def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Arra
         own = np.flatnonzero(turn == k)  # poses of several loads come first
         before = None if rest is None else select_rows(rest, slice(len(own)))
         q = rows.q[own] + off[own]
-        rest = solve_equilibrium(arm, q, rows.wrench[own], rows.point[own], before=before)
-        tool[own], rotation[own] = rest.tool, rest.rotation
+        rest = solve_equilibrium(arm, q, rows.wrench[own], rows.point[own], equilibrium_before=before)
+        tool[own], rotation[own] = rest.tool_positions, rest.tool_rotations
     return tool, rotation
 
 
@@ -364,7 +367,7 @@ def _noisy(series: Series, rng: np.random.Generator) -> Series:
     """The series as the tracker reads it."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import
 
-    tracker = Tracker(series.sigma, series.sigma_rotation)
+    tracker = IsotropicTracker(series.sigma, series.sigma_rotation)
     read = replace(series, position=read_positions(tracker, series.position, rng))
     if series.rotation is None:
         return read
@@ -398,11 +401,11 @@ def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: flo
         for own, true in ((before, clean.before), (after, clean.after)):
             own[station == k] = (true[station == k] - np.array(place)) @ R.T
     tracker = LaserTracker((0.0, 0.0, 0.0))
-    instrument = tracker if sigma is None else Tracker(sigma)
+    instrument = tracker if sigma is None else IsotropicTracker(sigma)
     before, after = (read_positions(instrument, x, noise) for x in (before, after))
     P = None
     if sigma is None:
-        P = precision(tracker, before, after)
+        P = deflection_precision(tracker, before, after)
         sigma = float(np.sqrt(np.trace(np.linalg.inv(P), axis1=2, axis2=3).mean() / 6))
     return replace(
         clean,

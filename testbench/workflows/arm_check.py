@@ -14,7 +14,7 @@ from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
 from testbench.model.vjm import Vjm, body_poses, evaluate_chain, generalised_load
-from testbench.plant.shapes import CIRCLE
+from testbench.plant.shapes import UNIT_CIRCLE
 from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell, build_cell, check_agreement
 from testbench.workflows.rows import rms
@@ -91,14 +91,14 @@ def tool_sag(cell: Cell) -> ToolSag:
 
 def work_area(cell: Cell) -> Array:
     """Draw poses over the joint limits, clear of collision where shapes can tell, (poses, n) [rad, m]."""
-    from testbench.plant.site import collisions
+    from testbench.plant.site import find_collisions
 
     lower, upper = cell.arm.limits
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
     lower = np.where(turning, np.maximum(lower, np.minimum(upper - FULL_ROTATION, -FULL_ROTATION)), lower)
     upper = np.where(turning, np.minimum(upper, np.maximum(lower + FULL_ROTATION, FULL_ROTATION)), upper)
     q = cell.arm.with_dependent_joints(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))
-    clear = q[[pair is None for pair in collisions(cell.room, q)]]
+    clear = q[[pair is None for pair in find_collisions(cell.room, q)]]
     return np.asarray(clear if len(clear) >= MIN_CLEAR_POSES else q)
 
 
@@ -188,13 +188,13 @@ def _fragments(arm: ArmContext) -> Iterator[str]:
 
 def _drawn(cell: Cell) -> dict[int, Array]:
     """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
-    from testbench.plant.shapes import corners, drawn_shapes
+    from testbench.plant.shapes import hull_points, mjcf_visual_shapes
 
-    names = cell.room.names
-    shapes = drawn_shapes(cell.room)
+    names = cell.room.body_names
+    shapes = mjcf_visual_shapes(cell.room)
     found = {}
     for k, link in enumerate(cell.arm.links):
-        own = [corners(shape) for shape in shapes if names[shape.body] == link.name]
+        own = [hull_points(shape) for shape in shapes if names[shape.body] == link.name]
         if own:
             found[k] = np.concatenate(own)
     return found
@@ -281,10 +281,10 @@ def _masses(arm: ArmContext) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.plant.shapes import PLAUSIBLE_DENSITY, hull_volume, solid_shapes
+    from testbench.plant.shapes import PLAUSIBLE_DENSITY, collision_shapes, hull_volume
 
-    names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
-    for shape in solid_shapes(cell.room):
+    names, volumes = cell.room.body_names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
+    for shape in collision_shapes(cell.room):
         if names[shape.body] in volumes:
             volumes[names[shape.body]] += hull_volume(shape)
     volume = np.array(list(volumes.values()))
@@ -489,9 +489,9 @@ class Checked(ArmContext):
         """Compute where the lines that draw the tubes begin and end, in both poses, (2, k, 3) [m]."""
         beams, (length, diameter) = self.beams, self.sizes.T
         start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
-        rings = 0.5 * diameter[:, None, None] * CIRCLE[:, :2]  # (tubes, p, 2)
+        rings = 0.5 * diameter[:, None, None] * UNIT_CIRCLE[:, :2]  # (tubes, p, 2)
         near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
-        far, step = near + along[:, :, None], len(CIRCLE) // SPOKES
+        far, step = near + along[:, :, None], len(UNIT_CIRCLE) // SPOKES
         lines = (
             (near, np.roll(near, -1, axis=2)),
             (far, np.roll(far, -1, axis=2)),

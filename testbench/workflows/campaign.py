@@ -25,12 +25,12 @@ from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import (
     DistanceMeter,
     Gauge,
+    IsotropicTracker,
     PlaneProbe,
-    Tracker,
     read_orientations,
     read_positions,
 )
-from testbench.plant.true_arms import true_plant
+from testbench.plant.true_arms import draw_true_plant
 from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.instruments import Mounted, check_markers
@@ -283,7 +283,7 @@ def poses_with_weight(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> L
     """
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -GRAVITY * mass
-    return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
+    return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load_point, (len(q), 1)))
 
 
 def measure_markers(
@@ -338,13 +338,13 @@ def read_markers(
         The runs.
     """
     sigma, sigma_rotation = setup.sigmas
-    tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
+    tracker = IsotropicTracker(sigma, sigma_rotation) if setup.noise and rng else IsotropicTracker(0.0, 0.0)
     rng, runs = rng or trial_rng(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
-    before, after = (read_positions(tracker, rest.markers, rng) for rest in settled)
+    before, after = (read_positions(tracker, rest.marker_positions, rng) for rest in settled)
     data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
     if sigma_rotation is None:
         return data
-    before, after = (read_orientations(tracker, rest.rotation, rng) for rest in settled)
+    before, after = (read_orientations(tracker, rest.tool_rotations, rng) for rest in settled)
     return replace(data, rotation_before=before, rotation_after=after, sigma_rotation=sigma_rotation)
 
 
@@ -369,7 +369,11 @@ def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Ar
         solve_unloaded_and_loaded,
     )
 
-    if truth == "nonlinear" and plant.spring_effects is not None and plant.spring_effects.slip is not None:
+    if (
+        truth == "nonlinear"
+        and plant.spring_effects is not None
+        and plant.spring_effects.max_slip_half_width is not None
+    ):
         return solve_unloaded_and_loaded(plant, q, wrench, point)  # where it stood decides where it comes to
     runs, find = len(q), solve_linear_equilibrium if truth == "linear" else solve_equilibrium
     loads = np.concatenate([np.zeros_like(wrench), wrench])
@@ -393,7 +397,7 @@ def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
         BenchError: When there is no such kind, or what it draws is no arm of the same joints and links.
     """
     check_type(cell, Cell, "cell")
-    return replace(cell, truth=true_plant(cell.arm, name, trial_rng(seed, 8), stiffer))
+    return replace(cell, truth=draw_true_plant(cell.arm, name, trial_rng(seed, 8), stiffer))
 
 
 # --- Section 5 as data --------------------------------------------------------------------------------------
@@ -475,7 +479,10 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
         q = cell.arm.draw_poses(rng, POSES_PER_BATCH)
         wrench = random_wrenches(POSES_PER_BATCH, scenario.force, scenario.moment, rng)
         zero = np.zeros((POSES_PER_BATCH, 3))
-        moved = [solve_linear_equilibrium(cell.plant, q, load, zero).tool for load in (0 * wrench, wrench)]
+        moved = [
+            solve_linear_equilibrium(cell.plant, q, load, zero).tool_positions
+            for load in (0 * wrench, wrench)
+        ]
         size = np.linalg.norm(moved[1] - moved[0], axis=1)
         inside = (size >= scenario.least) & (size <= scenario.most)
         kept_q, kept_wrench = np.vstack([kept_q, q[inside]]), np.vstack([kept_wrench, wrench[inside]])
@@ -529,7 +536,11 @@ def read_instruments(
     check_markers(cell, mounted)
     if any(isinstance(own.instrument, PlaneProbe) for own in mounted):
         raise BenchError("--instrument: a plane needs --absolute; a gauge reads deflections")
-    probes = [own for own in mounted if isinstance(own.instrument, Tracker) and own.instrument.sigma_rotation]
+    probes = [
+        own
+        for own in mounted
+        if isinstance(own.instrument, IsotropicTracker) and own.instrument.sigma_rotation
+    ]
     if not mounted or (probes and len(mounted) > 1):
         raise BenchError(
             "instruments: expected one or more; a probe of orientations cannot be combined with others"
@@ -569,24 +580,26 @@ def _read(
     reach = np.zeros(P.shape[:2])
     turned: dict[str, object] = {}
     for own in layer:
-        if isinstance(own.instrument, Tracker):
+        if isinstance(own.instrument, IsotropicTracker):
             some = [markers.index(own.marker)] if own.marker else list(range(len(markers)))
             read[:, :, some] = [
-                read_positions(own.instrument, equilibrium.markers[:, some], rng) for equilibrium in settled
+                read_positions(own.instrument, equilibrium.marker_positions[:, some], rng)
+                for equilibrium in settled
             ]
             P[:, some] = np.eye(3) / (2 * own.instrument.sigma**2)
             if own.instrument.sigma_rotation:
                 both = [
-                    read_orientations(own.instrument, equilibrium.rotation, rng) for equilibrium in settled
+                    read_orientations(own.instrument, equilibrium.tool_rotations, rng)
+                    for equilibrium in settled
                 ]
                 turned = dict(zip(("rotation_before", "rotation_after"), both, strict=True))
                 turned["sigma_rotation"] = own.instrument.sigma_rotation
             continue
         k = markers.index(own.marker)
         u, tilt[:, k], reach[:, k] = _line(cell, loaded.q, own)
-        places = tuple(equilibrium.markers[:, k] for equilibrium in settled)
+        places = tuple(equilibrium.marker_positions[:, k] for equilibrium in settled)
         if isinstance(own.instrument, Gauge):
-            rotations = tuple(equilibrium.rotation for equilibrium in settled)
+            rotations = tuple(equilibrium.tool_rotations for equilibrium in settled)
             numbers = own.instrument.read(u, places, rotations, loaded.pose_id, rng)  # type: ignore[arg-type]
         else:
             assert isinstance(own.instrument, DistanceMeter)
@@ -619,7 +632,7 @@ def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
         u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), np.finfo(float).tiny)
         if own.on_tool:
             u = np.matvec(tool_poses(cell.vjm, q)[1], u)
-        return u, np.full(len(q), own.instrument.tilt), np.zeros(len(q))
+        return u, np.full(len(q), own.instrument.tilt_sigma), np.zeros(len(q))
     assert isinstance(own.instrument, DistanceMeter)
     assert own.fixed is not None
     beam = tool_points(cell.vjm, q, marker_positions(cell.vjm, (own.marker,)))[:, 0] - own.fixed

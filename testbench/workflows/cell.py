@@ -52,7 +52,7 @@ class Cell(Displayed):
         """Return the arm's surroundings, for collisions."""
         from testbench.plant.site import build_site
 
-        return build_site(self.arm, floor=self.floor)
+        return build_site(self.arm, floor_height=self.floor)
 
     def model(self, found: "Estimate | ModelSource") -> "ArmModel":
         """Make the model of this arm that `predict`, `compensate`, `stiffness` and `save_model` take.
@@ -114,7 +114,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     Raises:
         InputError: If it exceeds rounding; names the body.
     """
-    from testbench.plant.shapes import unloaded_body_poses
+    from testbench.plant.shapes import undeflected_body_poses
 
     arm = vjm.arm
     q = arm.draw_poses(np.random.default_rng(0), POSES)
@@ -123,7 +123,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     ours += [at + axes @ point[:, None] for point in (vjm.load_point, *vjm.markers)]
     names = (*(link.name for link in arm.links), arm.tool, arm.load_point, *arm.markers)
     largest = 0.0
-    for name, own, (p, R) in zip(names, ours, unloaded_body_poses(plant, q, names), strict=True):
+    for name, own, (p, R) in zip(names, ours, undeflected_body_poses(plant, q, names), strict=True):
         theirs = np.dstack([R, p])[..., -own.shape[2] :]
         apart = float(np.abs(own - theirs).max())
         if not apart <= AGREEMENT * (1 + float(np.abs(p).max())):
@@ -145,9 +145,9 @@ def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Ge
     Returns:
         Actuated joints, (count, n) [rad, m].
     """
-    from testbench.plant.site import collisions
+    from testbench.plant.site import find_collisions
 
     def clear(q: Array) -> Mask:
-        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+        return np.array([pair is None for pair in find_collisions(cell.room, q)], dtype=bool)
 
     return random_poses(cell.vjm, area, count, clear, rng)

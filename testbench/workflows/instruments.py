@@ -18,20 +18,20 @@ from testbench.plant.tracker import (
     LONG_BAR,
     DistanceMeter,
     Gauge,
+    IsotropicTracker,
     PlaneProbe,
-    Tracker,
 )
 from testbench.workflows.cell import Cell
 
 MAX_TOUCH_BATCHES, POSES_PER_BATCH, NEWTON_STEPS = 200, 2000, 8
 """Most draws of poses for a plane, poses of each, and steps that take them onto it."""
-CAMERA = Tracker(100e-6)
+CAMERA = IsotropicTracker(100e-6)
 """Photogrammetry of the whole cell; a tenth of a millimetre over some metres is usual [assumed]."""
-PROBE = Tracker(50e-6, 5e-5)
+PROBE = IsotropicTracker(50e-6, 5e-5)
 """A probe of six degrees of freedom: position as a tracker, orientation to about 0.003 degrees [assumed]."""
 
 
-Instrument = Tracker | Gauge | DistanceMeter | PlaneProbe  #: What reads a marker.
+Instrument = IsotropicTracker | Gauge | DistanceMeter | PlaneProbe  #: What reads a marker.
 SIZE = re.compile(r"([0-9.]{1,10})(um|mm|deg)")  #: Of an instrument: noise, unknown constant, or tilt.
 BLOCK = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")  #: Name of a block of faces.
 
@@ -52,7 +52,7 @@ class Mounted:
 
 
 KINDS: dict[str, Instrument] = {
-    "tracker": Tracker(50e-6),
+    "tracker": IsotropicTracker(50e-6),
     "camera": CAMERA,
     "probe": PROBE,
     "gauge": Gauge(),
@@ -95,7 +95,7 @@ def mounted(text: str) -> Mounted:
         places = [part for part in parts if not SIZE.fullmatch(part)]
         for size in filter(None, map(SIZE.fullmatch, parts)):
             instrument = _with_size(instrument, float(size[1]), size[2])
-        if isinstance(instrument, Tracker):
+        if isinstance(instrument, IsotropicTracker):
             [marker] = places or [""]
             return Mounted(instrument, marker)
         marker, *where = places
@@ -129,7 +129,7 @@ def _with_size(instrument: Instrument, value: float, unit: str) -> Instrument:
     if unit == "mm" and isinstance(instrument, DistanceMeter):
         return replace(instrument, zero_sigma=value / 1e3)
     if unit == "deg" and isinstance(instrument, Gauge | PlaneProbe):
-        return replace(instrument, tilt=math.radians(value))
+        return replace(instrument, tilt_sigma=math.radians(value))
     raise ValueError
 
 
@@ -245,8 +245,8 @@ def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
     tilt, zero = NOMINAL_NORMAL_DEVIATION, 0.0
     if isinstance(own.instrument, PlaneProbe):
         x, y, z = unit_normal(own).tolist()
-        normal, tilt = (x, y, z), max(own.instrument.tilt, NOMINAL_NORMAL_DEVIATION)
-        sigma = math.hypot(own.instrument.sigma, own.instrument.flatness)
+        normal, tilt = (x, y, z), max(own.instrument.tilt_sigma, NOMINAL_NORMAL_DEVIATION)
+        sigma = math.hypot(own.instrument.sigma, own.instrument.flatness_sigma)
     else:
         assert isinstance(own.instrument, DistanceMeter)
         sigma, zero = own.instrument.sigma, own.instrument.zero_sigma
@@ -304,7 +304,7 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
     Raises:
         BenchError: When fewer are found.
     """
-    from testbench.plant.site import collisions  # here: few commands need it
+    from testbench.plant.site import find_collisions  # here: few commands need it
 
     assert isinstance(own.instrument, PlaneProbe)
     assert own.fixed is not None
@@ -315,16 +315,16 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
     for _ in range(MAX_TOUCH_BATCHES):
         q = arm.draw_poses(rng, POSES_PER_BATCH)
         off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
-        q = q[np.linalg.norm(off, axis=1) <= own.instrument.radius]
+        q = q[np.linalg.norm(off, axis=1) <= own.instrument.face_radius]
         for _ in range(NEWTON_STEPS):
             off = tool_points(cell.vjm, q, points)[:, 0] - own.fixed
             q = moved_along_normal(cell, own, q, off @ normal)
         where = evaluate_chain(cell.vjm, q)
         off = where.tool_points_in_world(points)[:, 0] - own.fixed
-        on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.radius)
+        on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.face_radius)
         on &= (where.tool_position - own.fixed) @ normal > -1e-6
         on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
-        clear = np.array([pair is None for pair in collisions(cell.room, q[on])], dtype=bool)
+        clear = np.array([pair is None for pair in find_collisions(cell.room, q[on])], dtype=bool)
         kept.extend(q[on][clear])
         if len(kept) >= count:
             break

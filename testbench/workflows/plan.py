@@ -59,7 +59,7 @@ from testbench.identify.registration import MIN_POSES, Frame
 from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.vjm import Vjm, marker_positions, tool_points
-from testbench.plant.site import build_site, contacts
+from testbench.plant.site import build_site, find_contacts
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
@@ -293,7 +293,7 @@ def build_path_check(cell: Cell, station: Station | None) -> Callable[[Array, Ar
     def clear(start: Array, end: Array) -> bool:
         steps = max(1, math.ceil(float((np.abs(end - start) / step).max(initial=0.0))))
         share = np.arange(1, steps)[:, None] / steps
-        return all(contact is None for contact in contacts(site, start + share * (end - start)))
+        return all(contact is None for contact in find_contacts(site, start + share * (end - start)))
 
     return clear
 
@@ -404,7 +404,7 @@ def _ranges(cell: Cell, instruments: Sequence[Mounted], q: Array) -> Callable[[A
         return np.asarray(np.linalg.norm(at - np.array([own.fixed for own in meters]), axis=2))
 
     middle = np.median(lengths(q), axis=0)
-    travel = [own.instrument.travel for own in meters if isinstance(own.instrument, DistanceMeter)]
+    travel = [own.instrument.max_change for own in meters if isinstance(own.instrument, DistanceMeter)]
     return lambda q: np.asarray((np.abs(lengths(q) - middle) <= travel).all(axis=1))
 
 

@@ -21,8 +21,15 @@ from testbench.files.mapping import read_map
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, WorkArea, evaluate_chain, in_work_area
-from testbench.plant.site import ContactCategory, Payload, Site, build_site, contacts, hidden_markers
-from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
+from testbench.plant.site import (
+    ContactCategory,
+    Payload,
+    Site,
+    build_site,
+    find_contacts,
+    find_hidden_markers,
+)
+from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, find_out_of_view
 from testbench.progress import tell
 from testbench.workflows.cell import Cell
 from testbench.workflows.options import payload_of, read_masses
@@ -154,7 +161,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
         InputError: Names line, joint or bodies, and what was expected.
     """
     from testbench.design.rows import Tasks  # here: only plans have tasks
-    from testbench.plant.site import collisions
+    from testbench.plant.site import find_collisions
 
     names = read_map(mapping, cell.arm)
     table = read_table(path, names.knows, names.map.file)
@@ -163,7 +170,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     if not 1 <= table.rows <= MAX_TASKS:
         problem = f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
         raise table.error(min(table.rows, MAX_TASKS), "", problem)
-    for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
+    for line, pair in zip(table.lines.tolist(), find_collisions(cell.room, q), strict=True):
         if pair:
             raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
     return Tasks(q, _read_load(columns, hung))
@@ -404,18 +411,18 @@ def _view(checks: Checks, q: Array) -> dict[str, Mask]:
     where = evaluate_chain(checks.vjm, q)
     turned = where.tool_rotation.swapaxes(1, 2)  # rows are turned from the tool's axes into the world's
     targets = where.tool_position[:, None] + checks.vjm.markers @ turned
-    return out_of_view(station, targets, checks.site.facing @ turned)
+    return find_out_of_view(station, targets, checks.site.marker_directions @ turned)
 
 
 def _contacts(checks: Checks, q: Array) -> dict[str, Mask]:
-    kinds = [contact.kind if contact else None for contact in contacts(checks.site, q)]
+    kinds = [contact.category if contact else None for contact in find_contacts(checks.site, q)]
     return {reason: np.array([k == kind for k in kinds], dtype=bool) for kind, reason in TOUCHING.items()}
 
 
 def _sight(checks: Checks, q: Array) -> dict[str, Mask]:
     if checks.conditions.station is None:
         return {}
-    return {BLOCKED: np.array([by is not None for by in hidden_markers(checks.site, q)], dtype=bool)}
+    return {BLOCKED: np.array([by is not None for by in find_hidden_markers(checks.site, q)], dtype=bool)}
 
 
 STAGES: tuple[Callable[[Checks, Array], dict[str, Mask]], ...] = (_limits, _area, _view, _contacts, _sight)

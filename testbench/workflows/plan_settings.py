@@ -152,7 +152,7 @@ class PlanSettings:
         if self.tracker_m is None:
             return None
         half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
-        return Station(self.tracker_m, acceptance=half)
+        return Station(self.tracker_m, acceptance_angle=half)
 
     @property
     def area(self) -> WorkArea | None:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from testbench.model.vjm import tool_poses
-from testbench.plant.shapes import unloaded_body_poses
+from testbench.plant.shapes import undeflected_body_poses
 from testbench.workflows.cell import build_cell
 
 
@@ -102,7 +102,7 @@ def ours(folder: Path, q):
     mass = float(model.body_subtreemass[first])
     M = _inertia(model, data, [j.name for j in cell.arm.joints])
     position, rotation = tool_poses(cell.vjm, q)
-    [(p, R)] = unloaded_body_poses(cell.plant, q, (cell.arm.tool,))
+    [(p, R)] = undeflected_body_poses(cell.plant, q, (cell.arm.tool,))
     return [
         Reading(np.array([_pose(*pair) for pair in zip(Rs, ps, strict=True)]), mass, np.array(coms), M)
         for Rs, ps in ((rotation, position), (R, p))

@@ -17,7 +17,7 @@ from testbench.arm.folder import load_arm
 from testbench.files.robot.chain import read_chain
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_poses
-from testbench.plant.site import build_site, collisions
+from testbench.plant.site import build_site, find_collisions
 from testbench.workflows.arm_check import check
 from testbench.workflows.new_arm import sentence
 
@@ -135,7 +135,7 @@ def test_rods_hinder_no_pose_of_a_robot_that_states_no_collision_shapes(tmp_path
         rooms.append(build_site(load_arm(tmp_path / file.stem)))
     lower, upper = rooms[0].arm.limits
     q = np.random.default_rng(0).uniform(lower, upper, (50, 6))
-    mine, bare = (collisions(room, q) for room in rooms)
+    mine, bare = (find_collisions(room, q) for room in rooms)
     assert mine == bare
     assert None in bare
 

@@ -16,7 +16,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
 from testbench.identify.prior import Prior, cad_prior, perturb_prior
 from testbench.model.vjm import WorkArea
-from testbench.plant.disturbance import TYPICAL, Disturbances
+from testbench.plant.disturbance import TYPICAL_DISTURBANCES, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS, disturb
 from testbench.runs.rows import trial_rng
@@ -69,12 +69,14 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
         list(FAMILY_TRUE_ARMS)[seed // len(LOADS) % len(FAMILY_TRUE_ARMS)],
     )
     disturbed = bool(rng.random() < 0.5)
-    typical = TYPICAL if name == "kr500_l480" else replace(TYPICAL, compensator=None)
+    typical = (
+        TYPICAL_DISTURBANCES if name == "kr500_l480" else replace(TYPICAL_DISTURBANCES, compensator=None)
+    )
     true = true_cell(cell, truth, seed).plant
     true = disturb(true, typical if disturbed else QUIET, trial_rng(seed, 20))
     off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
     model = copy.copy(true.model)
-    model.body_pos[true.markers] += off
+    model.body_pos[true.marker_bodies] += off
     model.opt.gravity[:] = mount.T @ model.opt.gravity
     true = replace(true, model=model)
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
@@ -92,8 +94,8 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
         q=asked.q,
         wrench=asked.wrench,
         point=asked.point,
-        before=(before.markers + sigma * rng.standard_normal(before.markers.shape))[first],
-        after=after.markers + sigma * rng.standard_normal(after.markers.shape),
+        before=(before.marker_positions + sigma * rng.standard_normal(before.marker_positions.shape))[first],
+        after=after.marker_positions + sigma * rng.standard_normal(after.marker_positions.shape),
         sigma=sigma,
     )
     scale = float(np.exp(SCALE * rng.standard_normal()))

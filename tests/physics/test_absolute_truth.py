@@ -38,7 +38,9 @@ def seen(truth, series, where):
 def true_poses(truth, series, *at):
     """The same of the true arm at rest, in poses under loads."""
     rest = solve_equilibrium(truth.arm, *at)
-    return seen(truth, series, SimpleNamespace(tool_position=rest.tool, tool_rotation=rest.rotation))
+    return seen(
+        truth, series, SimpleNamespace(tool_position=rest.tool_positions, tool_rotation=rest.tool_rotations)
+    )
 
 
 def rms(x):
@@ -54,7 +56,7 @@ def same(one, other):
 def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
     """Errors of 5 mm and 10 mrad, of joints that slide too: not to first order, but exactly."""
     cell = request.getfixturevalue(name)
-    errors = Disturbances(geometry=GeometryErrors(5e-3, 10e-3), sensor_offset=1e-3)
+    errors = Disturbances(geometry=GeometryErrors(5e-3, 10e-3), joint_offset_sigma=1e-3)
     both, truth = simulate_series(cell, EXACT.model_copy(update={"disturbances": errors}), 3)
     for k, series in enumerate(both):
         where = evaluate_chain(cell.vjm, series.q, np.tile(truth.theta_0, (series.n_rows, 1)))
@@ -132,7 +134,7 @@ def off(cell, disturbances, mass):
     )
     if (gears := truth.gears) is not None:
         orders = tuple(range(1, len(gears.sine) + 1))
-        n = np.concatenate([gears.sine, gears.cosine, gears.ratio[None]]).T
+        n = np.concatenate([gears.sine, gears.cosine, gears.ratio_error[None]]).T
         state = replace(state, error_terms=JointErrorTerms(orders=orders, ratio=True), error_coefficients=n)
     tool = series_equilibrium(state, series).chain
     points = truth.markers @ mount.rotation.T + mount.position
@@ -154,13 +156,13 @@ def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, 
 @pytest.mark.parametrize("mass", [0.0, 460.3])
 def test_true_parameters_leave_less_than_a_micrometre(kr500, mass):
     """What is left of millimetres of sag: the sag turns the errors of geometry, which the model adds."""
-    assert off(kr500, replace(REAL_ARM, gear=GearErrors(ratio=1e-4)), mass).mean() < 1e-6
+    assert off(kr500, replace(REAL_ARM, gear_errors=GearErrors(ratio_sigma=1e-4)), mass).mean() < 1e-6
 
 
 @pytest.mark.study
 def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_known(kr500):
     """Without joint errors in the truth: of four such arms one where they pay beside rigid links."""
-    asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))
+    asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear_errors=None))
     series, _ = simulate_series(softer(kr500, links=6), asked, 4)
     prior = cad_prior(kr500.arm)
     rigid = calibrate(

@@ -16,7 +16,7 @@ from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.state import nominal_state
 from testbench.model.load import read_body_masses
 from testbench.model.structure import mgco147
-from testbench.plant.disturbance import NOMINAL, TYPICAL
+from testbench.plant.disturbance import NOMINAL_DISTURBANCES, TYPICAL_DISTURBANCES
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb
 from testbench.workflows.campaign import Scenario, measure_markers, poses_with_weight, simulate
@@ -107,16 +107,16 @@ def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     rng = np.random.default_rng(2)
     q = random_q(slides, rng, 10)
     wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
-    disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
+    disturbed = disturb(slides.plant, replace(TYPICAL_DISTURBANCES, compensator=None), rng)
     _, after = solve_unloaded_and_loaded(disturbed, q, wrench, np.tile(slides.vjm.load_point, (10, 1)))
     second = 6 * len(slides.arm.links) + 1
-    plain = replace(disturbed, disturbances=NOMINAL, load_point_error=np.zeros(3))
+    plain = replace(disturbed, disturbances=NOMINAL_DISTURBANCES, load_point_error=np.zeros(3))
     linear = solve_equilibrium(plain, q, wrench, np.tile(slides.vjm.load_point, (10, 1)))
     play = np.abs(after.theta - linear.theta)[:, second]
     assert (play > 0).all()
     assert play.max() < 2e-4  # play, friction and stiffening of a slide: 50, 30 and some um
     with pytest.raises(BenchError, match="expected a hinge between links 1 and 2 of slides, got a slide"):
-        disturb(slides.plant, TYPICAL, rng)
+        disturb(slides.plant, TYPICAL_DISTURBANCES, rng)
 
 
 def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):

@@ -33,7 +33,7 @@ from testbench.model.load import massless_bodies, read_body_masses, resultant_wr
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.plant.site import collisions
+from testbench.plant.site import find_collisions
 from testbench.workflows.program import extrapolation_warnings
 
 POSES = 60  #: Drawn all over the limits.
@@ -63,7 +63,7 @@ def regular(kr500, q):
 
 
 def tip(true):
-    return true.tool + true.rotation @ TIP
+    return true.tool_positions + true.tool_rotations @ TIP
 
 
 def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
@@ -140,7 +140,7 @@ def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, sure)
     clear, touches = q[0, 1], 0.2
     for _ in range(20):
         q[0, 1] = (clear + touches) / 2
-        clear, touches = (clear, q[0, 1]) if collisions(kr500.room, q)[0] else (q[0, 1], touches)
+        clear, touches = (clear, q[0, 1]) if find_collisions(kr500.room, q)[0] else (q[0, 1], touches)
     q[0, 1] = clear
     up = [Load(np.array([0, 0, 3e3, 0, 0, 0]), TIP)]
     found = compensate(sure, q, up, AIM, kr500.room)
@@ -191,10 +191,12 @@ def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
     """Markers and tool, loaded minus unloaded, own weight in both."""
     found = predict(model, poses, [load])
     true = [solve_equilibrium(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
-    before, after = (np.concatenate([one.tool[:, None], one.markers], axis=1) for one in true)
+    before, after = (
+        np.concatenate([one.tool_positions[:, None], one.marker_positions], axis=1) for one in true
+    )
     assert np.abs(found.deflection - (after - before)).max() < 1e-9
-    assert np.abs(found.position[:, 0] - true[1].tool).max() < 1e-9
-    assert np.abs(found.rotation - true[1].rotation).max() < 1e-9
+    assert np.abs(found.position[:, 0] - true[1].tool_positions).max() < 1e-9
+    assert np.abs(found.rotation - true[1].tool_rotations).max() < 1e-9
 
 
 def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):

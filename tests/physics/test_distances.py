@@ -29,7 +29,7 @@ from testbench.model.load import read_body_masses
 from testbench.model.structure import joints_only
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
-from testbench.plant.tracker import DistanceMeter, PlaneProbe, place_block
+from testbench.plant.tracker import DistanceMeter, PlaneProbe, place_faces
 from testbench.report.readings import draw_calibration
 from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_distances, simulate_series
@@ -39,7 +39,7 @@ from testbench.workflows.instruments import AXES, Mounted
 
 POINTS = (2.2, 0.0, 0.1), (0.5, 2.0, 0.8)
 PLANES = ("z", (1.9, 0.3, 0.6)), ("-x", (2.3, 0.0, 1.4)), ("-y", (1.5, 1.2, 1.4))
-EXACT = DistanceMeter(sigma=1e-7, fixed_point_sigma=2e-3, travel=10.0)
+EXACT = DistanceMeter(sigma=1e-7, fixed_point_sigma=2e-3, max_change=10.0)
 CAMPAIGN = AbsoluteCampaign(
     poses=40,
     masses=(0.0, 460.0),
@@ -79,7 +79,7 @@ def touched(stiff):
 
 
 def heights(cell, campaign, seed, sigma, planes=PLANES, block=""):
-    probe = PlaneProbe(sigma=sigma, flatness=0.0, travel=0.05)
+    probe = PlaneProbe(sigma=sigma, flatness_sigma=0.0, max_height=0.05)
     asked = [Mounted(probe, "P1", AXES[axis], fixed=np.array(place), block=block) for axis, place in planes]
     return simulate_distances(cell, campaign, asked, seed)
 
@@ -226,7 +226,7 @@ def test_a_block_is_placed_as_one_rigid_body_off_its_stated_place(rng):
     stated = [(np.array(place, dtype=float), AXES[axis]) for axis, place in PLANES]
     moved, turned = [], []
     for _ in range(400):
-        faces = place_block(stated, 2e-3, 8.7e-3, rng)
+        faces = place_faces(stated, 2e-3, 8.7e-3, rng)
         for pair in ((0, 1), (1, 2)):  # distances and angles stay to rounding
             (p, n), (q, m) = (faces[k] for k in pair)
             (p_0, n_0), (q_0, m_0) = (stated[k] for k in pair)
@@ -303,7 +303,7 @@ def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, 
 
 
 def test_distances_are_read_back_by_fixed_point_and_lost_ones_are_blank(kr500, tmp_path):
-    short = replace(EXACT, travel=0.8)
+    short = replace(EXACT, max_change=0.8)
     asked = [*bars(*POINTS, instrument=short), Mounted(EXACT, "P3", fixed=np.array(POINTS[0]))]
     every, _ = simulate_distances(kr500, CAMPAIGN.model_copy(update={"poses": 8}), asked, 2)
     assert not every[0].is_measured.all()

@@ -45,7 +45,7 @@ LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.
 Z = norm.ppf(0.975)  #: Half of an interval of 95 % over a standard deviation.
 SEEDS = range(501, 507)
 ON = frozenset({"joint springs", "links", "joint errors"})
-ASKED = AbsoluteCampaign(poses=100, disturbances=replace(REAL_ARM, gear=GearErrors(orders=4)))
+ASKED = AbsoluteCampaign(poses=100, disturbances=replace(REAL_ARM, gear_errors=GearErrors(max_order=4)))
 
 EXACT = ASKED.model_copy(update={"noise": False})
 

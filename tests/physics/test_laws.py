@@ -24,7 +24,7 @@ from testbench.model.laws import LAW_SIZE_PRIOR, joint_laws
 from testbench.model.load import read_body_masses
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import evaluate_chain, generalised_load_without_laws
-from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
+from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL_DISTURBANCES, Disturbances
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
@@ -46,7 +46,9 @@ def loaded(kr500, seed, runs=12):
 def taken_off_again(plant, q, wrench, point, off):
     """The arm unloaded and loaded; where `off`, (runs,), unloaded after the load was taken off again."""
     before, after = solve_unloaded_and_loaded(plant, q, wrench, point)
-    assign_rows(before, np.flatnonzero(off), select_rows(solve_equilibrium(plant, q, before=after), off))
+    assign_rows(
+        before, np.flatnonzero(off), select_rows(solve_equilibrium(plant, q, equilibrium_before=after), off)
+    )
     return before, after
 
 
@@ -109,9 +111,9 @@ def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaig
     """Fits, predictions and intervals take friction as the run was read."""
     plain, truth = simulate(kr500, SCENARIO, 5).identification, campaigns["all"][1]
     off = np.arange(plain.n_runs) % 2 == 1
-    arm = disturb(kr500.plant, TYPICAL, trial_rng(5, 20))
+    arm = disturb(kr500.plant, TYPICAL_DISTURBANCES, trial_rng(5, 20))
     before, after = taken_off_again(arm, plain.q, plain.wrench, plain.point, off)
-    silent = replace(plain, before=before.markers, after=after.markers)
+    silent = replace(plain, before=before.marker_positions, after=after.marker_positions)
     data = replace(silent, unloaded_after_load=off)
     found, wrong = (default(kr500, own) for own in (data, silent))
     ours, theirs = rms(kr500, truth, found, wrong)
@@ -164,7 +166,10 @@ def rms(cell, truth, *estimates):
 def campaigns(kr500):
     """Noise-free campaigns of an arm as drawn, and with every disturbance; readings and true deflections."""
     plain = simulate(kr500, SCENARIO, 5)
-    return {"plain": (plain.identification, plain.truth), "all": disturbed(kr500, plain, TYPICAL, 5)}
+    return {
+        "plain": (plain.identification, plain.truth),
+        "all": disturbed(kr500, plain, TYPICAL_DISTURBANCES, 5),
+    }
 
 
 @pytest.fixture(scope="module")

@@ -23,13 +23,13 @@ from testbench.identify.regression import reduce
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import marker_positions
-from testbench.plant.tracker import GAUGE_PRELOAD, DistanceMeter, Gauge, Tracker, face_travel
+from testbench.plant.tracker import GAUGE_PRELOAD_FRACTION, DistanceMeter, Gauge, IsotropicTracker, tip_travel
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import poses_with_weight, read_instruments
 from testbench.workflows.instruments import Mounted
 
-EXACT = Gauge(sigma=1e-9, tilt=0.0, resolution=0.0)
-WIRE = DistanceMeter(sigma=1e-9, fixed_point_sigma=0.0, travel=1.0)
+EXACT = Gauge(sigma=1e-9, tilt_sigma=0.0, resolution=0.0)
+WIRE = DistanceMeter(sigma=1e-9, fixed_point_sigma=0.0, max_change=1.0)
 XYZ = [Mounted(EXACT, f"P{k + 1}", axis) for k, axis in enumerate(np.eye(3))]
 FIXED = np.array([1.5, -0.4, 0.2])
 
@@ -80,7 +80,7 @@ def test_rows_of_readings_along_lines_are_the_derivatives_of_what_the_instrument
             )
             if kind == "gauge":
                 u = data.direction
-                read.append([face_travel(u[:, k], u[:, k], start[:, k], end[:, k], turn) for k in range(3)])
+                read.append([tip_travel(u[:, k], u[:, k], start[:, k], end[:, k], turn) for k in range(3)])
             else:
                 read.append(np.linalg.norm(end - FIXED, axis=2).T)
         slope = (np.array(read[1]) - np.array(read[0])) / (2e-5 / size)
@@ -103,20 +103,20 @@ def test_a_tip_travels_as_far_as_a_ray_in_mujoco_reaches_the_turned_face(rng):
         mujoco.mj_forward(model, data)
         stand, geom = 0.1 * axis, np.zeros(1, dtype=np.int32)
         hit = mujoco.mj_ray(model, data, stand, -axis, None, 1, -1, geom)
-        travel = face_travel(axis[None], normal, np.zeros((1, 3)), end, turn.as_matrix()[None])
+        travel = tip_travel(axis[None], normal, np.zeros((1, 3)), end, turn.as_matrix()[None])
         assert travel[0] == pytest.approx(0.1 - hit, abs=1e-12)
 
 
 @pytest.mark.parametrize("way", [-1, 1])
 def test_friction_holds_a_tip_back_against_its_motion(way, rng):
     """Loaded by the half width of the loop, unloaded from either side: by a half width at most."""
-    gauge = Gauge(hysteresis=3e-6, tilt=0.0, sigma=0.0, resolution=0.0, stand_motion=0.0)
+    gauge = Gauge(hysteresis=3e-6, tilt_sigma=0.0, sigma=0.0, resolution=0.0, stand_sigma=0.0)
     runs, up = 200, np.tile([0.0, 0.0, 1.0], (200, 1))
     places = np.zeros((2, runs, 3))
     places[1, :, 2] = way * 1e-4
     turns = np.tile(np.eye(3), (2, runs, 1, 1))
     before, after = gauge.read(up, places, turns, np.arange(runs), rng)
-    held = after - gauge.travel * GAUGE_PRELOAD - way * 1e-4
+    held = after - gauge.measuring_range * GAUGE_PRELOAD_FRACTION - way * 1e-4
     np.testing.assert_allclose(held, -way * 3e-6, atol=1e-12)
     assert np.ptp(before) == pytest.approx(6e-6, rel=0.1)
 
@@ -130,7 +130,7 @@ def test_directions_of_the_loaded_arm_leave_an_error_of_third_order(reach, rng):
     for h in (0.01, 0.005):
         moved = directions_under_load(u[:, None], np.full((50, 1), reach), h * d[:, None], h * w)[:, 0]
         turn = Rotation.from_rotvec(h * w).as_matrix()
-        gauge = face_travel(u, u, np.zeros((50, 3)), h * d, turn)
+        gauge = tip_travel(u, u, np.zeros((50, 3)), h * d, turn)
         read = np.linalg.norm(reach * u + h * d, axis=1) - reach if reach else gauge
         left.append([np.abs(np.vecdot(own, h * d) - read).max() for own in (moved, u)])
     (own, plain), (own_half, plain_half) = left
@@ -187,17 +187,17 @@ def test_single_readings_have_the_deviation_of_their_number(kr500):
 
 
 def test_a_gauge_out_of_range_and_a_ballbar_too_long_are_lost_readings(kr500):
-    short = Gauge(travel=1e-4)
+    short = Gauge(measuring_range=1e-4)
     data = measured(kr500, [Mounted(short, "P1", np.eye(3)[2]), *XYZ[1:]], mass=400.0)
     assert not data.is_measured[:, 0].all()
     assert data.is_measured[:, 1:].all()
     assert not data.precision[~data.is_measured].any()
-    lost = measured(kr500, [Mounted(replace(WIRE, travel=1e-6), "P1", fixed=FIXED), XYZ[1]], mass=400.0)
+    lost = measured(kr500, [Mounted(replace(WIRE, max_change=1e-6), "P1", fixed=FIXED), XYZ[1]], mass=400.0)
     assert lost.is_measured.sum(axis=0).tolist() == [0, 4, 0]
 
 
 def test_a_tracker_and_gauges_read_one_after_the_other_give_a_run_each(kr500):
-    data = measured(kr500, [Mounted(Tracker(50e-6)), *XYZ])
+    data = measured(kr500, [Mounted(IsotropicTracker(50e-6)), *XYZ])
     assert data.n_runs == 8
     assert data.is_line_reading.sum(axis=1).tolist() == [0, 3] * 4
     both = reduce(kr500.vjm, joints_only(kr500.arm), data)

@@ -44,10 +44,10 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     theta, row = solve_equilibrium(plant, q, wrench, point).theta, create_arm_copies(plant)
     K_w = loaded.geometric_stiffness(evaluate_chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
-    qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
+    qpos[:, plant.joint_indices], qpos[:, plant.theta_indices] = q, theta
     for i in range(3):
         poses = PoseBatch(plant, qpos[i, None], wrench[i, None], point[i, None], plant.compliance(q[i, None]))
-        found = plant_tangent(poses, row, qpos[i], 0)[np.ix_(plant.theta, plant.theta)]
+        found = plant_tangent(poses, row, qpos[i], 0)[np.ix_(plant.theta_indices, plant.theta_indices)]
         expected = cell.arm.C_theta @ K_w[i]
         size = np.abs(expected).max()  # 1e-9 of the springs' tangent, of which the load's is 1 %
         np.testing.assert_allclose(np.eye(len(found)) - found, expected, rtol=0, atol=1e-7 * size)
@@ -63,7 +63,9 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     # the plant stops at a step of 1e-9, which gains a factor of four or more
     np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
     moved = loaded.nonlinear_deflection(cell.vjm, q, theta, cell.vjm.markers)
-    np.testing.assert_allclose(moved, rest.markers - solve_equilibrium(plant, q).markers, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        moved, rest.marker_positions - solve_equilibrium(plant, q).marker_positions, rtol=0, atol=1e-8
+    )
 
 
 def inverted_pendulum(cell):
@@ -194,12 +196,12 @@ def true_torques(cell, model, q, wrench, point):
     """Generalised forces of gravity and of a wrench at the tool on the joints, (runs, n) [N m, N]."""
     data, tool, found = mujoco.MjData(model), model.body(cell.arm.tool).id, []
     for run, pose in enumerate(q):
-        data.qpos[cell.room.joints] = pose
+        data.qpos[cell.room.joint_addresses] = pose
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_rne(model, data, 0, data.qfrc_bias)
         forces, at = -data.qfrc_bias, data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ point[run]
         mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, tool, forces)
-        found.append(forces[cell.room.joints])
+        found.append(forces[cell.room.joint_addresses])
     return np.array(found)
 
 

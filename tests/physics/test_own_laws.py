@@ -33,7 +33,7 @@ from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, generalised_load_without_laws
 from testbench.plant.disturbance import Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
-from testbench.plant.true_arms import disturb, true_arms, true_plant
+from testbench.plant.true_arms import disturb, draw_true_plant, true_arms
 from testbench.runs import manifest
 from testbench.runs.rows import trial_rng
 from testbench.runs.store import numeric_versions
@@ -83,7 +83,7 @@ def test_packages_of_the_pages_are_known_by_name_and_the_manifest_says_which_fil
 def test_a_worn_joint_is_one_and_the_same_for_a_seed(installed, kr500):
     own = [joint.compliance for joint in kr500.arm.joints]
     drawn = [
-        [j.compliance for j in true_arms["worn"].draw(kr500.arm, np.random.default_rng(s)).joints]
+        [j.compliance for j in true_arms["worn"].draw_arm(kr500.arm, np.random.default_rng(s)).joints]
         for s in (1, 1, 2)
     ]
     assert drawn[0] == drawn[1] != drawn[2]
@@ -103,7 +103,7 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
     q = np.random.default_rng(3).uniform(*(0.7 * kr500.arm.limits), (12, 6))
     wrench, point = hung(kr500, 12, 4500 / GRAVITY)
     plant = disturb(
-        true_plant(kr500.arm, "wound", trial_rng(1, 8)),
+        draw_true_plant(kr500.arm, "wound", trial_rng(1, 8)),
         Disturbances(own_weight=True),
         np.random.default_rng(0),
     )
@@ -114,7 +114,7 @@ def test_the_law_turns_joints_as_mujocos_arm_does(installed, kr500):
     vjm = replace(kr500.vjm, arm=replace(kr500.arm, compensator=None))
     where = evaluate_chain(add_joint_laws(vjm, ["wind_up"]), q)
     expected = (
-        plant.spring_effects.law.share
+        plant.spring_effects.joint_law.share
         * where.joint_laws.unit_deflections(
             where, generalised_load_without_laws(where, wrench, point)[LINKS:]
         ).T
@@ -151,7 +151,7 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
     error, other = (score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in (found, without))
     assert error < 0.3 * other
     sizes = law_sizes(vjm_for_structure(cell.vjm, found.structure), found.C_theta)
-    share = true.plant.spring_effects.law.share
+    share = true.plant.spring_effects.joint_law.share
     for k in (1, 2):  # the joints that bear the load
         assert abs(sizes[f"joint_{k + 1}"]["wind_up"] - share[k]) < 0.35 * share[k]
     whole = default(kr500, add_law_parameters(all153(kr500.arm), kr500.arm), campaign.identification)

@@ -42,7 +42,7 @@ from testbench.identify.prior import (
 )
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import WorkArea, marker_positions, random_poses, tool_points
-from testbench.plant.site import collisions
+from testbench.plant.site import find_collisions
 from testbench.plant.tracker import Gauge
 from testbench.runs.rows import trial_rng
 from testbench.workflows import predicted_error
@@ -64,7 +64,7 @@ AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 
 
 def clear(kr500, q):
-    return np.array([pair is None for pair in collisions(kr500.room, q)], dtype=bool)
+    return np.array([pair is None for pair in find_collisions(kr500.room, q)], dtype=bool)
 
 
 @pytest.fixture(scope="module")
@@ -215,8 +215,8 @@ def draw(own, uncertainty, rng):
 
 def with_compliance(plant, C_theta):
     """The plant with other springs, for its linear truth."""
-    C = np.zeros_like(plant.C)
-    C[np.ix_(plant.theta, plant.theta)] = C_theta
+    C = np.zeros_like(plant.C_qpos)
+    C[np.ix_(plant.theta_indices, plant.theta_indices)] = C_theta
     return replace(plant, C=C)
 
 
@@ -565,7 +565,7 @@ def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
     )
     loaded = poses_with_weight(kr500, q, np.arange(3), 1 / GRAVITY)
     gauges = [
-        Mounted(Gauge(resolution=0.0, tilt=0.01), f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)
+        Mounted(Gauge(resolution=0.0, tilt_sigma=0.01), f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)
     ]
     data = read_instruments(kr500, "linear", loaded, gauges, trial_rng(1))
     A, _ = reduce(kr500.vjm, mgco68(kr500.arm), data).weighted_equations

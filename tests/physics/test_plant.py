@@ -17,40 +17,40 @@ from testbench.plant.build import build_plant, plant_from_model
 from testbench.plant.disturbance import (
     FOUNDATION_COMPLIANCE,
     KR500_COMPENSATOR,
-    TYPICAL,
+    TYPICAL_DISTURBANCES,
     Disturbances,
     GearErrors,
     GeometryErrors,
+    NonlinearJoints,
     PoseDependence,
     SpringEffects,
-    TrueJointLaws,
     joint_deflection,
     joint_tangent_compliance,
 )
 from testbench.plant.equilibrium import (
     compensator_bodies,
     compensator_force,
+    compensator_state,
     correct_steps_for_compensator,
     create_arm_copies,
-    evaluate,
+    evaluate_bodies,
     solve_equilibrium,
     solve_linear_equilibrium,
     solve_unloaded_and_loaded,
-    strut,
     undeflected_configurations,
 )
-from testbench.plant.true_arms import disturb, exactly_loaded
+from testbench.plant.true_arms import disturb, with_exact_load
 
 
 def unbalanced(plant, q, theta, wrench, point):
     """Largest generalised force that springs, weight and wrench leave [N, N m], and MuJoCo's constraints."""
     data = mujoco.MjData(plant.model)
-    data.qpos[plant.joints], data.qpos[plant.theta] = q, theta
+    data.qpos[plant.joint_indices], data.qpos[plant.theta_indices] = q, theta
     mujoco.mj_forward(plant.model, data)
-    where = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point
+    where = data.xpos[plant.tool_body] + data.xmat[plant.tool_body].reshape(3, 3) @ point
     Q = data.qfrc_passive - data.qfrc_bias
-    mujoco.mj_applyFT(plant.model, data, wrench[:3], wrench[3:], where, plant.tool, Q)
-    return np.abs(Q[plant.theta]).max(), data.nefc
+    mujoco.mj_applyFT(plant.model, data, wrench[:3], wrench[3:], where, plant.tool_body, Q)
+    return np.abs(Q[plant.theta_indices]).max(), data.nefc
 
 
 def test_newton_leaves_no_force_in_mujocos_full_forward_pass(kr500, rng):
@@ -69,7 +69,7 @@ def test_elastic_arm_written_out_is_plain_mjcf_that_stands_still_never_over_the_
     for _ in range(2000):
         mujoco.mj_step(model, data)
     assert np.abs(data.qvel).max() < 1e-6
-    expected = solve_equilibrium(kr500.plant, np.zeros((1, 6))).tool[0]
+    expected = solve_equilibrium(kr500.plant, np.zeros((1, 6))).tool_positions[0]
     np.testing.assert_allclose(data.body("tool").xpos, expected, rtol=0, atol=1e-7)
     arm = load_arm(shutil.copytree(kr500.arm.mjcf_path.parent, tmp_path / "arm"))
     before = arm.mjcf_path.read_bytes()
@@ -97,7 +97,9 @@ def loads(cell, rng):
 
 
 def typical(plant, q, wrench, point):
-    return solve_unloaded_and_loaded(disturb(plant, TYPICAL, np.random.default_rng(1)), q, wrench, point)[1]
+    return solve_unloaded_and_loaded(
+        disturb(plant, TYPICAL_DISTURBANCES, np.random.default_rng(1)), q, wrench, point
+    )[1]
 
 
 def assert_close(one, other):
@@ -113,7 +115,7 @@ def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypa
     expected = settled(kr500.plant, *runs)
     shuffled = settled(kr500.plant, *(part[order] for part in runs))
     assert_close(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
-    monkeypatch.setattr("testbench.plant.equilibrium.POSES_AT_ONCE", 7)
+    monkeypatch.setattr("testbench.plant.equilibrium.POSES_PER_BATCH", 7)
     assert_close(settled(kr500.plant, *runs), expected)
     monkeypatch.setattr("testbench.plant.build.ARMS_PER_MODEL", 1)
     assert_close(settled(plant_from_model(kr500.arm, kr500.plant.model), *runs), expected)
@@ -131,7 +133,7 @@ def test_threads_of_a_caller_find_the_same(kr500, rng):
 @pytest.mark.parametrize("together", [2, 512])
 def test_of_poses_without_equilibrium_the_first_is_named(kr500, monkeypatch, together):
     """The first buckles after many steps; the second, pulled by 1e9 N, is lost in one."""
-    monkeypatch.setattr("testbench.plant.equilibrium.POSES_AT_ONCE", together)
+    monkeypatch.setattr("testbench.plant.equilibrium.POSES_PER_BATCH", together)
     joints = list(kr500.arm.joints)
     joints[1] = replace(joints[1], compliance=6e-5)  # upright is a saddle
     plant = build_plant(replace(kr500.arm, joints=tuple(joints)))
@@ -141,7 +143,7 @@ def test_of_poses_without_equilibrium_the_first_is_named(kr500, monkeypatch, tog
     with pytest.raises(NoEquilibrium, match=r"in 1 Newton steps.*q = \[4\.0, 90\.0"):
         solve_equilibrium(plant, q, wrench, point)
     q[3, 1] *= -1
-    wrench[3, 2], point[3] = -4515.0, plant.load
+    wrench[3, 2], point[3] = -4515.0, plant.load_point
     with pytest.raises(NoEquilibrium, match=r"buckle.* q = \[3\.0, -90\.0"):
         solve_equilibrium(plant, q, wrench, point)
     hanging = [0, 1, 2, 5]
@@ -165,10 +167,10 @@ def assert_same(one, other):
 def test_an_undisturbed_arm_is_the_clean_one_and_errors_of_a_load_are_another_one_elsewhere(kr500, rng):
     """To the last bit; and it stays as it is when it is disturbed."""
     q, (wrench, point) = random_q(kr500, rng, 20), hung(kr500, 20)
-    solve_equilibrium(disturbed(kr500, TYPICAL), q)
-    true = disturbed(kr500, replace(CLEAN, centre_error=5e-3, mass_error=0.01))
+    solve_equilibrium(disturbed(kr500, TYPICAL_DISTURBANCES), q)
+    true = disturbed(kr500, replace(CLEAN, load_point_sigma=5e-3, mass_error=0.01))
     assert np.abs(true.load_point_error).max() > 1e-3
-    clean, exact = disturbed(kr500, CLEAN), exactly_loaded(true)
+    clean, exact = disturbed(kr500, CLEAN), with_exact_load(true)
     for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.load_point_error), (exact, 1, point)):
         unloaded, loaded = solve_unloaded_and_loaded(arm, q, wrench, point)
         assert_same(unloaded, solve_equilibrium(kr500.plant, q))
@@ -200,12 +202,14 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
     )
     k = spring.rate if stiffness is None else stiffness
     qpos = undeflected_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
-    compensator = strut(spring, plant, evaluate(row, qpos, compensator_bodies(plant)))
+    compensator = compensator_state(spring, plant, evaluate_bodies(row, qpos, compensator_bodies(plant)))
     (held, g), step = strut_length(plant, spring, qpos), rng.standard_normal(qpos.shape)
     (eased,) = correct_steps_for_compensator(compensator, step, np.arange(1))
-    np.testing.assert_allclose(eased + k * (plant.C @ g) * (g @ eased), step[0], rtol=0, atol=1e-6)
-    qpos[:, plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
-    (Q,) = compensator_force(compensator, plant, evaluate(row, qpos, compensator_bodies(plant)), np.arange(1))
+    np.testing.assert_allclose(eased + k * (plant.C_qpos @ g) * (g @ eased), step[0], rtol=0, atol=1e-6)
+    qpos[:, plant.theta_indices] = 1e-4 * rng.standard_normal(len(plant.theta_indices))
+    (Q,) = compensator_force(
+        compensator, plant, evaluate_bodies(row, qpos, compensator_bodies(plant)), np.arange(1)
+    )
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
     np.testing.assert_allclose(Q, -pull * g, rtol=0, atol=1e-9 * np.abs(Q).max())
@@ -216,20 +220,25 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     q = random_q(kr500, rng, 5)
     wrench, point = rng.standard_normal((5, 6)), 0.3 * rng.standard_normal((5, 3))
     scale = 3.0
-    arms = [disturbed(kr500, Disturbances(foundation=f)) for f in (0.0, scale)]
+    arms = [disturbed(kr500, Disturbances(foundation_factor=f)) for f in (0.0, scale)]
     (rest, rigid), (_, soft) = (solve_unloaded_and_loaded(arm, q, wrench, point) for arm in arms)
-    at = rest.tool + (rest.rotation @ point[:, :, None])[:, :, 0]
+    at = rest.tool_positions + (rest.tool_rotations @ point[:, :, None])[:, :, 0]
     moment = wrench[:, 3:] + np.cross(at, wrench[:, :3])
     twist = scale * np.array(FOUNDATION_COMPLIANCE) * np.c_[wrench[:, :3], moment]
-    expected = twist[:, :3] + np.cross(twist[:, 3:], rest.tool)
-    moved = soft.tool - rigid.tool
+    expected = twist[:, :3] + np.cross(twist[:, 3:], rest.tool_positions)
+    moved = soft.tool_positions - rigid.tool_positions
     # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
     linear = solve_linear_equilibrium(arms[1], q, wrench, point)
-    np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        linear.tool_positions - rest.tool_positions,
+        soft.tool_positions - rest.tool_positions,
+        rtol=0,
+        atol=1e-10,
+    )
 
 
-LAW = TrueJointLaws(
+LAW = NonlinearJoints(
     compliance=np.array([0.075e-6, 0.15e-6, 0.7e-6, 0.7e-6]), stiffening=0.2, backlash=5e-5, hysteresis=3e-5
 )
 TORQUE = np.array([13e3, -4e3, 900.0, 40.0])  # the last within the play
@@ -261,20 +270,20 @@ def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a
 
 def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_alone(kr500, rng):
     """All that disturbs it is in balance, on springs that MuJoCo has: no foundation counts twice."""
-    q, arms = random_q(kr500, rng, 3), [disturbed(kr500, TYPICAL, seed) for seed in (7, 7, 8)]
+    q, arms = random_q(kr500, rng, 3), [disturbed(kr500, TYPICAL_DISTURBANCES, seed) for seed in (7, 7, 8)]
     one, same, other = (solve_unloaded_and_loaded(arm, q, *hung(kr500, 3))[1] for arm in arms)
     assert_same(one, same)
-    assert np.abs(one.markers - other.markers).max() > 1e-6
+    assert np.abs(one.marker_positions - other.marker_positions).max() > 1e-6
     model, data, springs = arms[0].model, mujoco.MjData(arms[0].model), []
     for unit in np.eye(model.nv):
         data.qpos[:] = unit
         mujoco.mj_tendon(model, data)
         mujoco.mj_passive(model, data)
         springs.append(data.qfrc_passive.copy())
-    free = np.setdiff1d(np.arange(model.nv), arms[0].joints)
-    K, C = -np.array(springs)[np.ix_(free, free)], arms[0].C[np.ix_(free, free)]
+    free = np.setdiff1d(np.arange(model.nv), arms[0].joint_indices)
+    K, C = -np.array(springs)[np.ix_(free, free)], arms[0].C_qpos[np.ix_(free, free)]
     np.testing.assert_allclose(C @ K, np.eye(len(free)), rtol=0, atol=1e-6)  # metres beside radians
-    fewer = replace(TYPICAL, geometry=None, foundation=0.0, compensator=None)
+    fewer = replace(TYPICAL_DISTURBANCES, geometry=None, foundation_factor=0.0, compensator=None)
     np.testing.assert_array_equal(disturbed(kr500, fewer, 7).joint_offset, arms[0].joint_offset)
     np.testing.assert_array_equal(disturbed(kr500, fewer, 7).load_point_error, arms[0].load_point_error)
 
@@ -284,8 +293,11 @@ def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_
     [
         (lambda: Disturbances(backlash=-1e-5), "backlash: expected a finite number of at least 0"),
         (lambda: Disturbances(mass_error=-1.5), "mass_error: expected a finite number of at least -1"),
-        (lambda: GeometryErrors(position=1e-3, angle=-1.0), "angle: expected a finite number"),
-        (lambda: GearErrors(orders=-1), "orders: expected 0 to 1000, got -1"),
+        (
+            lambda: GeometryErrors(position_sigma=1e-3, angle_sigma=-1.0),
+            "angle_sigma: expected a finite number",
+        ),
+        (lambda: GearErrors(max_order=-1), "max_order: expected 0 to 1000, got -1"),
         (lambda: Compensator((0, 0, 0), (0, 0, 1), -1.0, 0.5), "rate of the compensator"),
         (lambda: Compensator((0, 0), (0, 0, 1), 1.0, 0.5), r"foot of the compensator.*shape \(3\)"),
     ],
@@ -297,7 +309,7 @@ def test_impossible_disturbances_are_refused(build, message):
 
 def test_an_arm_without_link_2_has_no_compensator(single_link):
     with pytest.raises(BenchError, match="links 1 and 2, single_link has 1 links"):
-        disturbed(single_link, TYPICAL)
+        disturbed(single_link, TYPICAL_DISTURBANCES)
 
 
 def with_springs(cell, **springs):
@@ -312,7 +324,7 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
     plant, (wrench, point) = with_springs(kr500, pose_dependence=follows), hung(kr500, 3)
     together = solve_equilibrium(plant, q, wrench, point), solve_linear_equilibrium(plant, q, wrench, point)
     for pose in range(3):
-        s = np.sin(follows.phase_rates @ q[pose] + follows.phase)
+        s = np.sin(follows.phase_per_joint @ q[pose] + follows.phase)
         roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.log_change, strict=True)]
         scaled = [
             replace(link, compliance=D @ link.compliance @ D)
@@ -321,9 +333,11 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
         arm = build_plant(replace(kr500.arm, links=tuple(scaled)))
         for found, find in zip(together, (solve_equilibrium, solve_linear_equilibrium), strict=True):
             alone = find(arm, q[pose : pose + 1], wrench[:1], point[:1])
-            np.testing.assert_allclose(found.markers[pose], alone.markers[0], rtol=0, atol=1e-9)
+            np.testing.assert_allclose(
+                found.marker_positions[pose], alone.marker_positions[0], rtol=0, atol=1e-9
+            )
     stiff = solve_equilibrium(kr500.plant, q, wrench, point)
-    assert np.abs(together[0].markers - stiff.markers).max() > 1e-4
+    assert np.abs(together[0].marker_positions - stiff.marker_positions).max() > 1e-4
 
 
 @pytest.mark.parametrize("law", [{}, {"stiffening": 0.1, "backlash": 5e-5, "hysteresis": 3e-5}])
@@ -337,13 +351,13 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
     before, rest = solve_unloaded_and_loaded(plant, q, wrench, point)
     data, n = mujoco.MjData(plant.model), 6 * len(kr500.arm.links)
     for pose in range(3):
-        data.qpos[plant.joints], data.qpos[plant.theta] = q[pose], rest.theta[pose]
+        data.qpos[plant.joint_indices], data.qpos[plant.theta_indices] = q[pose], rest.theta[pose]
         mujoco.mj_forward(plant.model, data)
         Q = -data.qfrc_bias
-        where = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point[pose]
-        mujoco.mj_applyFT(plant.model, data, wrench[pose, :3], wrench[pose, 3:], where, plant.tool, Q)
-        linear = (np.diag(own) + between) @ Q[plant.hinges]
-        turns = TrueJointLaws(own, *(law.values() or (0, 0, 0)), start_deflection=before.theta[pose, n:])
+        where = data.xpos[plant.tool_body] + data.xmat[plant.tool_body].reshape(3, 3) @ point[pose]
+        mujoco.mj_applyFT(plant.model, data, wrench[pose, :3], wrench[pose, 3:], where, plant.tool_body, Q)
+        linear = (np.diag(own) + between) @ Q[plant.joint_spring_indices]
+        turns = NonlinearJoints(own, *(law.values() or (0, 0, 0)), start_deflection=before.theta[pose, n:])
         np.testing.assert_allclose(
             rest.theta[pose, n:], joint_deflection(turns, linear / own), rtol=0, atol=1e-9
         )
@@ -352,7 +366,7 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
 def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
     """The mean over plays of half widths spread evenly from 0 to H; its slope is that of its turn."""
     H, before, h = np.array([2e-4, 1e-4, 5e-5, 4e-4]), np.array([0.0, 0.0, 2e-3, 8e-5]), 1e-3
-    law = replace(LAW, start_deflection=before, hysteresis=0.0, slip=H)
+    law = replace(LAW, start_deflection=before, hysteresis=0.0, max_slip_half_width=H)
     widths = (np.arange(20_000) + 0.5)[:, None] / 20_000 * H
     target = joint_deflection(replace(law, start_deflection=None), TORQUE)
     plays = np.clip(before, target - widths, target + widths)

@@ -16,10 +16,10 @@ from testbench.plant.site import (
     Contact,
     Payload,
     build_site,
-    collisions,
-    contacts,
+    find_collisions,
+    find_contacts,
+    find_hidden_markers,
     has_surroundings,
-    hidden_markers,
 )
 
 STATION = (4.5, -2.5, 1.6)
@@ -52,19 +52,19 @@ def test_a_floor_that_is_laid_is_one_that_stands_in_the_file(kr500, tmp_path, rn
     raised = altered(kr500, tmp_path / "raised", (floor, floor.replace("/>", ' pos="0 0 0.3"/>')))
     bare = altered(kr500, tmp_path / "bare", (floor, ""))
     q = random_q(kr500, rng, 300)
-    assert contacts(build_site(bare, floor=0.3), q) == contacts(build_site(raised), q)
-    assert collisions(build_site(bare, floor=0.3), q) == collisions(build_site(raised), q)
-    assert collisions(build_site(bare), q) != collisions(build_site(bare, floor=0.3), q)
+    assert find_contacts(build_site(bare, floor_height=0.3), q) == find_contacts(build_site(raised), q)
+    assert find_collisions(build_site(bare, floor_height=0.3), q) == find_collisions(build_site(raised), q)
+    assert find_collisions(build_site(bare), q) != find_collisions(build_site(bare, floor_height=0.3), q)
     assert has_surroundings(build_site(raised))
-    assert has_surroundings(build_site(bare, floor=0.3))
+    assert has_surroundings(build_site(bare, floor_height=0.3))
     assert not has_surroundings(build_site(bare))
 
 
 def test_alone_the_arm_touches_itself_and_the_floor(kr500, arm_6r, rng):
-    touching = [c for c in contacts(kr500.room, random_q(kr500, rng, 300)) if c]
-    assert {c.kind for c in touching} == {"itself", "room"}
-    assert all((c.bodies[1] == "world") == (c.kind == "room") for c in touching)
-    assert not any(contacts(arm_6r.room, random_q(arm_6r, rng, 300)))  # it has no shapes that collide
+    touching = [c for c in find_contacts(kr500.room, random_q(kr500, rng, 300)) if c]
+    assert {c.category for c in touching} == {"itself", "room"}
+    assert all((c.bodies[1] == "world") == (c.category == "room") for c in touching)
+    assert not any(find_contacts(arm_6r.room, random_q(arm_6r, rng, 300)))  # it has no shapes that collide
     assert not (kr500.room.model.geom_group == 5).any()  # groups of rays are of a model of their own
 
 
@@ -88,7 +88,7 @@ def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_o
     stands = '<body name="payload"/><body name="tracker"/>'
     sling = load_point(kr500)[2] - 0.3
     arm = furnished(kr500, tmp_path, stands)
-    found = contacts(build_site(arm, Payload(460.3, sling=sling), STATION), READY)
+    found = find_contacts(build_site(arm, Payload(460.3, sling_length=sling), STATION), READY)
     assert found == [Contact("payload", ("world", "payload_"))]
 
 
@@ -98,9 +98,9 @@ def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_o
 def test_the_weight_hangs_above_the_floor_by_its_clearance(kr500, gap, clear):
     """By Pinocchio's load point; the sling is as long as leaves the gap below the weight."""
     sling = load_point(kr500)[2] - Payload(460.3).diameter - gap
-    site = build_site(kr500.arm, Payload(460.3, sling=sling, clearance=0.05))
+    site = build_site(kr500.arm, Payload(460.3, sling_length=sling, clearance=0.05))
     expected = None if clear else Contact("payload", ("world", "payload"))
-    assert contacts(site, READY) == [expected]
+    assert find_contacts(site, READY) == [expected]
 
 
 PLAIN = 'contype="1" conaffinity="1"'
@@ -118,26 +118,26 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     site = build_site(altered(kr500, tmp_path, *CHANGES[change]), payload, (1.2, -1.6, 1.2))
     model, data = site.model, mujoco.MjData(site.model)
     hanging, head = (
-        np.flatnonzero(site.geom_owner == places.CONTACT_CATEGORIES.index(name))
+        np.flatnonzero(site.geom_categories == places.CONTACT_CATEGORIES.index(name))
         for name in ("payload", "tracker")
     )
     others = np.flatnonzero(
-        (site.geom_owner != places.CONTACT_CATEGORIES.index("payload")) & (model.geom_contype != 0)
+        (site.geom_categories != places.CONTACT_CATEGORIES.index("payload")) & (model.geom_contype != 0)
     )
     arm = np.flatnonzero(
-        (site.geom_owner == places.CONTACT_CATEGORIES.index("itself")) & (model.geom_contype != 0)
+        (site.geom_categories == places.CONTACT_CATEGORIES.index("itself")) & (model.geom_contype != 0)
     )
-    assert model.geom_size[head, 0] == places.HEAD_RADIUS
-    found = contacts(site, q)
+    assert model.geom_size[head, 0] == places.TRACKER_HEAD_RADIUS
+    found = find_contacts(site, q)
     loads = tool_points(kr500.vjm, q, kr500.vjm.load_point[None])[:, 0]
 
     def nearest(some, more):
         return min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a in some for b in more)
 
     for pose, load, contact in zip(q, loads, found, strict=True):
-        data.qpos[site.joints], data.qpos[site.slides] = pose, load
+        data.qpos[site.joint_addresses], data.qpos[site.payload_addresses] = pose, load
         mujoco.mj_kinematics(model, data)
-        kind = contact and contact.kind
+        kind = contact and contact.category
         if kind in (None, "payload"):  # others are told before the payload
             assert (nearest(hanging, others) < payload.clearance) == (kind == "payload")
         if kind not in ("itself", "room"):
@@ -145,7 +145,7 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     touched = {c.bodies for c in found if c is not None}
     assert {(body, "payload") for body in ("link_3", "tool", "world", "tracker")} <= touched
     assert ("link_3", "tracker") in touched
-    assert any(c and c.kind == "itself" for c in found) == (change != "bits of its own")
+    assert any(c and c.category == "itself" for c in found) == (change != "bits of its own")
 
 
 @pytest.mark.parametrize(
@@ -163,18 +163,20 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
 )
 def test_a_tracker_inside_what_does_not_move_or_nowhere_is_refused_in_one_line(name, station, said, request):
     with pytest.raises(BenchError, match=said) as err:
-        hidden_markers(build_site(request.getfixturevalue(name).arm, station=station), READY)
+        find_hidden_markers(build_site(request.getfixturevalue(name).arm, tracker_position=station), READY)
     assert "\n" not in str(err.value)
 
 
 def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
     """Whether the wall is drawn, only collides, or is fully transparent."""
-    assert hidden_markers(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
+    assert find_hidden_markers(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
     middle = (tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
     wall = f'type="sphere" size="0.3" pos="{" ".join(map(str, middle))}"'
     for looks in ("", 'group="3"', 'rgba="1 1 1 0"', 'contype="0" conaffinity="0"'):
         arm = furnished(kr500, tmp_path, f"<geom {wall} {looks}/>")
-        assert hidden_markers(build_site(arm, Payload(460.3), STATION), READY) == [("P1", "world")], looks
+        assert find_hidden_markers(build_site(arm, Payload(460.3), STATION), READY) == [("P1", "world")], (
+            looks
+        )
 
 
 @pytest.mark.parametrize("name", ["kr500", "arm_6r"])
@@ -185,8 +187,12 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     centre, radius, station = np.array([2.5, -1.5, 1.8]), 0.5, np.array(STATION)
     ball = f'<geom type="sphere" size="{radius}" pos="2.5 -1.5 1.8"/>'
     arm = furnished(cell, tmp_path, ball)
-    by_arm = np.array([h is not None for h in hidden_markers(build_site(cell.arm, station=STATION), q)])
-    by_both = np.array([h is not None for h in hidden_markers(build_site(arm, station=STATION), q)])
+    by_arm = np.array(
+        [h is not None for h in find_hidden_markers(build_site(cell.arm, tracker_position=STATION), q)]
+    )
+    by_both = np.array(
+        [h is not None for h in find_hidden_markers(build_site(arm, tracker_position=STATION), q)]
+    )
     beams = tool_points(cell.vjm, q, cell.vjm.markers) - station
     beams *= 1 - places.TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
     along = np.clip((beams @ (centre - station)) / (beams**2).sum(axis=2), 0, 1)
@@ -202,9 +208,9 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
     P1 = '<body name="P1" pos="0.12 0.40 0.24">'
     hull = '<geom class="collision" type="sphere" size="0.3" pos="0.12 0.40 0.24"/>'
     arm = altered(kr500, tmp_path, (P1, hull + P1))
-    assert hidden_markers(build_site(arm, station=STATION), READY) == [None]
+    assert find_hidden_markers(build_site(arm, tracker_position=STATION), READY) == [None]
     bare = altered(kr500, tmp_path, (P1, f'<body name="case">{hull}</body>{P1}'))
-    assert hidden_markers(build_site(bare, station=STATION), READY) == [("P1", "case")]
+    assert find_hidden_markers(build_site(bare, tracker_position=STATION), READY) == [("P1", "case")]
     P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
     for beyond, expected in ((-0.005, None), (0.005, ("P1", "world"))):
@@ -212,18 +218,18 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
             P1 + (places.TARGET_RADIUS + beyond - 0.001) * toward
         )  # its face towards the tracker is 1 mm nearer
         geom = f'<geom type="sphere" size="0.001" pos="{" ".join(map(repr, bead.tolist()))}"/>'
-        site = build_site(furnished(kr500, tmp_path, geom), station=STATION)
-        assert hidden_markers(site, READY) == [expected]
+        site = build_site(furnished(kr500, tmp_path, geom), tracker_position=STATION)
+        assert find_hidden_markers(site, READY) == [expected]
 
 
 def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
     marker = '<body name="P2" pos="0.48 -0.32 0.26"'
     arm = altered(kr500, tmp_path, (marker, f'{marker} quat="0.8 0.1 -0.5 0.3"'))
     room = build_site(arm)
-    facing = room.facing
+    facing = room.marker_directions
     np.testing.assert_allclose(facing[[0, 2]], [[0, 0, 1]] * 2, atol=1e-15)  # rounding, as below
     frames = rigid_frames(room, random_q(kr500, rng, 1))
-    names = room.names
+    names = room.body_names
     tool, P2 = frames.rotations[0, names.index("tool")], frames.rotations[0, names.index("P2")]
     np.testing.assert_allclose(tool @ facing[1], P2[:, 2], atol=1e-14)
     assert abs(facing[1, 2]) < 0.9
@@ -235,7 +241,7 @@ def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
         ({"mass": 0.0}, "mass of the payload: expected a finite number above 0, got 0.0"),
         ({"density": -1.0}, "density of the payload: .* got -1.0"),
         ({"clearance": -0.01}, r"clearance \[m\] of the payload: .* got -0.01"),
-        ({"sling": 0.1}, r"sling \[m\] of the payload: expected more than 0.17 .* got 0.1"),
+        ({"sling_length": 0.1}, r"sling_length \[m\] of the payload: expected more than 0.17 .* got 0.1"),
     ],
 )
 def test_a_payload_that_makes_no_sense_is_refused(wrong, message):

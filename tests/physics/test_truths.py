@@ -14,10 +14,10 @@ from testbench.plant.cast import (
     CAST_IRON,
     BeamSegments,
     Casting,
-    Sections,
+    CrossSections,
     beam_compliance,
     draw_casting,
-    rib_thickness,
+    equivalent_plate_thickness,
     scale_walls,
 )
 from testbench.report.schema import TRUE_ARM_LABELS
@@ -27,12 +27,12 @@ from testbench.workflows.models import PRIORS, WRONG_FACTOR, WRONG_ROTATION, pri
 
 TUBE = elastic.tube_compliance(elastic.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
 OFF = {"off_10": 0.1, "off_20": 0.2, "off_40": 0.4}
-TRUE = {**true_arms.FAMILY_TRUE_ARMS, **true_arms.HELD_OUT}
+TRUE = {**true_arms.FAMILY_TRUE_ARMS, **true_arms.HELD_OUT_TRUE_ARMS}
 SEEDS = range(20)
 
 
 def drawn(kr500, name, seed):
-    return TRUE[name].draw(kr500.arm, trial_rng(seed, 8))
+    return TRUE[name].draw_arm(kr500.arm, trial_rng(seed, 8))
 
 
 def compliances(parts):
@@ -84,8 +84,10 @@ def test_every_truth_is_conservative_and_new_for_every_seed_and_comes_again(kr50
             elastic.check_compliance(link.compliance, name)
         np.testing.assert_array_equal(own.C_theta, again.C_theta)
         seen.add(tuple(np.ravel(own.C_theta)))
-        assert name in true_arms.HELD_OUT or (own.joints == kr500.arm.joints) == (name != "joints")
-    least = len(seeds) - (name in true_arms.HELD_OUT)  # a member of the family in six is the folder's arm
+        assert name in true_arms.HELD_OUT_TRUE_ARMS or (own.joints == kr500.arm.joints) == (name != "joints")
+    least = len(seeds) - (
+        name in true_arms.HELD_OUT_TRUE_ARMS
+    )  # a member of the family in six is the folder's arm
     assert len(seen) == 1 if name == "tubes" else len(seen) >= least
 
 
@@ -191,7 +193,7 @@ def family_member(kr500, seed):
     """Kind and arm that the first draws of a seed's stream make, and that stream from there on."""
     rng = trial_rng(seed, 8)
     kind = list(true_arms.FAMILY_TRUE_ARMS)[rng.integers(len(true_arms.FAMILY_TRUE_ARMS))]
-    return kind, true_arms.FAMILY_TRUE_ARMS[kind].draw(kr500.arm, rng), rng
+    return kind, true_arms.FAMILY_TRUE_ARMS[kind].draw_arm(kr500.arm, rng), rng
 
 
 def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):
@@ -239,7 +241,7 @@ STEEL = elastic.Material(2.1e11, 0.3)
 def box(width, height, thickness=(0.01,) * 4):
     """Walls are bottom, right, top, left."""
     corners = np.array([[[-1, -1], [1, -1], [1, 1], [-1, 1]]]) * [width / 2, height / 2]
-    return Sections(corners, np.array([thickness]), np.array([thickness]))
+    return CrossSections(corners, np.array([thickness]), np.array([thickness]))
 
 
 def channel(width, height, flange, web, gap):
@@ -303,7 +305,7 @@ def test_ribs_close_a_side_as_a_battened_column_of_stiff_chords():
     b, a, h, t = 0.3, 0.2, 0.08, 0.01
     EI, GA = STEEL.E * t * h**3 / 12, STEEL.G * t * h
     turn = a / b * (b**3 / (12 * EI) + 1.2 * b / GA) / b  # a rib bends under V a / b at either end
-    plate = rib_thickness(STEEL, np.array([b]), np.array([a]), np.array([h]), np.array([t]))
+    plate = equivalent_plate_thickness(STEEL, np.array([b]), np.array([a]), np.array([h]), np.array([t]))
     assert plate[0] == pytest.approx(1 / (STEEL.G * b * turn), rel=1e-12)
 
 
@@ -340,10 +342,12 @@ def test_a_casting_is_a_straight_box_bends_by_a_pull_beside_and_as_its_taper_say
     wall = np.array([1.0, 3.0, 1.0, 1.0])
     section = box(0.2, 0.3, 0.01 * wall)
     y = section.centroid[0, 0]
-    C = plain(wall=wall).compliance()
+    C = plain(wall_factors=wall).compliance()
     assert C[5, 0] == pytest.approx(y / (CAST_IRON.E * section.second_moments[0, 0, 0]), rel=1e-12)
-    assert plain(wall=wall, line_offset=np.array([-y, 0])).compliance()[5, 0] == pytest.approx(0, abs=1e-20)
-    C = plain(taper=np.array([0.6, 1.0])).compliance()
+    assert plain(wall_factors=wall, line_offset=np.array([-y, 0])).compliance()[5, 0] == pytest.approx(
+        0, abs=1e-20
+    )
+    C = plain(tip_size_ratio=np.array([0.6, 1.0])).compliance()
     h, t = 0.3, 0.01
     root, tip = (2 * t * h**3 / 12 + 2 * t * width * (h / 2) ** 2 for width in (0.2, 0.12))
     # the walls of a slightly tapered section lie in its plane here, as in all beam theory
@@ -362,6 +366,8 @@ def test_cast_links_are_as_long_and_bend_as_the_tubes_with_walls_that_can_be_cas
         C = casting.compliance()
         assert casting.length == pytest.approx(2 * tube[1, 5] / tube[5, 5])
         assert C[4, 4] + C[5, 5] == pytest.approx(tube[4, 4] + tube[5, 5], rel=1e-8)
-        assert casting.thickness * casting.wall.min() * casting.thinning > 3e-3  # metres
-        thickest = casting.thickness * casting.wall.max()
-        assert thickest < (casting.size * casting.taper * casting.trapezium).min() / 2
+        assert (
+            casting.root_thickness * casting.wall_factors.min() * casting.tip_thickness_ratio > 3e-3
+        )  # metres
+        thickest = casting.root_thickness * casting.wall_factors.max()
+        assert thickest < (casting.root_size * casting.tip_size_ratio * casting.top_over_bottom).min() / 2

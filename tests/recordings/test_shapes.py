@@ -17,7 +17,7 @@ from testbench.workflows.cell import build_cell
 
 
 def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):
-    shapes, names = visual_shapes(kr500.room), kr500.room.names
+    shapes, names = visual_shapes(kr500.room), kr500.room.body_names
     root = ET.parse(kr500.arm.mjcf_path).getroot()
     geoms = [(b.get("name"), g) for b in root.iter("body") for g in b.findall("geom[@class='visual']")]
     assert [(names[s.body], s.kind) for s in shapes] == [(b, g.get("type")) for b, g in geoms]
@@ -25,18 +25,18 @@ def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):
         size = np.array([float(x) for x in geom.get("size").split()])
         if geom.get("fromto"):
             ends = np.array([float(x) for x in geom.get("fromto").split()]).reshape(2, 3)
-            half = shape.rotation[:, 2] * shape.size[2]
-            drawn = np.array([shape.position - half, shape.position + half])
+            half = shape.rotation[:, 2] * shape.half_sizes[2]
+            drawn = np.array([shape.centre - half, shape.centre + half])
             turned = drawn[0] @ (ends[1] - ends[0]) > drawn[1] @ (ends[1] - ends[0])  # MuJoCo may
             assert (drawn[::-1] if turned else drawn) == pytest.approx(ends, abs=1e-9)
-            assert shape.size[:2] == pytest.approx(np.tile(size, 2))
+            assert shape.half_sizes[:2] == pytest.approx(np.tile(size, 2))
         else:
-            assert shape.size == pytest.approx(np.broadcast_to(size, 3))
+            assert shape.half_sizes == pytest.approx(np.broadcast_to(size, 3))
         assert shape.rotation @ shape.rotation.T == pytest.approx(np.eye(3), abs=1e-12)
 
 
 def test_colours_come_from_the_material(kr500):
-    shapes, names = visual_shapes(kr500.room), kr500.room.names
+    shapes, names = visual_shapes(kr500.room), kr500.room.body_names
     markers = [s for s in shapes if names[s.body] == "P1"]
     assert markers[0].rgba == pytest.approx([0.835, 0.369, 0, 1], abs=1e-6)
 
@@ -46,14 +46,14 @@ def test_elastic_frames_are_rigid_at_rest_and_hold_the_markers_of_the_loaded_arm
     q = rng.uniform(-0.5, 0.5, (3, 6))
     rigid = rigid_frames(kr500.room, q)
     still = elastic_frames(kr500.plant, q, np.zeros((len(q), kr500.arm.n_theta)))
-    assert rigid.positions.shape == (3, len(kr500.room.names), 3)
+    assert rigid.positions.shape == (3, len(kr500.room.body_names), 3)
     assert still.positions == pytest.approx(rigid.positions, abs=1e-12)
     assert still.rotations == pytest.approx(rigid.rotations, abs=1e-12)
     wrench = np.tile([0.0, 0, -4500, 0, 0, 0], (3, 1))
     _, loaded = settle_both(kr500.plant, "nonlinear", q, wrench, np.zeros((3, 3)))
     frames = elastic_frames(kr500.plant, q, loaded.theta)
-    index = [kr500.room.names.index(name) for name in kr500.arm.markers]
-    assert frames.positions[:, index] == pytest.approx(loaded.markers, abs=1e-12)
+    index = [kr500.room.body_names.index(name) for name in kr500.arm.markers]
+    assert frames.positions[:, index] == pytest.approx(loaded.marker_positions, abs=1e-12)
 
 
 TETRAHEDRON = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.3, 0], [0, 0, 0.2]])
@@ -86,7 +86,7 @@ def mesh_arm(arm_6r, tmp_path):
 
 def test_mesh_vertices_stand_where_the_mjcf_puts_them(mesh_arm):
     (shape,) = [s for s in visual_shapes(mesh_arm.room) if s.kind == "mesh"]
-    corners = shape.position + shape.mesh.vertices @ shape.rotation.T
+    corners = shape.centre + shape.mesh.vertices @ shape.rotation.T
     turned = TETRAHEDRON @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [0.1, 0, 0.2]
     # MuJoCo keeps meshes in single precision, about their centre of mass
     distance = np.linalg.norm(corners[:, None] - turned, axis=-1)
@@ -99,7 +99,7 @@ def test_mesh_vertices_stand_where_the_mjcf_puts_them(mesh_arm):
 def test_joined_meshes_keep_their_triangles(mesh_arm):
     (shape,) = [s for s in visual_shapes(mesh_arm.room) if s.kind == "mesh"]
     joined, counts = join_meshes([shape, shape])
-    corners = shape.position + shape.mesh.vertices @ shape.rotation.T
+    corners = shape.centre + shape.mesh.vertices @ shape.rotation.T
     triangles = corners[shape.mesh.faces]
     assert counts == [len(corners)] * 2
     assert joined.vertices[joined.faces] == pytest.approx(np.concatenate([triangles, triangles]))
@@ -135,16 +135,16 @@ def bare(arm_6r, tmp_path):
 
 
 def test_an_arm_without_visual_geoms_is_drawn_as_sticks_between_its_bodies(bare, tmp_path):
-    shapes, names = visual_shapes(bare.room), bare.room.names
+    shapes, names = visual_shapes(bare.room), bare.room.body_names
     assert {s.kind for s in shapes} == {"capsule"}
     upper = next(s for s in shapes if names[s.body] == "link_2")
-    tip = upper.position + upper.rotation[:, 2] * upper.size[2]
+    tip = upper.centre + upper.rotation[:, 2] * upper.half_sizes[2]
     assert tip == pytest.approx([0.9, 0, 0], abs=1e-9)
     assert "/world/arm/link_2" in {chunk.entity_path for chunk in drawn(bare, tmp_path)}
 
 
 def test_sizes_of_a_drawing_do_not_depend_on_where_the_base_stands(arm_6r, bare):
-    radius = max(shape.size[0] for shape in visual_shapes(bare.room))
+    radius = max(shape.half_sizes[0] for shape in visual_shapes(bare.room))
     assert 0.02 * 2 < radius < 0.02 * 4  # of an arm of three metres
     q = np.zeros((1, 6))
     assert reach(rigid_frames(bare.room, q)) == pytest.approx(reach(rigid_frames(arm_6r.room, q)))

@@ -7,7 +7,7 @@ import numpy as np
 from made_up import of_one_trial
 from reports import AT, campaign_row, fit_row
 
-from testbench.plant.true_arms import HELD_OUT, true_arm_of_seed
+from testbench.plant.true_arms import HELD_OUT_TRUE_ARMS, true_arm_of_seed
 from testbench.studies.campaign import (
     gravity_calibration,
     identifiability,
@@ -64,7 +64,7 @@ def of_disturbances(seed):
 
     for case, sigma, name in product(CASES, (0.0, 40.0), MODELS):
         yield row(case, sigma, name, model_error.IN_FAMILY, own, 1.0)
-    for arm, size in [(own, 0.5), (own, 2.0), *((arm, 1.0) for arm in HELD_OUT)]:
+    for arm, size in [(own, 0.5), (own, 2.0), *((arm, 1.0) for arm in HELD_OUT_TRUE_ARMS)]:
         for name in model_error.BESIDE:
             yield row(model_error.ALL, 40.0, name, model_error.BESIDE_IT, arm, size)
 

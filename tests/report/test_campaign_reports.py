@@ -10,7 +10,7 @@ from legible import check_legible
 from read_back import sound, views
 from reports import check, check_drawn_alike, table_of
 
-from testbench.plant.true_arms import HELD_OUT
+from testbench.plant.true_arms import HELD_OUT_TRUE_ARMS
 from testbench.report.badge import LEAST_SQUARES
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
@@ -218,7 +218,7 @@ def test_kinds_of_arms_hold_their_own_trials_coverage_and_rivals():
     rows = {row.kind: row for row in whole.numbers["cells"]["kinds"]}
     family_ = noisy.where(part="family", case="all together")
     parts = {"the family": family_, "undisturbed family": noisy.where(part="family", case="none")}
-    parts |= {TRUE_ARM_LABELS[arm]: noisy.where(part="beside", true_arm=arm) for arm in HELD_OUT}
+    parts |= {TRUE_ARM_LABELS[arm]: noisy.where(part="beside", true_arm=arm) for arm in HELD_OUT_TRUE_ARMS}
     parts |= {f"disturbances times {x:g}": noisy.where(part="beside", size=x) for x in (0.5, 2.0)}
     for kind, part in parts.items():
         default, joints, same = (

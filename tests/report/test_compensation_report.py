@@ -8,7 +8,7 @@ import pytest
 from checks import check_spread, unit_in
 from reports import check, table_of
 
-from testbench.plant.true_arms import FAMILY, FAMILY_TRUE_ARMS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY_NAME, FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
 from testbench.studies.compensation import (
@@ -43,7 +43,7 @@ def row(rng, seed, arm, way, name):
     before, identified = rng.uniform(0.5, 3.0, POINTS), name in IDENTIFIED
     left = LEFT.get(name, 0.5) * TIMES.get(arm, 1) * TIMES.get(way.loads, 1) * rng.uniform(0.5, 1.5, POINTS)
     return JobsRow(
-        **{"true_arm": true_arm_of_seed(FAMILY, seed), "arm": arm, **vars(way), "name": name},
+        **{"true_arm": true_arm_of_seed(FAMILY_NAME, seed), "arm": arm, **vars(way), "name": name},
         chosen="ALL153 + prior" if name == DEFAULT else None,
         before_mm=tuple(before.tolist()),
         after_mm=tuple((left * before).tolist()),

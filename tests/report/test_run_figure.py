@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from reports import check_forest
 
-from testbench.plant.shapes import corners, visual_shapes
+from testbench.plant.shapes import hull_points, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
 from testbench.report.figure import SOFT, _lay_out, forest, headed, labelled, log_ticks, page, say, sweeps
@@ -83,9 +83,9 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
 @pytest.mark.parametrize("plane", [[0, 2], [0, 1], [1, 2]])
 def test_the_arm_is_drawn_where_its_solids_are_and_not_mirrored(seen, plane):
     cell, frames = seen.scene.cell, seen.scene.groups[0].rigid
-    roles = {cell.room.names.index(name) for name in (cell.arm.load_point, *cell.arm.markers)}
+    roles = {cell.room.body_names.index(name) for name in (cell.arm.load_point, *cell.arm.markers)}
     solids = [
-        frames.positions[0, shape.body] + corners(shape) @ frames.rotations[0, shape.body].T
+        frames.positions[0, shape.body] + hull_points(shape) @ frames.rotations[0, shape.body].T
         for shape in visual_shapes(cell.room)
         if shape.body not in roles
     ]

@@ -13,7 +13,7 @@ ASKED = AbsoluteCampaign(
     series=2,
     poses=15,
     disturbances=Disturbances(
-        own_weight=True, geometry=GeometryErrors(0.5e-3, 0.5e-3), gear=GearErrors(sigma=20e-6)
+        own_weight=True, geometry=GeometryErrors(0.5e-3, 0.5e-3), gear_errors=GearErrors(sigma=20e-6)
     ),
     sigma=1e-5,
     sigma_rotation=1e-5,

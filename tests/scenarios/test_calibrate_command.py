@@ -226,7 +226,7 @@ def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm):
     model = tb.load_model(made[0], arm)
     assert model.arm.joints == load_arm(arm).joints
     assert model.arm.name == "flagged"
-    assert build_plant(model.arm).load.shape == (3,)
+    assert build_plant(model.arm).load_point.shape == (3,)
 
 
 def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, readings):

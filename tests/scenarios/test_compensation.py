@@ -14,7 +14,7 @@ from testbench.files.read_pairs import read_csv
 from testbench.identify.posterior import model_of_estimate
 from testbench.model.load import read_body_masses, sum_generalised_loads
 from testbench.model.vjm import evaluate_chain, tool_poses
-from testbench.plant.disturbance import TYPICAL
+from testbench.plant.disturbance import TYPICAL_DISTURBANCES
 from testbench.plant.true_arms import disturb
 from testbench.runs.rows import trial_rng
 from testbench.studies import compensation, panel
@@ -146,8 +146,12 @@ def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cel
 
 
 def test_a_payload_weighed_wrongly_spoils_the_campaign_and_not_the_work(cell):
-    found = disturb(cell.plant, TYPICAL, trial_rng(4, 20))
-    exact = compensation.exactly_loaded(found)
-    assert found.disturbances == TYPICAL == replace(exact.disturbances, mass_error=2e-3, centre_error=2e-3)
+    found = disturb(cell.plant, TYPICAL_DISTURBANCES, trial_rng(4, 20))
+    exact = compensation.with_exact_load(found)
+    assert (
+        found.disturbances
+        == TYPICAL_DISTURBANCES
+        == replace(exact.disturbances, mass_error=2e-3, load_point_sigma=2e-3)
+    )
     assert found.load_point_error.any()
     assert (exact.disturbances.mass_error, np.abs(exact.load_point_error).max()) == (0, 0)

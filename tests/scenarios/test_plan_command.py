@@ -15,7 +15,7 @@ from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
 from testbench.identify.method import least_squares
 from testbench.model.vjm import evaluate_chain
-from testbench.plant.site import collisions
+from testbench.plant.site import find_collisions
 from testbench.plant.tracker import Station
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import MODELS
@@ -145,7 +145,7 @@ def test_the_map_has_the_errors_over_the_workspace_beside_those_of_least_squares
 def test_the_plan_is_read_back_bit_by_bit_and_is_free_of_collision(planned, report, kr500):
     q = read_poses(planned / "plan.csv", kr500.arm)
     assert (q == [row["q"] for row in report["plan"]]).all()
-    assert collisions(kr500.room, q) == [None] * POSES
+    assert find_collisions(kr500.room, q) == [None] * POSES
     rows = table(planned / "plan.csv")
     assert list(rows[0]) == plan_columns(kr500.arm.joints)
     travel = np.rad2deg(np.abs(np.diff(q, axis=0)).max(axis=1))
@@ -204,7 +204,7 @@ def test_a_straight_way_that_meets_floor_arm_or_tracker_is_not_clear(kr500):
         [[-60, -90, 90, 0, 20, 0], [60, -90, 90, 0, 20, 0], [0, -50, 130, 0, 80, 0]]
     )
     stretched = np.deg2rad([0, 10, -50, 0, 70, 0])
-    assert collisions(kr500.room, np.array([folded, stretched])) == [None, None]
+    assert find_collisions(kr500.room, np.array([folded, stretched])) == [None, None]
     alone = build_path_check(kr500, None)
     assert alone(left, right)
     assert alone(left, left)
@@ -266,7 +266,7 @@ def test_the_plan_is_read_back_and_simulated_in_two_readings_a_pose(absolute, ca
     cell = build_cell(UR10)
     q = read_poses(absolute / "plan.csv", cell.arm)
     assert (q == [row["q"] for row in calibration["plan"]]).all()
-    assert collisions(cell.room, q) == [None] * READ
+    assert find_collisions(cell.room, q) == [None] * READ
     rows = table(absolute / "plan.csv")
     assert list(rows[0]) == absolute_columns(cell.arm.joints, loaded=True)
     assert {float(row["load_kg"]) for row in rows} == {5.0}

@@ -83,7 +83,7 @@ def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500
         found = np.array([[float(row[f"{what}{axis}_m"]) for axis in "xyz"] for row in rows])
         np.testing.assert_allclose(found.reshape(POSES, 4, 3), own, rtol=1e-8, atol=1e-12)
     before, after = settle_both(kr500.plant, "nonlinear", q, wrench, point)
-    off = np.abs(wanted.deflection[:, 1:] - (after.markers - before.markers))
+    off = np.abs(wanted.deflection[:, 1:] - (after.marker_positions - before.marker_positions))
     assert (off <= wanted.half_width[:, 1:]).mean() > 0.8
 
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.vjm import WorkArea
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import Payload, contacts, hidden_markers
-from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
+from testbench.plant.site import Payload, find_contacts, find_hidden_markers
+from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, find_out_of_view
 from testbench.workflows.plan_input import (
     ADVICE,
     BLOCKED,
@@ -29,7 +29,7 @@ from testbench.workflows.plan_input import (
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
-ALL = PoseConditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.3))
+ALL = PoseConditions(FRONT, Station(HERE, acceptance_angle=math.radians(80)), Payload(460.3))
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +57,14 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     """Each reason judged by itself, of all poses, by MuJoCo's kinematics."""
     q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
     q[:20, 3] = 7.0  # beyond joint 4
-    names, frames = kr500.room.names, rigid_frames(kr500.room, q)
+    names, frames = kr500.room.body_names, rigid_frames(kr500.room, q)
     at = [names.index(name) for name in kr500.arm.markers]
     tool, markers = (frames.positions[:, own] for own in (names.index(kr500.arm.tool), at))
     facing = frames.rotations[:, at][..., 2]
     back = np.array(HERE) - markers
     distance = np.linalg.norm(back, axis=2)
     elevation = np.degrees(np.arcsin(-back[:, :, 2] / distance))
-    touching = [c and TOUCHING[c.kind] for c in contacts(checks.site, q)]
+    touching = [c and TOUCHING[c.category] for c in find_contacts(checks.site, q)]
     single = {
         OFF_LIMITS: np.abs(q[:, 3]) > 6.2,
         OFF_AREA: ((tool < FRONT.lower) | (tool > FRONT.upper)).any(axis=1),
@@ -73,7 +73,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
         TOO_STEEP: ((elevation < -50) | (elevation > 75)).any(axis=1),
         FACES_AWAY: ((facing * back).sum(axis=2) < np.cos(np.radians(80)) * distance).any(axis=1),
         **{reason: np.array([t == reason for t in touching]) for reason in TOUCHING.values()},
-        BLOCKED: np.array([h is not None for h in hidden_markers(checks.site, q)]),
+        BLOCKED: np.array([h is not None for h in find_hidden_markers(checks.site, q)]),
     }
     assert tuple(single) == REASONS
     expected = [next((r for r, mask in single.items() if mask[i]), None) for i in range(len(q))]
@@ -83,7 +83,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
 
 def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500):
     """A weight on a sling of 5 m never hangs clear, wherever the tool is; most poses never come so far."""
-    conditions = PoseConditions(area=FRONT, payload=Payload(460.3, sling=5.0))
+    conditions = PoseConditions(area=FRONT, payload=Payload(460.3, sling_length=5.0))
     with pytest.raises(PoseError) as err:
         find_feasible_poses(build_checks(kr500, conditions), 5, np.random.default_rng(7), patience=1000)
     drawn = np.random.default_rng(7).uniform(*kr500.arm.limits, (1024, 6))
@@ -130,7 +130,7 @@ def at(distance: float, elevation_deg: float, azimuth_deg: float = 130.0) -> Arr
 
 
 def reasons(station: Station, targets: Array, facing: Array | None = None) -> list[str]:
-    return [reason for reason, mask in out_of_view(station, targets, facing).items() if mask.any()]
+    return [reason for reason, mask in find_out_of_view(station, targets, facing).items() if mask.any()]
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 200.0])
@@ -157,7 +157,7 @@ def test_targets_are_seen_between_two_distances_and_elevations_wherever_they_fac
 
 
 def test_a_target_at_the_station_is_too_near_and_nothing_else():
-    station = Station(HERE, acceptance=0.5)
+    station = Station(HERE, acceptance_angle=0.5)
     up = np.array([[[0.0, 0, 1]]])
     assert reasons(station, np.array([[HERE]]), up) == [TOO_NEAR]
 
@@ -167,7 +167,7 @@ def test_a_target_at_the_station_is_too_near_and_nothing_else():
     [
         ({"position": (0.0, np.nan, 0.0)}, r"position of the station \[m\]: expected finite numbers"),
         ({"position": (4500.0, -2500.0, 1600.0)}, r"expected coordinates up to 1000, got \[4500.0"),
-        ({"acceptance": 30.0}, r"acceptance \[rad\].* <= 1.571, got 0.0 to 30.0"),
+        ({"acceptance_angle": 30.0}, r"acceptance_angle \[rad\].* at most 1.571, got 30.0"),
     ],
 )
 def test_a_station_that_makes_no_sense_is_refused_in_one_line(wrong, message):

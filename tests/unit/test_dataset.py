@@ -18,7 +18,7 @@ from testbench.errors import BenchError, InputError
 from testbench.files.read_pairs import read_csv
 from testbench.files.table import read_table
 from testbench.files.write import write_csv
-from testbench.plant.tracker import LaserTracker, precision
+from testbench.plant.tracker import LaserTracker, deflection_precision
 
 MODELS = Path(__file__).parents[2] / "models"
 ARM = load_arm(MODELS / "kr500_l480")
@@ -53,7 +53,7 @@ def dataset(*, rotation: bool = False, arm: Arm = ARM, poses: tuple[int, ...] = 
 def precise() -> Dataset:
     """Runs read by a laser tracker, one target lost."""
     data = dataset()
-    P = np.array(precision(LaserTracker((2.0, -4.0, 1.5)), data.before, data.after))
+    P = np.array(deflection_precision(LaserTracker((2.0, -4.0, 1.5)), data.before, data.after))
     P[1, 2] = 0
     return replace(data, precision=P)
 

@@ -4,7 +4,7 @@ import judge_arms as judge
 import numpy as np
 import pytest
 
-from testbench.plant.true_arms import FAMILY
+from testbench.plant.true_arms import FAMILY_NAME
 from testbench.studies.campaign.trial import covers
 from testbench.workflows.campaign import Scenario, draw_poses
 from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
@@ -29,9 +29,9 @@ def test_scales_meet_the_bars_where_the_mean_and_the_worst_tenth_do():
     def extents(own):
         return [row[-1] for row in judge.scaled(own)]
 
-    found = extents({FAMILY: alike, "cast": one_worse})
+    found = extents({FAMILY_NAME: alike, "cast": one_worse})
     assert found == ["0.70 to 1.20", "0.90 to 1.25", "0.90 to 1.20"]
-    assert extents({FAMILY: alike, "cast": low}) == ["0.70 to 1.20", "none", "none"]
+    assert extents({FAMILY_NAME: alike, "cast": low}) == ["0.70 to 1.20", "none", "none"]
 
 
 def test_every_row_of_every_table_has_a_cell_under_each_heading():

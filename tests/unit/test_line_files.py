@@ -10,7 +10,7 @@ from testbench.errors import BenchError
 from testbench.files.read_pairs import read_csv, read_export
 from testbench.files.write import write_csv
 from testbench.identify.base_frame import register_dataset
-from testbench.plant.tracker import DRAW_WIRE, Gauge, Tracker
+from testbench.plant.tracker import DRAW_WIRE, Gauge, IsotropicTracker
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import poses_with_weight, read_instruments
 from testbench.workflows.instruments import Mounted, mounted
@@ -36,7 +36,7 @@ def simulated(cell, *instruments):
     "instruments",
     [
         [Mounted(Gauge(), "P1", np.array([1.0, 2.0, 2.0])), Mounted(DRAW_WIRE, "P2", fixed=np.zeros(3))],
-        [Mounted(Gauge(), "P3", np.eye(3)[0], on_tool=True), Mounted(Tracker(3e-5))],
+        [Mounted(Gauge(), "P3", np.eye(3)[0], on_tool=True), Mounted(IsotropicTracker(3e-5))],
     ],
     ids=["gauge and wire", "gauge and tracker"],
 )
@@ -58,7 +58,10 @@ def test_readings_along_lines_are_read_back(kr500, tmp_path, instruments):
 
 
 def test_a_reading_out_of_range_is_lost_and_a_marker_without_an_instrument_is_not(kr500, tmp_path):
-    short, wire = Mounted(Gauge(travel=2e-4), "P1", np.eye(3)[2]), Mounted(DRAW_WIRE, "P2", fixed=np.zeros(3))
+    short, wire = (
+        Mounted(Gauge(measuring_range=2e-4), "P1", np.eye(3)[2]),
+        Mounted(DRAW_WIRE, "P2", fixed=np.zeros(3)),
+    )
     alone = simulated(kr500, short, wire)
     write_csv(alone, kr500.arm, tmp_path / "lines.csv")
     for data in (alone, read_csv(tmp_path / "lines.csv", kr500.arm)):
@@ -67,7 +70,7 @@ def test_a_reading_out_of_range_is_lost_and_a_marker_without_an_instrument_is_no
     export = read_export(tmp_path / "lines.csv", kr500.arm)
     found = contents(export)
     assert (found.targets, len(found.lost), found.without) == (6, 3, ["P3"])
-    beside = simulated(kr500, short, Mounted(Tracker(3e-5)))
+    beside = simulated(kr500, short, Mounted(IsotropicTracker(3e-5)))
     assert beside.is_lost.any(axis=1).tolist() == [True, False] * 3
     assert not beside.is_lost[:, 1:].any()
     assert contents(replace(export, data=beside)).without == [
@@ -155,7 +158,7 @@ def test_a_wrong_instrument_is_refused(text):
 def test_an_instrument_is_a_few_words():
     own = mounted("gauge:P2:tool_-x:3um:0.25deg")
     assert (own.marker, own.on_tool, own.instrument.sigma) == ("P2", True, 3e-6)
-    assert np.rad2deg(own.instrument.tilt) == pytest.approx(0.25)
+    assert np.rad2deg(own.instrument.tilt_sigma) == pytest.approx(0.25)
     np.testing.assert_array_equal(own.direction, [-1, 0, 0])
     assert mounted("wire:P1:1.5,0,0.2:100um").instrument.sigma == pytest.approx(1e-4)
     assert mounted("wire:P1:1.5,0,0.2:1000mm").instrument.zero_sigma == 1.0

@@ -14,7 +14,7 @@ from testbench.errors import InputError
 from testbench.files.program import read_program, unread_columns
 from testbench.files.write import write_program
 from testbench.model.vjm import tool_poses
-from testbench.plant.site import collisions
+from testbench.plant.site import find_collisions
 
 ROOT = Path(__file__).parents[2]
 
@@ -193,7 +193,7 @@ def test_the_program_of_the_documentation_can_be_run(kr500):
     program = read_program(ROOT / "docs" / "program.csv", kr500.arm)
     found = joints_along_path(kr500.vjm, program.position, program.rotation)
     assert found.converged.all()
-    assert collisions(kr500.room, found.q) == [None] * program.points
+    assert find_collisions(kr500.room, found.q) == [None] * program.points
     wrench = process_wrench(program.along, program.position, program.rotation[:, :, 0])
     np.testing.assert_allclose(
         np.linalg.norm(wrench, axis=1), np.linalg.norm(program.along, axis=1), rtol=5e-3

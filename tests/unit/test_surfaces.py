@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import stdtrit
 
 from testbench.identify.posterior import PRIOR_STUDENT_DOF, student_quantile
-from testbench.plant.shapes import primitive_surface, quaternions
+from testbench.plant.shapes import primitive_surface, quaternions_from_rotations
 from testbench.report.run_figure import AT_ONCE, _hull
 
 SIZES = {
@@ -39,8 +39,8 @@ def test_quaternions_are_those_of_scipy_half_turns_too():
     turns = Rotation.random(500, random_state=7).as_matrix()
     half = [np.eye(3), *(2 * np.outer(x, x) - np.eye(3) for x in np.eye(3))]
     R = np.concatenate([turns, half])
-    np.testing.assert_allclose(quaternions(R), Rotation.from_matrix(R).as_quat(), atol=1e-15)
-    assert quaternions(R.reshape(4, -1, 3, 3)).shape == (4, 126, 4)
+    np.testing.assert_allclose(quaternions_from_rotations(R), Rotation.from_matrix(R).as_quat(), atol=1e-15)
+    assert quaternions_from_rotations(R.reshape(4, -1, 3, 3)).shape == (4, 126, 4)
 
 
 @pytest.mark.parametrize("count", [300, 3 * AT_ONCE])

@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from testbench.errors import Array, BenchError
-from testbench.plant.tracker import LaserTracker, Tracker, precision, read_orientations, read_positions
+from testbench.plant.tracker import (
+    IsotropicTracker,
+    LaserTracker,
+    deflection_precision,
+    read_orientations,
+    read_positions,
+)
 from testbench.studies.campaign.noise_sensitivity import drifted
 
 DRAWS = 20_000
@@ -32,10 +38,10 @@ def check_noise(noise: Array, sigma: float):
 def test_noise_has_sigma_along_and_about_every_world_axis():
     rng = np.random.default_rng(4)
     places, turns = rng.uniform(-3, 3, (DRAWS, 3)), Rotation.random(DRAWS, rng=rng)
-    check_noise(read_positions(Tracker(30e-6), places, rng) - places, 30e-6)
-    read = Rotation.from_rotvec(read_orientations(Tracker(1e-5, 1e-4), turns.as_matrix(), rng))
+    check_noise(read_positions(IsotropicTracker(30e-6), places, rng) - places, 30e-6)
+    read = Rotation.from_rotvec(read_orientations(IsotropicTracker(1e-5, 1e-4), turns.as_matrix(), rng))
     check_noise((read * turns.inv()).as_rotvec(), 1e-4)  # world axes: reading = error * truth
-    exact = Tracker(0.0, 0.0)
+    exact = IsotropicTracker(0.0, 0.0)
     np.testing.assert_array_equal(read_positions(exact, places, rng), places)
     read = Rotation.from_rotvec(read_orientations(exact, turns.as_matrix(), rng))
     np.testing.assert_allclose((read * turns.inv()).magnitude(), 0, atol=1e-14)  # rounding
@@ -44,11 +50,11 @@ def test_noise_has_sigma_along_and_about_every_world_axis():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (lambda: Tracker(-1e-6), "sigma: expected a finite number of at least 0, got -1e-06"),
-        (lambda: Tracker(np.inf), "sigma: expected a finite number of at least 0, got inf"),
-        (lambda: Tracker(1e-5, -1.0), "sigma_rotation: expected a finite number .* got -1"),
+        (lambda: IsotropicTracker(-1e-6), "sigma: expected a finite number of at least 0, got -1e-06"),
+        (lambda: IsotropicTracker(np.inf), "sigma: expected a finite number of at least 0, got inf"),
+        (lambda: IsotropicTracker(1e-5, -1.0), "sigma_rotation: expected a finite number .* got -1"),
         (
-            lambda: read_orientations(Tracker(1e-5), np.eye(3)[None], np.random.default_rng(12)),
+            lambda: read_orientations(IsotropicTracker(1e-5), np.eye(3)[None], np.random.default_rng(12)),
             "expected a sigma_rotation to read orientations, got None",
         ),
     ],
@@ -64,7 +70,7 @@ BEAM = (TARGET - STATION) / 5.0
 
 
 def test_laser_tracker_is_sharp_along_the_beam_and_blunt_across():
-    C = LaserTracker(STATION, share=1.0).covariance(TARGET)
+    C = LaserTracker(STATION, mpe_fraction=1.0).covariance(TARGET)
     across = np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(BEAM @ C @ BEAM, (10e-6 + 5 * 0.3e-6) ** 2)
     np.testing.assert_allclose(across @ C @ across, (15e-6 + 5 * 6e-6) ** 2)
@@ -93,7 +99,7 @@ def test_the_last_digit_of_a_position_does_not_move_its_reading():
 def test_precision_of_a_deflection_is_the_inverse_of_both_covariances():
     tracker, after = LaserTracker(STATION), TARGET - np.array([0.0, 0.0, 0.005])
     both = tracker.covariance(TARGET) + tracker.covariance(after)
-    np.testing.assert_allclose(precision(tracker, TARGET, after) @ both, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(deflection_precision(tracker, TARGET, after) @ both, np.eye(3), atol=1e-9)
 
 
 def test_drift_moves_all_targets_of_a_run_as_one_body():

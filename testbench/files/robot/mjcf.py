@@ -35,7 +35,14 @@ from testbench.files.robot.robot import (
     substitute_limits,
 )
 from testbench.plant.build import COMPILE_ERRORS, MAX_HULL_CORNERS
-from testbench.plant.shapes import GEOM_KINDS, convex_hull_vertices, decimate, geom_rgba, hull_of, rotation_of
+from testbench.plant.shapes import (
+    GEOM_KINDS,
+    convex_hull,
+    convex_hull_vertices,
+    decimate,
+    geom_rgba,
+    rotation_from_quaternion,
+)
 from testbench.plant.site import VISUAL_GROUPS, body_name
 
 KEPT = frozenset(
@@ -198,7 +205,7 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
                 spec.delete(geom)
             spec.delete(mesh)
             continue
-        if hull_of(imported_mesh.outer) is None:  # MuJoCo needs to know that it is flat
+        if convex_hull(imported_mesh.outer) is None:  # MuJoCo needs to know that it is flat
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         mesh.file, mesh.content_type = f"{len(found)}.stl", ""
         found[mesh.file] = stl_bytes(*decimate(imported_mesh.vertices, imported_mesh.faces, MAX_FACES))
@@ -287,7 +294,7 @@ def _filled(
     """Add mass, shapes and sites to a body, relative to an origin in MuJoCo's body."""
     mass = float(model.body_mass[b])
     mass = mass if mass > NOTHING else 0.0
-    axes = rotation_of(model.body_iquat[b])
+    axes = rotation_from_quaternion(model.body_iquat[b])
     sites = [s for s in range(model.nsite) if model.site_bodyid[s] == b and model.site(s).name]
     geoms = np.flatnonzero(model.geom_bodyid == b).tolist()
     return replace(
@@ -322,4 +329,4 @@ def _shape(
 
 
 def _pose(position: Array, quat: Array) -> Array:
-    return pose_of(rotation_of(quat), position)
+    return pose_of(rotation_from_quaternion(quat), position)

@@ -39,7 +39,14 @@ from testbench.files.robot.robot import (
     visible_shapes,
 )
 from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
-from testbench.plant.shapes import PLAUSIBLE_DENSITY, Faces, Surface, convex_hull_vertices, decimate, hull_of
+from testbench.plant.shapes import (
+    PLAUSIBLE_DENSITY,
+    Faces,
+    Surface,
+    convex_hull,
+    convex_hull_vertices,
+    decimate,
+)
 from testbench.plant.site import compute_contacts
 from testbench.runs.whole import whole_files
 
@@ -115,7 +122,7 @@ def _implausible_masses(bodies: Sequence[Body]) -> list[Note]:
 def _integrals(shapes: Sequence[ImportedShape]) -> Weighed:
     """Compute volume, centroid and inertia at unit density of the hulls of colliding or drawn shapes."""
     chosen = [s for s in shapes if s.collides] or shapes
-    return combined([integrals(hull) for s in chosen if (hull := hull_of(s.cloud))])
+    return combined([integrals(hull) for s in chosen if (hull := convex_hull(s.cloud))])
 
 
 DRAWN_FACES = 1500
@@ -161,7 +168,7 @@ def _area(vertices: Array, faces: Faces) -> float:
 def _small(surface: Surface, most: int) -> Surface:
     """Reduce a surface to few faces: thinned directly, or on a coarser grid first where parts are loose."""
     if len(surface[1]) > MIN_FACES and not _sound(surface[1]):
-        surface = hull_of(convex_hull_vertices(surface[0])) or surface
+        surface = convex_hull(convex_hull_vertices(surface[0])) or surface
     thin = decimate(*surface, most)
     for cells in GRID:
         if len(thin[1]) <= THIN_ENOUGH * most:
@@ -198,9 +205,9 @@ def _hulls(shapes: Sequence[ImportedShape]) -> list[Surface]:
         clouds = [np.concatenate(clouds)]
     found = []
     for cloud in clouds:
-        hull = hull_of(cloud)
+        hull = convex_hull(cloud)
         if hull and len(hull[1]) > HULL_FACES:
-            hull = hull_of(decimate(*hull, HULL_FACES)[0])
+            hull = convex_hull(decimate(*hull, HULL_FACES)[0])
         if hull:
             found.append(hull)
     return found

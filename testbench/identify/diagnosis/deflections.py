@@ -51,7 +51,7 @@ from testbench.model.vjm import Vjm, marker_positions
 USUAL_BACKLASH, USUAL_STIFFENING = 6e-5, 200.0
 """Half width of a sound joint's backlash or friction [rad, m], and its stiffening per radian [1/rad].
 
-Both are a little larger than in `plant.disturbance.TYPICAL`."""
+Both are a little larger than in `plant.disturbance.TYPICAL_DISTURBANCES`."""
 MIN_GAIN, MIN_GAIN_OF_RUN, MIN_GAIN_OF_ALL_LOADS = 7.0, 12.0, 20.0
 """Least log-likelihood gain of an issue [nats]: of a mistake with a size, of one in a single run or load
 level, and of one that changes all loads, such as exchanged axes."""

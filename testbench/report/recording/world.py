@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
-from testbench.plant.shapes import BodyFrames, Shape, join_meshes, quaternions, visual_shapes
+from testbench.plant.shapes import BodyFrames, Shape, join_meshes, quaternions_from_rotations, visual_shapes
 from testbench.report.colours import GREY, MEASURED, SCALE, Colour
 from testbench.report.markdown import Markdown, as_markdown, place
 from testbench.report.recording.stream import Pen, snake, text_view
@@ -45,7 +45,7 @@ def write_arm(pen: Pen, cell: Cell, root: str, rigid: BodyFrames, bent: BodyFram
     A ghost of another body would flicker through its surface.
     """
     pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    names, shapes = cell.room.names, visual_shapes(cell.room)
+    names, shapes = cell.room.body_names, visual_shapes(cell.room)
     hidden, moving = {cell.arm.load_point, *cell.arm.markers}, [] if bent is None else _moving(rigid, bent)
     for body in sorted({shape.body for shape in shapes}):
         if names[body] in hidden:  # drawn by their roles
@@ -61,7 +61,7 @@ def write_arm(pen: Pen, cell: Cell, root: str, rigid: BodyFrames, bent: BodyFram
 
 
 def _write_frames(pen: Pen, path: str, frames: BodyFrames, body: int) -> None:
-    turns = quaternions(frames.rotations[:, body])
+    turns = quaternions_from_rotations(frames.rotations[:, body])
     pen.rows(path, rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns))
 
 
@@ -82,12 +82,12 @@ def _solids(shapes: Sequence[Shape], colour: Colour | None) -> list[rr.AsCompone
     solids: list[rr.AsComponents] = []
     for kind in dict.fromkeys(shape.kind for shape in shapes):
         own = [shape for shape in shapes if shape.kind == kind]
-        size, centre = np.array([s.size for s in own]), np.array([s.position for s in own])
+        size, centre = np.array([s.half_sizes for s in own]), np.array([s.centre for s in own])
         R = np.array([s.rotation for s in own])
         radius = size[:, 0]
         length = 2 * size[:, 2]
         look: dict[str, Any] = {
-            "quaternions": quaternions(R),
+            "quaternions": quaternions_from_rotations(R),
             "colors": [colour or _grey(s.rgba) for s in own],
             "fill_mode": FillMode.Solid,
         }
@@ -209,7 +209,7 @@ def _write_ellipsoids(rows: Pen, path: str, at: Array, semi_axes: Array, colour:
     net = rr.Ellipsoids3D(
         centers=at,
         half_sizes=sizes,
-        quaternions=quaternions(turns),
+        quaternions=quaternions_from_rotations(turns),
         colors=colour,
         fill_mode=FillMode.MajorWireframe,
         line_radii=-0.5,
@@ -247,7 +247,7 @@ def _parts(layer: Layer, at: Array, to: Array) -> tuple[Any, dict[str, Array]]:
     if layer.kind == "arrows":
         return rr.Arrows3D, {"origins": at, "vectors": to - at}
     if layer.kind == "cylinders":
-        turns, length = quaternions(frames_along(to - at)), np.linalg.norm(to - at, axis=1)
+        turns, length = quaternions_from_rotations(frames_along(to - at)), np.linalg.norm(to - at, axis=1)
         radii = np.full(len(at), layer.radius)
         return rr.Cylinders3D, {
             "centers": (at + to) / 2,

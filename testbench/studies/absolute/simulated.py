@@ -46,8 +46,8 @@ from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import GearErrors
-from testbench.plant.tracker import Tracker, read_positions
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.tracker import IsotropicTracker, read_positions
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report import colours
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, Look, look
@@ -109,7 +109,7 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
         n[:, there] = gears.sine[orders[there] - 1].T
         n[:, len(orders) + there] = gears.cosine[orders[there] - 1].T
         if state.error_terms.ratio:
-            n[:, 2 * len(orders)] = gears.ratio
+            n[:, 2 * len(orders)] = gears.ratio_error
     return replace(state, theta_0=theta_0, error_coefficients=n, C_theta=truth.C_theta)
 
 
@@ -184,7 +184,9 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     """
     vjm, disturbances = found.state.vjm, truth.arm.disturbances
     assert disturbances.geometry is not None
-    errors = JointErrorTerms(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
+    errors = JointErrorTerms(
+        tuple(range(1, 1 + (disturbances.gear_errors.max_order if disturbances.gear_errors else 0)))
+    )
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
     kinds = evidence.GEOMETRY_ERROR_KINDS | ({"harmonics"} if errors.orders else frozenset())
     active = activate_unknowns(
@@ -193,11 +195,11 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     true = true_state(with_error_terms(found.state, errors), truth)
     reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARED_LOSS), found.series)
     sizes = {
-        "geometry shift": disturbances.geometry.position,
+        "geometry shift": disturbances.geometry.position_sigma,
         "geometry turn": float(
-            np.hypot(disturbances.geometry.angle, disturbances.sensor_offset / np.sqrt(3))
+            np.hypot(disturbances.geometry.angle_sigma, disturbances.joint_offset_sigma / np.sqrt(3))
         ),
-        "harmonics": disturbances.gear.sigma if disturbances.gear else 0.0,
+        "harmonics": disturbances.gear_errors.sigma if disturbances.gear_errors else 0.0,
     }
     deviation = np.full(unknowns.size, np.inf)
     for kind, own in unknowns.prior_groups:
@@ -304,13 +306,13 @@ TRUE_ARMS: Mapping[str, tuple[str, AbsoluteCampaign]] = {
     ),
     NO_GEARS: (
         "the same without joint errors",
-        AbsoluteCampaign(disturbances=replace(REAL_ARM, gear=None)),
+        AbsoluteCampaign(disturbances=replace(REAL_ARM, gear_errors=None)),
     ),
     JOINTS_ONLY: ("joint errors, but links that do not bend", AbsoluteCampaign()),
     KINDER: (
         "joint errors of 10 urad up to order 10, readings of 20 um",
         AbsoluteCampaign(
-            sigma=20e-6, disturbances=replace(REAL_ARM, gear=GearErrors(sigma=10e-6, orders=10))
+            sigma=20e-6, disturbances=replace(REAL_ARM, gear_errors=GearErrors(sigma=10e-6, max_order=10))
         ),
     ),
     NASTIER: (
@@ -321,7 +323,7 @@ TRUE_ARMS: Mapping[str, tuple[str, AbsoluteCampaign]] = {
             outliers=0.02,
             disturbances=replace(
                 REAL_ARM,
-                gear=GearErrors(sigma=60e-6, orders=60, ratio=1e-4),
+                gear_errors=GearErrors(sigma=60e-6, max_order=60, ratio_sigma=1e-4),
                 stiffening=0.1,
                 backlash=5e-5,
                 hysteresis=3e-5,
@@ -460,7 +462,10 @@ def _rows(cell: Cell, asked: AbsoluteTrial, seed: int) -> Iterator[AbsoluteFitRo
 
     The arm, its frames and its poses are the same in all that is asked of a seed.
     """
-    own, (_, true) = true_cell(cell, true_arm_of_seed(FAMILY, seed // 2), seed), TRUE_ARMS[asked.true_arm]
+    own, (_, true) = (
+        true_cell(cell, true_arm_of_seed(FAMILY_NAME, seed // 2), seed),
+        TRUE_ARMS[asked.true_arm],
+    )
     if asked.true_arm == JOINTS_ONLY:
         arm = own.plant.arm
         links = tuple(replace(link, compliance=STIFF * link.compliance) for link in arm.links)
@@ -530,7 +535,7 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
         True position minus the model's, base axes, (rows, m, 3) [m], and which readings lie in their 95 %
         ellipsoid, (rows, m).
     """
-    read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
+    read = replace(true, position=read_positions(IsotropicTracker(true.sigma, None), true.position, rng))
     left, covariance = predict_series(calibration.model(), _with_frame_of(calibration, read), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))

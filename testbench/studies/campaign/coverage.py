@@ -29,7 +29,7 @@ from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHOD_NAMES, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.runs.rows import trial_rng
 from testbench.studies.intervals import bootstrap, resampler
 from testbench.workflows.campaign import FullPose, Scenario, Truth, simulate, simulate_full_pose, true_cell
@@ -205,7 +205,7 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     Yields:
         The intervals of every truth and prior.
     """
-    arm = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
+    arm = true_cell(cell, true_arm_of_seed(FAMILY_NAME, seed), seed)
     for (truth, name), words in TRIED.items():
         campaign = simulate(arm, Scenario(arm=cell.arm.name, truth=truth, workspace_poses=CHECKS), seed)
         data = campaign.truth

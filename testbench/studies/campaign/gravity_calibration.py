@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from testbench.arm.folder import find_arm
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report.badge import drawn, ratios_of
 from testbench.report.colours import look_of
 from testbench.report.figure import Figure, forest, ranked
@@ -49,7 +49,7 @@ class CalibrationSettings:
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign.
-    true_arm: str = FAMILY  #: A name of `FAMILY_TRUE_ARMS`, or all of them in turn.
+    true_arm: str = FAMILY_NAME  #: A name of `FAMILY_TRUE_ARMS`, or all of them in turn.
     first: int = 1  #: The first seed: its errors are kept pose by pose.
     magnification: float = 50.0  #: Of the drawn deflections [1].
 

@@ -13,8 +13,8 @@ from testbench.errors import Array
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
-from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, Tracker
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, IsotropicTracker
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
 from testbench.report.schema import columns
@@ -58,7 +58,7 @@ UNCERTAINTY = 0.3  #: Of the prior that the choice of directions counts with [1]
 class Options:
     """Hold the flags of the study."""
 
-    true_arm: TrueArmFlag = FAMILY
+    true_arm: TrueArmFlag = FAMILY_NAME
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Settings:
     first: int  #: The first seed.
     poses: tuple[int, ...] = POSES
     workspace: int = 100  #: Poses in which the models are judged.
-    true_arm: str = FAMILY  #: One of FAMILY_TRUE_ARMS, or the family in turn.
+    true_arm: str = FAMILY_NAME  #: One of FAMILY_TRUE_ARMS, or the family in turn.
     arm: str = ARM
 
 
@@ -102,7 +102,7 @@ def _directions(cell: Cell, q: Array, around: Array, mass: float, count: int) ->
     scaling, hung = scale_by_prior(cad_prior(cell.arm), cell.vjm, all153(cell.arm)), weight(cell.vjm, mass)
     setup = MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, Gauge.sigma)
     spec = Specification(setup, (hung,), Tasks(around, hung), around, UNCERTAINTY, len(q))
-    problem, gauges = candidate_set(spec, q).problem, Gauges(count, Gauge.sigma, Gauge.tilt)
+    problem, gauges = candidate_set(spec, q).problem, Gauges(count, Gauge.sigma, Gauge.tilt_sigma)
     rows = gauge_rows(spec, q, np.zeros(len(q), dtype=int), gauges, problem.lift)
     chosen = choose_gauges(rows, problem, criterion_of("I", problem, workspace_rows(spec)), gauges)
     found = np.zeros((len(q), len(cell.arm.markers), 3))
@@ -126,7 +126,7 @@ def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, l
     three, one = (_directions(cell, q, around, mass, count) for count in (len(markers), 1))
     wires = [Mounted(DRAW_WIRE, name, fixed=at) for name, at in zip(markers, ANCHORS, strict=True)]
     mounted = (
-        [Mounted(Tracker(50e-6))],
+        [Mounted(IsotropicTracker(50e-6))],
         [Mounted(PROBE)],
         [Mounted(CAMERA)],
         [Mounted(Gauge(), name, three[:, k]) for k, name in enumerate(markers)],

@@ -16,9 +16,16 @@ import typer
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
+from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL_DISTURBANCES, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
-from testbench.plant.true_arms import FAMILY, HELD_OUT, disturb, exactly_loaded, true_arm_of_seed, true_arms
+from testbench.plant.true_arms import (
+    FAMILY_NAME,
+    HELD_OUT_TRUE_ARMS,
+    disturb,
+    true_arm_of_seed,
+    true_arms,
+    with_exact_load,
+)
 from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
 from testbench.report.schema import true_arm_label
@@ -53,13 +60,13 @@ SWITCHES: Mapping[str, str] = {
     "own weight": "own_weight",
     PLAIN_COMPENSATOR: "compensator",
     "nominal geometry": "geometry",
-    "joint sensors": "sensor_offset",
+    "joint sensors": "joint_offset_sigma",
     "payload mass": "mass_error",
-    "payload centre": "centre_error",
+    "payload centre": "load_point_sigma",
     "stiffening joints": "stiffening",
     "backlash": "backlash",
     "hysteresis": "hysteresis",
-    "soft foundation": "foundation",
+    "soft foundation": "foundation_factor",
 }
 """The field of Disturbances that each case switches on; their sizes are in docs/studies/model_error.md."""
 
@@ -78,7 +85,7 @@ class DisturbanceOptions:
         float, typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise of a reading, per axis.")
     ] = 50.0
     arm: ArmFlag = "kr500_l480"
-    true_arm: TrueArmFlag = FAMILY
+    true_arm: TrueArmFlag = FAMILY_NAME
     arms: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Also fit this true arm; repeatable (default: all)."),
@@ -99,21 +106,21 @@ class DisturbanceSettings:
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 100  #: Poses in which the models are judged.
     only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
-    true_arm: str = FAMILY  #: One of FAMILY_TRUE_ARMS, or the family in turn.
-    arms: tuple[str, ...] = ()  #: Beside it, of HELD_OUT.
+    true_arm: str = FAMILY_NAME  #: One of FAMILY_TRUE_ARMS, or the family in turn.
+    arms: tuple[str, ...] = ()  #: Beside it, of HELD_OUT_TRUE_ARMS.
     sizes: tuple[float, ...] = ()  #: In which it is disturbed in every way too, over those of the cases [1].
 
 
 def _settings(options: DisturbanceOptions, quick: bool, seeds: range) -> DisturbanceSettings:
     """Make the settings of the flags; BenchError for a disturbance or a true arm that does not exist."""
     disturbances(options.scale, options.only or ())
-    arms, sizes = tuple(options.arms or HELD_OUT), tuple(options.sizes or SIZES)
+    arms, sizes = tuple(options.arms or HELD_OUT_TRUE_ARMS), tuple(options.sizes or SIZES)
     for name in arms:
         if name not in kinds_held_out():
             raise BenchError(f"--arms: expected some of {', '.join(kinds_held_out())}, got {name!r}")
     workspace = QUICK_WORKSPACE if quick else DisturbanceSettings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
-    alone = options.true_arm != FAMILY and options.arms is None
+    alone = options.true_arm != FAMILY_NAME and options.arms is None
     return DisturbanceSettings(
         options.arm,
         seeds[0],
@@ -129,7 +136,7 @@ def _settings(options: DisturbanceOptions, quick: bool, seeds: range) -> Disturb
 
 def kinds_held_out() -> list[str]:
     """Name the kinds of true arms that are not of the family: ours, and those that users add."""
-    return [*HELD_OUT, *true_arms.added]
+    return [*HELD_OUT_TRUE_ARMS, *true_arms.added]
 
 
 def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
@@ -147,11 +154,13 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
     for name in only:
         if name not in SWITCHES:
             raise BenchError(f"no disturbance {name!r}; disturbances are {', '.join(SWITCHES)}")
-    geometry = TYPICAL.geometry
+    geometry = TYPICAL_DISTURBANCES.geometry
     if geometry is not None:
-        geometry = replace(geometry, position=scale * geometry.position, angle=scale * geometry.angle)
-    sizes = {field: scale * size for field, size in vars(TYPICAL).items() if type(size) is float}
-    fields = {**vars(TYPICAL), **sizes, "geometry": geometry}
+        geometry = replace(
+            geometry, position_sigma=scale * geometry.position_sigma, angle_sigma=scale * geometry.angle_sigma
+        )
+    sizes = {field: scale * size for field, size in vars(TYPICAL_DISTURBANCES).items() if type(size) is float}
+    fields = {**vars(TYPICAL_DISTURBANCES), **sizes, "geometry": geometry}
     values = {name: {SWITCHES[name]: fields[SWITCHES[name]]} for name in only or SWITCHES}
     alone = {name: Disturbances(**value) for name, value in values.items()}
     stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
@@ -251,9 +260,9 @@ def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> t
     """
     true = disturb(cell.plant, own, trial_rng(seed, 20))
     found = []
-    for arm, runs in ((true, campaign.identification), (exactly_loaded(true), campaign.truth)):
+    for arm, runs in ((true, campaign.identification), (with_exact_load(true), campaign.truth)):
         before, after = solve_unloaded_and_loaded(arm, runs.q, runs.wrench, runs.point)
-        found.append(replace(runs, before=before.markers, after=after.markers))
+        found.append(replace(runs, before=before.marker_positions, after=after.marker_positions))
     return found[0], found[1]
 
 

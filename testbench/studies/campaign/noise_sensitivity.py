@@ -17,8 +17,8 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
-from testbench.plant.tracker import TYPICAL_MPE_SHARE, LaserTracker, precision, read_positions
-from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.plant.tracker import TYPICAL_MPE_FRACTION, LaserTracker, deflection_precision, read_positions
+from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, matched
@@ -119,8 +119,8 @@ def readings(
         plain = _by_laser(clean, tracker, seed)
         yield WEIGHTED, distance, plain
         yield UNWEIGHTED, distance, _unweighted(plain)
-        yield "weighted, maximum errors", distance, _by_laser(clean, replace(tracker, share=1.0), seed)
-        averaged = _by_laser(clean, replace(tracker, share=TYPICAL_MPE_SHARE / np.sqrt(3)), seed)
+        yield "weighted, maximum errors", distance, _by_laser(clean, replace(tracker, mpe_fraction=1.0), seed)
+        averaged = _by_laser(clean, replace(tracker, mpe_fraction=TYPICAL_MPE_FRACTION / np.sqrt(3)), seed)
         yield "weighted, 3 readings averaged", distance, averaged
         yield "weighted, frame drifts", distance, _by_laser(clean, tracker, seed, drifts=True)
         yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)
@@ -133,8 +133,8 @@ def _by_laser(clean: Dataset, tracker: LaserTracker, seed: int, *, drifts: bool 
     rng = trial_rng(seed, 1)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     if drifts:
-        after = drifted(after, tracker.station, trial_rng(seed, 2))
-    return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
+        after = drifted(after, tracker.position, trial_rng(seed, 2))
+    return replace(clean, before=before, after=after, precision=deflection_precision(tracker, before, after))
 
 
 def _unweighted(data: Dataset) -> Dataset:
@@ -174,7 +174,7 @@ class NoiseOptions:
     sigma_um: Annotated[
         list[float] | None, typer.Option(metavar="UM", help="Noise per axis, beside 0; repeatable.")
     ] = None
-    true_arm: TrueArmFlag = FAMILY
+    true_arm: TrueArmFlag = FAMILY_NAME
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class NoiseSettings:
     gravity_trials: int = 200  #: So many of the trials have the gravity part too.
     instrument_trials: int = 100  #: So many have the part of the instruments.
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)  #: Of the tracker from the work area [m].
-    true_arm: str = FAMILY  #: One of FAMILY_TRUE_ARMS, or the family in turn.
+    true_arm: str = FAMILY_NAME  #: One of FAMILY_TRUE_ARMS, or the family in turn.
 
 
 def _settings(options: NoiseOptions, quick: bool, seeds: range) -> NoiseSettings:

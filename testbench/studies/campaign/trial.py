@@ -19,7 +19,7 @@ from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import Constraint, DeflectionErrors, Estimate, deflections_of_models, score
 from testbench.identify.posterior import CONFIDENCE, intervals
-from testbench.plant.tracker import Tracker, read_orientations, read_positions
+from testbench.plant.tracker import IsotropicTracker, read_orientations, read_positions
 from testbench.runs.spread import Share
 from testbench.studies.study import plain_models, without_cone
 from testbench.workflows.advice import fit_row
@@ -280,7 +280,7 @@ def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
     Returns:
         The readings.
     """
-    tracker = Tracker(sigma, ANGLE_PER_LENGTH * sigma)
+    tracker = IsotropicTracker(sigma, ANGLE_PER_LENGTH * sigma)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     data = replace(clean, before=before, after=after, sigma=sigma or WEIGHT)
     if clean.rotation_before is None or clean.rotation_after is None:

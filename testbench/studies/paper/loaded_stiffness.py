@@ -133,7 +133,10 @@ def _hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> l
     point = np.tile(cell.vjm.load_point, (len(q), 1))
     predicted, rows = _predict(cell, q, wrench, point), []
     for truth, plant in plants.items():
-        moved = solve_equilibrium(plant, q, wrench, point).tool - solve_equilibrium(plant, q).tool
+        moved = (
+            solve_equilibrium(plant, q, wrench, point).tool_positions
+            - solve_equilibrium(plant, q).tool_positions
+        )
         every = predicted | {"joints": joints_alone(cell, q, wrench, point, moved)}
         rows += [
             PoseRow(
