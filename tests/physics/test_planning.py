@@ -217,7 +217,7 @@ def with_compliance(plant, C_theta):
     """The plant with other springs, for its linear truth."""
     C = np.zeros_like(plant.C_qpos)
     C[np.ix_(plant.theta_indices, plant.theta_indices)] = C_theta
-    return replace(plant, C=C)
+    return replace(plant, C_qpos=C)
 
 
 @pytest.mark.study
