@@ -29,8 +29,8 @@ MAX_BASE_ROTATION, MAX_BASE_SHIFT = math.radians(0.5), 0.01
 """Rotation [rad] and translation [share of the arm's reach] below which a frame counts as the arm's base.
 
 Readings in base axes of a heavy arm with `plant.disturbance.TYPICAL_DISTURBANCES` fit frames rotated by up to
-0.35 deg and moved by 15 mm at a reach of 2.5 m; without errors, by 0.13 deg and 4 mm because of own weight (30
-campaigns, KR 500).
+0.35 deg and moved by 15 mm at a reach of 2.5 m; without errors, by 0.13 deg and 4 mm because of own weight
+(30 campaigns, KR 500).
 """
 MAX_TARGET_SHIFT = 0.005
 """Distance of a target from its nominal position beyond which the fitted position replaces it, for readings
