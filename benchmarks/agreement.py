@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from measure import MODELS, Row, at_most, note
-from programs import NASTY, random_regression, with_random_prior
+from programs import NASTY, random_prior, random_regression
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
-from testbench.identify.prior import PriorUncertainty, RegressionWithPrior, cad_prior, rows_with_prior
-from testbench.identify.regression import reduce
+from testbench.identify.prior import PriorUncertainty, WeightedPrior, cad_prior, rows_with_prior
+from testbench.identify.regression import Regression, reduce
 from testbench.identify.solve import METHOD_NAMES, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
 from testbench.workflows.campaign import Scenario, simulate
@@ -45,9 +45,10 @@ def agreement_with_the_referee() -> list[Row]:
         rng = np.random.default_rng(SEED)
         found, least = [], []
         for kind in each:
-            case = with_random_prior(random_regression(kind, rng), 10 ** rng.uniform(-6, 3), rng)
-            found.append(compared(case))
-            least.append(least_squares_off(case))
+            regression = random_regression(kind, rng)
+            weighted_prior = random_prior(regression.structure, 10 ** rng.uniform(-6, 3), rng)
+            found.append(compared(regression, weighted_prior))
+            least.append(least_squares_off(regression, weighted_prior))
         rows += rows_of(f"{len(each)} {name} datasets with a prior", found)
         title = f"(h) {len(each)} {name} datasets with a prior: least squares off"
         rows.append(
@@ -68,7 +69,7 @@ def predictions_off() -> list[Row]:
                 method = with_prior(gco, cad_prior(cell.arm), PriorUncertainty(uncertainty))
                 weighted_prior = method(cell.vjm, structure, campaign.identification).weighted_prior
                 assert weighted_prior is not None
-                found.append(moved(cell, RegressionWithPrior(regression, weighted_prior), campaign.truth))
+                found.append(moved(cell, regression, weighted_prior, campaign.truth))
     whole = [one.mm for one in found if one.solved]
     left = [one for one in found if not one.solved]
     behind = f"median {np.median(whole):.1g} mm; Clarabel solves {len(whole)} of {len(found)} to {SHARP:g}"
@@ -89,16 +90,16 @@ class Moved:
     over: float  #: Our cost over Clarabel's, relative to that of no model [1].
 
 
-def moved(cell: Cell, case: RegressionWithPrior, truth: Dataset) -> Moved:
+def moved(cell: Cell, regression: Regression, weighted_prior: WeightedPrior, truth: Dataset) -> Moved:
     """Solve a fit by both; Clarabel minimises the squares, which are sharper than their norm."""
-    scaling = case.prior.scaling
-    M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
-    own, sharp = solve_with_prior("psd", case).pi, squares_by_clarabel(M, r, scaling.block_orders)
+    scaling = weighted_prior.scaling
+    M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
+    own = solve_with_prior("psd", regression, weighted_prior).pi
+    sharp = squares_by_clarabel(M, r, scaling.block_orders)
     x = [np.linalg.solve(scaling.L, own), sharp.x[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     estimates = (
-        make_estimate(case.regression, scaling.L @ one, method=METHOD_NAMES["psd"], constraint="none")
-        for one in x
+        make_estimate(regression, scaling.L @ one, method=METHOD_NAMES["psd"], constraint="none") for one in x
     )
     apart = np.subtract(*(deflections(cell.vjm, own, truth) for own in estimates))
     farthest = 1e3 * float(np.linalg.norm(apart, axis=-1).max())
@@ -134,18 +135,22 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
     ]
 
 
-def compared(case: RegressionWithPrior) -> Compared:
+def compared(regression: Regression, weighted_prior: WeightedPrior) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
-    own, other = solve_with_prior("psd", case), solve_by_reference("psd", case)
-    M, r = rows_with_prior(case.regression, case.prior.scaling, case.prior.uncertainty)
-    x = [np.linalg.solve(case.prior.scaling.L, pi) for pi in (own.pi, other.pi)]
+    own = solve_with_prior("psd", regression, weighted_prior)
+    other = solve_by_reference("psd", regression, weighted_prior)
+    M, r = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
+    x = [np.linalg.solve(weighted_prior.scaling.L, pi) for pi in (own.pi, other.pi)]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     unit, best = float(np.linalg.norm(r)), x[int(np.argmin(costs))]
     return Compared(own.by_our_solver, (costs[0] - costs[1]) / unit, float(np.linalg.norm(M @ (x[0] - best))))
 
 
-def least_squares_off(case: RegressionWithPrior) -> float:
+def least_squares_off(regression: Regression, weighted_prior: WeightedPrior) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
-    M, _ = rows_with_prior(case.regression, case.prior.scaling, case.prior.uncertainty)
-    apart = solve_with_prior("none", case).pi - solve_by_reference("none", case).pi
-    return float(np.linalg.norm(M @ np.linalg.solve(case.prior.scaling.L, apart)))
+    M, _ = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
+    apart = (
+        solve_with_prior("none", regression, weighted_prior).pi
+        - solve_by_reference("none", regression, weighted_prior).pi
+    )
+    return float(np.linalg.norm(M @ np.linalg.solve(weighted_prior.scaling.L, apart)))

@@ -7,7 +7,6 @@ from testbench.errors import Array
 from testbench.identify.conic import solve_gco
 from testbench.identify.prior import (
     PriorUncertainty,
-    RegressionWithPrior,
     WeightedPrior,
     cad_prior,
     rescale_to_data,
@@ -47,12 +46,12 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
     rows: list[Row] = []
     prior = rescale_to_data(scale_by_prior(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
     for u, bar in BARS.items():
-        cases = [
-            RegressionWithPrior(regression, WeightedPrior(prior, PriorUncertainty(u)))
-            for regression in regressions
-        ]
-        [together] = interleave(REPEATS, lambda c=cases: [solve_with_prior("psd", case) for case in c])  # type: ignore[misc]
-        own = [solve_by_reference("psd", case).seconds for case in cases[:ALONE]]
+        weighted_prior = WeightedPrior(prior, PriorUncertainty(u))
+        [together] = interleave(
+            REPEATS,
+            lambda p=weighted_prior: [solve_with_prior("psd", r, p) for r in regressions],  # type: ignore[misc]
+        )
+        own = [solve_by_reference("psd", r, weighted_prior).seconds for r in regressions[:ALONE]]
         rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own, bar))
     return rows
 

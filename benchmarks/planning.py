@@ -4,18 +4,18 @@ import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, spread
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.design.criteria import Criterion, LinearCriterion, mean_square
-from testbench.design.exchange import MAX_SWEEPS, MIN_EXCHANGE_GAIN, Feasibility, exchange
+from testbench.design.criteria import Criterion, LinearCriterion, mean_square_weight
+from testbench.design.exchange import MAX_SWEEPS, MIN_EXCHANGE_GAIN, Feasibility, exchange_poses
 from testbench.design.planning import make_plan
 from testbench.design.rows import (
     DesignProblem,
     MeasurementSetup,
-    Specification,
+    PlanSpecification,
     Tasks,
     build_design_problem,
     information,
-    measured_rows,
     task_rows,
+    whitened_rows_by_load,
 )
 from testbench.errors import Array, Ids
 from testbench.identify.prior import cad_prior, scale_by_prior
@@ -30,14 +30,14 @@ BAR_POSES, BAR_CANDIDATES, BAR_EXCHANGE = MANY / FEW, 2.0, 2.0
 """Poses and candidates cost no more than in proportion, and the exchange half of trying everything."""
 
 
-def specification(poses: Array, count: int) -> Specification:
+def specification(poses: Array, count: int) -> PlanSpecification:
     """So many poses under a weight, for tasks among those given, (poses, n) [rad]."""
     cell = build_cell(MODELS / ARM)
     load = Load(np.array([0, 0, -WEIGHT * GRAVITY, 0, 0, 0]), cell.vjm.load_point)
     setup = MeasurementSetup(
         cell.vjm, scale_by_prior(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm)), cell.vjm.markers, 50e-6
     )
-    return Specification(setup, (load,), Tasks(poses[:TASKS], load), poses[:TASKS], 0.3, count)
+    return PlanSpecification(setup, (load,), Tasks(poses[:TASKS], load), poses[:TASKS], 0.3, count)
 
 
 def try_everything(problem: DesignProblem, criterion: Criterion, start: Ids) -> Ids:
@@ -47,7 +47,7 @@ def try_everything(problem: DesignProblem, criterion: Criterion, start: Ids) -> 
     for _ in range(MAX_SWEEPS):
         before = value
         for k in range(len(plan)):
-            reached = criterion.with_candidate(information(problem, np.delete(plan, k)), problem.rows)
+            reached = criterion.phi_with_candidate(information(problem, np.delete(plan, k)), problem.rows)
             if reached.max() > (1 + MIN_EXCHANGE_GAIN) * value:
                 plan[k], value = int(reached.argmax()), float(reached.max())
         if value == before:
@@ -70,13 +70,13 @@ def planning_of_many_poses() -> list[Row]:
         lambda: plan(FEW, 2 * CANDIDATES),
     )
     spec = specification(q, MANY)
-    rows = measured_rows(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
-    problem = build_design_problem(spec.setup, rows, spec.uncertainty)
-    criterion = LinearCriterion(mean_square(task_rows(spec) @ problem.lift))
+    rows = whitened_rows_by_load(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
+    problem = build_design_problem(spec.setup, rows, spec.prior_uncertainty)
+    criterion = LinearCriterion(mean_square_weight(task_rows(spec) @ problem.lift))
     start = np.random.default_rng(2).integers(0, CANDIDATES, MANY)
     fast, slow = interleave(
         REPEATS,
-        lambda: exchange(problem, criterion, problem.rows, start),
+        lambda: exchange_poses(problem, criterion, problem.rows, start),
         lambda: try_everything(problem, criterion, start),
     )
     alone = f"{spread(few)} s for {FEW} poses of {CANDIDATES}"

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from testbench.identify.prior import PriorScaling, PriorUncertainty, RegressionWithPrior, WeightedPrior
+from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import Regression, ResidualTerm, regression_from_terms
 from testbench.model.structure import Structure
 
@@ -73,11 +73,8 @@ def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> Res
     return ResidualTerm(R=T[:n, :n], z=T[:n, n], unexplained=float(T[n, n] ** 2), n_equations=rows)
 
 
-def with_random_prior(
-    regression: Regression, uncertainty: float, rng: np.random.Generator
-) -> RegressionWithPrior:
+def random_prior(s: Structure, uncertainty: float, rng: np.random.Generator) -> WeightedPrior:
     """A prior that has nothing to do with the truth."""
-    s = regression.structure
     row, column = s.upper_triangles
     L = np.zeros((s.n_parameters, s.n_parameters))
     L[s.parameter_of_entry, np.arange(s.n_parameters)] = np.where(
@@ -85,4 +82,4 @@ def with_random_prior(
     ) * 10 ** rng.uniform(-1, 1)
     one = np.where(row == column, 1.0, 0.0)
     scaling = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
-    return RegressionWithPrior(regression, WeightedPrior(scaling, PriorUncertainty(uncertainty)))
+    return WeightedPrior(scaling, PriorUncertainty(uncertainty))

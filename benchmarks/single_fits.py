@@ -9,7 +9,7 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.identify.method import gco, with_prior
-from testbench.identify.prior import PriorUncertainty, RegressionWithPrior, cad_prior
+from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.identify.regression import reduce
 from testbench.identify.solve import solve_by_reference
 from testbench.model.structure import Structure, all153, mgco68, template56
@@ -56,7 +56,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
         return lambda: [run() for _ in range(TIMES)]
 
     def alone() -> None:
-        own.append(solve_by_reference("psd", RegressionWithPrior(regression, weighted_prior)).seconds)
+        own.append(solve_by_reference("psd", regression, weighted_prior).seconds)
 
     times = interleave(
         REPEATS,

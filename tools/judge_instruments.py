@@ -23,10 +23,10 @@ import numpy as np
 from judge_arms import lines
 from threadpoolctl import threadpool_limits
 
-from testbench.design.criteria import criterion_of
-from testbench.design.exchange import Gauges, choose_poses_and_gauges, gauge_rows, greedy
+from testbench.design.criteria import criterion_by_name
+from testbench.design.exchange import Gauges, choose_poses_and_gauges, gauge_rows, greedy_plan
 from testbench.design.planning import candidate_set
-from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
+from testbench.design.rows import MeasurementSetup, PlanSpecification, Tasks, workspace_rows
 from testbench.errors import BenchError
 from testbench.identify.estimate import deflections, score
 from testbench.identify.prior import cad_prior, scale_by_prior
@@ -67,7 +67,7 @@ def plan(cell, scenario, uncertainty, sigma):
     hung = weight(cell.vjm, scenario.mass)
     around = clear_poses(cell, scenario.workspace, 200, rng)
     scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, all153(cell.arm))
-    spec = Specification(
+    spec = PlanSpecification(
         MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, TRACKER.sigma),
         (hung,),
         Tasks(around, hung),
@@ -76,14 +76,14 @@ def plan(cell, scenario, uncertainty, sigma):
         PLACES,
     )
     found = candidate_set(spec, clear_poses(cell, scenario.station, CANDIDATES, rng))
-    criterion = criterion_of("I", found.problem, workspace_rows(spec))
-    by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
+    criterion = criterion_by_name("I", found.problem, workspace_rows(spec))
+    by_tracker = found.q[greedy_plan(found.problem, criterion, found.problem.rows, PLACES)]
     gauges = Gauges(len(cell.arm.markers), sigma, GAUGE.tilt_sigma)
     rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
     chosen = choose_poses_and_gauges(rows, found.problem, criterion, gauges, PLACES)
     direction = np.zeros((PLACES, len(cell.arm.markers), 3))
     direction[np.arange(PLACES)[:, None], chosen.marker] = np.eye(3)[chosen.axis]
-    return by_tracker, found.q[chosen.pose], direction
+    return by_tracker, found.q[chosen.pose_index], direction
 
 
 def judge(cell, scenario, places, kind, seed, alike):

@@ -14,7 +14,7 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import mean_numbers_per_reading
 from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
-from testbench.identify.registration import MIN_POSES
+from testbench.identify.registration import MIN_REGISTRATION_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
 from testbench.report.markdown import Markdown
@@ -85,7 +85,9 @@ class CalibrateOptions:
     ] = False
     frame_poses: Annotated[
         int | None,
-        typer.Option(min=MIN_POSES, metavar="N", help="With --score: poses used only for the frame."),
+        typer.Option(
+            min=MIN_REGISTRATION_POSES, metavar="N", help="With --score: poses used only for the frame."
+        ),
     ] = None
     at_most: Annotated[
         float | None,

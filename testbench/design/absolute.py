@@ -29,7 +29,7 @@ FRAME_DEVIATION = 1.0
 """Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
 MIN_INFORMATION = 1e-3
 """Information of a plan of average poses, over the prior's, below which a direction counts as unseen [1]."""
-MIN_INFORMATION_LATER = 0.5
+MIN_FOLLOW_UP_INFORMATION = 0.5
 """Value of `MIN_INFORMATION` for a plan that follows earlier readings [1].
 
 It leaves about a quarter of a thousand unknowns: those about which further readings add enough information.
@@ -44,17 +44,23 @@ class AbsoluteSetup:
     state: ArmState  #: Arm with its unknowns at their expected values.
     L: Array  #: Unknowns per unit x of the prior, (size, r).
     #: Positions of one pose: a row per load in the order of reading, with targets and noise.
-    pose: Series
-    unmodelled: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
+    pose_readings: Series
+    unmodelled_joint_deviation: (
+        Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
+    )
     #: Threshold of information over the prior's, see `MIN_INFORMATION` [1].
     min_information: float = MIN_INFORMATION
     #: Distances and heights of one pose, which are read instead of positions, for every kind of pose; each of
     #: one target. Empty if the positions are read.
-    kinds: tuple[tuple[Series, ...], ...] = ()
+    readings_by_kind: tuple[tuple[Series, ...], ...] = ()
 
 
 def prior_covariance_root(
-    unknowns: Unknowns, scaling: PriorScaling, uncertainty: float, geometry: float, error: float
+    unknowns: Unknowns,
+    scaling: PriorScaling,
+    uncertainty: float,
+    geometry_deviation: float,
+    joint_error_deviation: float,
 ) -> Array:
     """Build a root L of the prior's covariance L L^T of all unknowns.
 
@@ -62,8 +68,8 @@ def prior_covariance_root(
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
         scaling: Units of the compliances' prior.
         uncertainty: Relative uncertainty of that prior [1].
-        geometry: Standard deviation of a geometric error along an axis and about one [m, rad].
-        error: Standard deviation of a coefficient of the joints' errors [rad, m].
+        geometry_deviation: Standard deviation of a geometric error along an axis and about one [m, rad].
+        joint_error_deviation: Standard deviation of a coefficient of the joints' errors [rad, m].
 
     Returns:
         L with unknowns = L x, block diagonal, (size, size).
@@ -71,38 +77,40 @@ def prior_covariance_root(
     d = np.full(unknowns.first_columns["elastic"], FRAME_DEVIATION)
     for name, sizes in unknowns.frame_deviations.items():
         d[unknowns.columns(f"frame {name}")] = sizes
-    d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
+    d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry_deviation, joint_error_deviation
     B, _ = prior_rows(scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
     return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, scaling.L.T).T))
 
 
-def series_in_poses(pose: Series, q: Array) -> Series:
+def series_in_poses(pose_readings: Series, q: Array) -> Series:
     """Build the series of readings that poses would give: one row per pose and load, readings still zero.
 
     Args:
-        pose: How one pose is read, a row per load.
+        pose_readings: How one pose is read, a row per load.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         The series, poses times loads rows.
     """
-    rows, times = len(q) * pose.n_rows, len(q)
+    rows, times = len(q) * pose_readings.n_rows, len(q)
     return replace(
-        pose,
+        pose_readings,
         row_id=np.arange(rows),
-        pose_id=np.arange(rows) // pose.n_rows,
-        q=np.repeat(q, pose.n_rows, axis=0),
-        wrench=np.tile(pose.wrench, (times, 1)),
-        point=np.tile(pose.point, (times, 1)),
-        position=np.zeros((rows, len(pose.markers), 3)),
-        precision=None if pose.precision is None else np.tile(pose.precision, (times, 1, 1, 1)),
-        rotation=None if pose.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
-        distance=None if pose.distance is None else np.tile(pose.distance, (times, 1)),
+        pose_id=np.arange(rows) // pose_readings.n_rows,
+        q=np.repeat(q, pose_readings.n_rows, axis=0),
+        wrench=np.tile(pose_readings.wrench, (times, 1)),
+        point=np.tile(pose_readings.point, (times, 1)),
+        position=np.zeros((rows, len(pose_readings.markers), 3)),
+        precision=None
+        if pose_readings.precision is None
+        else np.tile(pose_readings.precision, (times, 1, 1, 1)),
+        rotation=None if pose_readings.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
+        distance=None if pose_readings.distance is None else np.tile(pose_readings.distance, (times, 1)),
     )
 
 
-def measured_rows(
-    setup: AbsoluteSetup, q: Array, basis: Array | None = None, kind: Ids | None = None
+def whitened_rows(
+    setup: AbsoluteSetup, q: Array, basis: Array | None = None, pose_kind: Ids | None = None
 ) -> Array:
     """Compute whitened rows of poses per unit of x.
 
@@ -110,12 +118,12 @@ def measured_rows(
         setup: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
         basis: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
-        kind: Kind of every pose, (poses,); None if there is one.
+        pose_kind: Kind of every pose, (poses,); None if there is one.
 
     Returns:
         Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
     """
-    rows = (_whitened(setup, *batch) for batch in _batches(q, kind))
+    rows = (_whitened(setup, *batch) for batch in _batches(q, pose_kind))
     if basis is None:
         return np.concatenate([whitened @ setup.L for whitened in rows])
     scale = setup.L @ basis
@@ -135,14 +143,16 @@ def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
     Returns:
         Rows, (poses, 3 loads m, r) [m].
     """
-    m = len(setup.pose.markers)
-    frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose.frame}")][:6]
+    m = len(setup.pose_readings.markers)
+    frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose_readings.frame}")][:6]
 
     def rows(batch: Array) -> Array:
-        A = series_equations(setup.unknowns, setup.state, series_in_poses(setup.pose, batch))[:m, :, :-1]
+        A = series_equations(setup.unknowns, setup.state, series_in_poses(setup.pose_readings, batch))[
+            :m, :, :-1
+        ]
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]))
 
-    if not setup.kinds:
+    if not setup.readings_by_kind:
         return np.concatenate([rows(batch) @ setup.L for batch, _ in _batches(q, None)])
     A = np.concatenate([rows(batch) for batch, _ in _batches(q, None)])
     Q = np.linalg.qr(A[:, :, frame].reshape(-1, 6))[0]
@@ -162,7 +172,7 @@ def scale_sensitivity(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Arra
     Returns:
         Scale, (r,) [m/m], and the RMS distance of a position from the middle of all [m].
     """
-    series = series_in_poses(setup.pose, q)
+    series = series_in_poses(setup.pose_readings, q)
     at = series_equilibrium(setup.state, series).chain.tool_points_in_world(setup.state.mount(series).points)
     off = at - at.reshape(-1, 3).mean(axis=0)
     return off.ravel() @ rows.reshape(-1, rows.shape[2]) / (off**2).sum(), float(
@@ -201,18 +211,20 @@ def prior_error_after_alignment(setup: AbsoluteSetup, rows: Array) -> float:
     return float(np.sqrt(3 * np.square(left).sum() / left[..., 0].size))
 
 
-def unmodelled_joint_error(setup: AbsoluteSetup, q: Array) -> Array:
+def unmodelled_displacement(setup: AbsoluteSetup, q: Array) -> Array:
     """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
 
     Args:
-        setup: The unknowns; `unmodelled` holds the joints' standard deviations.
+        setup: The unknowns, and the standard deviations of the joints' errors beyond the model.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    m = len(setup.pose.markers)
-    return np.asarray(np.sqrt(np.square(_joint_rows(setup, setup.pose, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
+    m = len(setup.pose_readings.markers)
+    return np.asarray(
+        np.sqrt(np.square(_joint_rows(setup, setup.pose_readings, q)[:, : 3 * m]).sum(axis=(1, 2)) / m)
+    )
 
 
 def sag(setup: AbsoluteSetup, q: Array) -> Array:
@@ -225,7 +237,7 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    series, state = series_in_poses(setup.pose, q), setup.state
+    series, state = series_in_poses(setup.pose_readings, q), setup.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
     bent, straight = (
@@ -236,17 +248,17 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
 
-def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None = None) -> CandidateSet:
+def candidate_set(setup: AbsoluteSetup, q: Array, n_poses: int, pose_kind: Ids | None = None) -> CandidateSet:
     """Compute the candidates of a plan, in the directions of the unknowns that such a plan can observe.
 
-    A direction counts as observed if the information of `poses` average candidates is more than
+    A direction counts as observed if the information of `n_poses` average candidates is more than
     `setup.min_information` of it.
 
     Args:
         setup: The unknowns and how a pose is read.
         q: Actuated joints, (candidates, n) [rad, m].
-        poses: Number of poses of the plan.
-        kind: Kind of every pose, (candidates,); None if there is one.
+        n_poses: Number of poses of the plan.
+        pose_kind: Kind of every pose, (candidates,); None if there is one.
 
     Returns:
         The candidates, one problem for all of them; their kinds are in place of loads.
@@ -255,18 +267,20 @@ def candidate_set(setup: AbsoluteSetup, q: Array, poses: int, kind: Ids | None =
         BenchError: When no direction is seen.
     """
     mean = np.zeros((setup.L.shape[1],) * 2)
-    for batch, own in _batches(q, kind):
-        A = measured_rows(setup, batch, kind=own).reshape(-1, len(mean))
+    for batch, own in _batches(q, pose_kind):
+        A = whitened_rows(setup, batch, pose_kind=own).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
     # directions in which the information of `poses` average candidates exceeds the threshold
     values, V = np.linalg.eigh(mean)
-    seen = poses * values > setup.min_information
+    seen = n_poses * values > setup.min_information
     if not seen.any():
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
-    rows = np.concatenate([measured_rows(setup, batch, kind=own) @ lift for batch, own in _batches(q, kind)])
+    rows = np.concatenate(
+        [whitened_rows(setup, batch, pose_kind=own) @ lift for batch, own in _batches(q, pose_kind)]
+    )
     problem = DesignProblem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
-    return CandidateSet(q, np.zeros(len(q), dtype=int) if kind is None else kind, problem)
+    return CandidateSet(q, np.zeros(len(q), dtype=int) if pose_kind is None else pose_kind, problem)
 
 
 def position_information(setup: AbsoluteSetup, q: Array) -> Array:
@@ -294,7 +308,7 @@ def _whitened(setup: AbsoluteSetup, q: Array, kind: Ids | None = None) -> Array:
 
     The covariance of a pose's readings is that of the instruments plus that of joint errors beyond the model.
     """
-    kinds = setup.kinds or ((setup.pose,),)
+    kinds = setup.readings_by_kind or ((setup.pose_readings,),)
     own = np.zeros(len(q), dtype=int) if kind is None else kind
     rows = np.empty((len(q), 0, setup.unknowns.size))
     for k in np.unique(own):
@@ -339,4 +353,4 @@ def _joint_rows(setup: AbsoluteSetup, pose: Series, q: Array) -> Array:
     J = translational_jacobian(where, state.mount(pose).points)[:, -n:]
     if pose.rotation is not None:
         J = np.concatenate([J, where.J_theta[3:, -n:]])
-    return np.asarray(J.transpose(2, 0, 1) * setup.unmodelled)
+    return np.asarray(J.transpose(2, 0, 1) * setup.unmodelled_joint_deviation)

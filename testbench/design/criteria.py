@@ -23,7 +23,9 @@ from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
 POWER_MEAN_EXPONENT = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
-MIN_ACCURACY = 1e-3  #: Accuracy of K down to which gains are updated [1]: N loses the digits of its square.
+MIN_UPDATE_ACCURACY = (
+    1e-3  #: Accuracy of K down to which gains are updated [1]: N loses the digits of its square.
+)
 MAX_EXACT_CANDIDATES = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
 
 
@@ -60,7 +62,7 @@ class DeterminantCriterion:
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
 
-    def with_candidate(self, M: Array, rows: Array) -> Array:
+    def phi_with_candidate(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, by det(M + F^T F) = det(M) det(1 + F M^-1 F^T).
 
         Mathematics: `pose-7`.
@@ -110,7 +112,7 @@ class LinearCriterion:
         """
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
-    def with_candidate(self, M: Array, rows: Array) -> Array:
+    def phi_with_candidate(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, by Woodbury's formula.
 
         Mathematics: `pose-7`.
@@ -122,7 +124,7 @@ class LinearCriterion:
         Returns:
             Phi(M + F^T F) of every candidate, (candidates,).
         """
-        return candidate_gains(M, rows, self.W).with_candidate()
+        return candidate_gains(M, rows, self.W).phi_with_candidate()
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
@@ -163,7 +165,7 @@ class LargestCriterion:
         """
         return float(1 / self.costs(M).max())
 
-    def with_candidate(self, M: Array, rows: Array) -> Array:
+    def phi_with_candidate(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, exactly for the best ones by the stand-in.
 
         At most `MAX_EXACT_CANDIDATES` are computed exactly.
@@ -178,7 +180,7 @@ class LargestCriterion:
         values = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > MAX_EXACT_CANDIDATES:
-            gain = candidate_gains(M, rows, self._weighted(M, self.costs(M))).reductions()
+            gain = candidate_gains(M, rows, self._weighted(M, self.costs(M))).trace_reductions()
             first = np.argpartition(-gain, MAX_EXACT_CANDIDATES)[:MAX_EXACT_CANDIDATES]
         few = rows[first]
         # exact costs of the short list; all others keep 0
@@ -206,33 +208,34 @@ class LargestCriterion:
 Criterion = DeterminantCriterion | LinearCriterion | LargestCriterion  #: An information function.
 
 
-def check_criterion(name: str, *, absolute: bool = False) -> None:
+def check_criterion(name: str, *, for_absolute_readings: bool = False) -> None:
     """Refuse a criterion that is not in `CRITERIA`.
 
     Args:
         name: Name of the criterion.
-        absolute: Whether readings are absolute positions; these have no tasks, so "test" is refused too.
+        for_absolute_readings: Whether readings are absolute positions; these have no tasks, so "test" is
+            refused too.
 
     Raises:
         BenchError: When the name is unknown.
     """
-    known = CRITERIA[: len(CRITERIA) - absolute]
+    known = CRITERIA[: len(CRITERIA) - for_absolute_readings]
     if name not in known:
-        what = " of absolute readings" if absolute else ""
+        what = " of absolute readings" if for_absolute_readings else ""
         raise BenchError(f"no criterion {name!r}{what}; criteria are {', '.join(known)}")
 
 
-def criterion_of(
-    name: str, problem: DesignProblem, workspace: Array, tasks: Array | None = None
+def criterion_by_name(
+    name: str, problem: DesignProblem, workspace_rows: Array, task_rows: Array | None = None
 ) -> Criterion:
     """Build a criterion from its name.
 
     Args:
         name: One of `CRITERIA`.
         problem: Candidates, for the size r and the coordinates that they show.
-        workspace: Predictions per unit of x over the workspace, (poses, 3 m, n) [m]; I and G use them.
-        tasks: Predictions per unit of x at the tasks, (tasks, 3 m, n) [m]; "test" uses them, or the workspace
-            without.
+        workspace_rows: Predictions per unit of x over the workspace, (poses, 3 m, n) [m]; I and G use them.
+        task_rows: Predictions per unit of x at the tasks, (tasks, 3 m, n) [m]; "test" uses them, or the
+            workspace without.
 
     Returns:
         The criterion on information matrices (r, r).
@@ -240,11 +243,11 @@ def criterion_of(
     if name == "D":
         return DeterminantCriterion()
     if name == "A":
-        return LinearCriterion(np.eye(problem.r) / problem.r)
+        return LinearCriterion(np.eye(problem.n_directions) / problem.n_directions)
     if name == "E":
         return criterion_e()
-    wanted = (workspace if tasks is None or name != "test" else tasks) @ problem.lift
-    return criterion_g(wanted) if name == "G" else LinearCriterion(mean_square(wanted))
+    wanted = (workspace_rows if task_rows is None or name != "test" else task_rows) @ problem.lift
+    return criterion_g(wanted) if name == "G" else LinearCriterion(mean_square_weight(wanted))
 
 
 def criterion_e() -> LargestCriterion:
@@ -287,7 +290,7 @@ def criterion_g(rows: Array) -> LargestCriterion:
     return LargestCriterion(costs, lambda M, share: (share @ every).reshape(M.shape))
 
 
-def mean_square(rows: Array) -> Array:
+def mean_square_weight(rows: Array) -> Array:
     """Compute the weight W of the I-criterion: tr(W M^-1) is a target's mean square error [m^2].
 
     M is the information matrix of the poses, (r, r).
@@ -315,7 +318,7 @@ def gram_matrices(rows: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Gains:
+class CandidateGains:
     """Hold the reduction of tr(W M^-1) by each candidate: tr(K^-1 N).
 
     K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that changes by a few rows; see
@@ -330,15 +333,15 @@ class Gains:
     #: Share of the digits of K that updates left [1]; 1 where K and N were computed from M itself.
     accuracy: float = 1.0
 
-    def with_candidate(self) -> Array:
+    def phi_with_candidate(self) -> Array:
         """Compute 1 / tr(W M^-1) with one more candidate.
 
         Returns:
             It with every candidate, (candidates,).
         """
-        return np.asarray(1 / ((self.I * self.W).sum() - self.reductions()))
+        return np.asarray(1 / ((self.I * self.W).sum() - self.trace_reductions()))
 
-    def reductions(self) -> Array:
+    def trace_reductions(self) -> Array:
         """Compute tr(K^-1 N), the reduction of tr(W M^-1) by one more candidate.
 
         It eliminates row by row for all candidates together: LAPACK, one by one, takes three times as long.
@@ -357,7 +360,7 @@ class Gains:
         return np.asarray(reduction)
 
 
-def candidate_gains(M: Array, rows: Array, W: Array) -> Gains:
+def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
     """Compute how much each candidate would reduce tr(W M^-1), from M itself.
 
     Args:
@@ -372,10 +375,10 @@ def candidate_gains(M: Array, rows: Array, W: Array) -> Gains:
         for block in split_into_blocks(rows)
     ]
     products = np.ascontiguousarray(np.concatenate(blocks).transpose(1, 2, 0))
-    return Gains(rows, W, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
+    return CandidateGains(rows, W, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
 
 
-def update_gains(gains: Gains, M: Array, rows: Array, signs: Array) -> Gains:
+def update_gains(gains: CandidateGains, M: Array, rows: Array, signs: Array) -> CandidateGains:
     """Update the candidates' gains after rows were added to M or removed from it, by Woodbury's formula.
 
     With the rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new inverse is I - U S^-1 U^T.
@@ -398,7 +401,7 @@ def update_gains(gains: Gains, M: Array, rows: Array, signs: Array) -> Gains:
     # M grows or shrinks along k directions by the eigenvalues of D S: differences lose that many digits
     change = np.linalg.eigvals(signs[:, None] * S).real
     accuracy = gains.accuracy * float(min(change.min(), 1 / max(change.max(), 1.0)))
-    if not accuracy > MIN_ACCURACY:
+    if not accuracy > MIN_UPDATE_ACCURACY:
         return candidate_gains(M, gains.rows, gains.W)
     # T = (F U)^T and R = (F V)^T of every candidate, (k of f, k of F, candidates), and X = S^-1 T
     products = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)]))

@@ -42,7 +42,7 @@ from testbench.design.criteria import (
 )
 from testbench.design.rows import (
     DesignProblem,
-    Specification,
+    PlanSpecification,
     add_information,
     deflection_rows,
     information,
@@ -66,12 +66,14 @@ MIN_WEIGHT = 1e-6  #: Share of the mean weight below which a candidate leaves th
 MAX_MULTIPLICATIVE_STEPS = 150  #: Most multiplicative steps.
 FIRST_EXPONENT, EXPONENT_GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
-ENTRY_SHARE = 0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
+NEW_CANDIDATES_SHARE = (
+    0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
+)
 WORKING_SET_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
 #: Ridge on the Newton model's curvature over its mean diagonal [1]; candidates may be dependent.
 CURVATURE_RIDGE = 1e-9
 EQUALITY_WEIGHT = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
-MIN_NEWTON_SHARE = 1e-3  #: Least share of a Newton step that is tried [1].
+MIN_NEWTON_STEP_SHARE = 1e-3  #: Least share of a Newton step that is tried [1].
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,8 @@ def sensitivity(rows: Array, Z: Array) -> Array:
     return np.concatenate(blocks)
 
 
-def relax(
-    problem: DesignProblem, criterion: Criterion, poses: int, start: RelaxedDesign | None = None
+def solve_relaxed_design(
+    problem: DesignProblem, criterion: Criterion, n_poses: int, start: RelaxedDesign | None = None
 ) -> RelaxedDesign:
     """Solve the relaxed problem to within `RELAXATION_GAP`, and bound Phi of every plan of as many poses.
 
@@ -112,23 +114,23 @@ def relax(
     Args:
         problem: Candidates.
         criterion: Information function.
-        poses: Number of poses N, the sum of the weights.
+        n_poses: Number of poses N, the sum of the weights.
         start: Optimum over fewer candidates to start from; None for even weights.
 
     Returns:
         The weights with the lowest bound met.
     """
     S = np.linspace(0, len(problem.rows) - 1, min(FIRST_CANDIDATES, len(problem.rows))).astype(int)
-    S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
+    S, w = (start.support, start.weights) if start else (S, np.full(len(S), n_poses / len(S)))
     best: RelaxedDesign | None = None
     for _ in range(MAX_RELAXATION_ROUNDS):
         # better weights on the working set S
-        w = _improve_weights(problem.prior, criterion, problem.rows[S], w)
-        M = add_information(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
+        w = _improve_weights(problem.prior_information, criterion, problem.rows[S], w)
+        M = add_information(problem.prior_information, np.sqrt(w)[:, None, None] * problem.rows[S])
         # the bound over all candidates: <Z, prior> + N max <Z, F^T F>
         plane = criterion.tangent(M)
         g = sensitivity(problem.rows, plane.Z)
-        limit = float((plane.Z * problem.prior).sum() + poses * g.max())
+        limit = float((plane.Z * problem.prior_information).sum() + n_poses * g.max())
         if best is None or limit < best.bound:
             best = RelaxedDesign(S, w, limit, plane.Z)
         if limit <= (1 + RELAXATION_GAP) * plane.height:
@@ -166,7 +168,7 @@ def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) 
         return _multiply(prior, criterion, every, w)
     # halve the step until Phi does not fall
     share = 1.0
-    while share > MIN_NEWTON_SHARE:
+    while share > MIN_NEWTON_STEP_SHARE:
         trial = w + share * (goal - w)
         if criterion.phi(prior + (trial @ every).reshape(prior.shape)) >= plane.height:
             return np.asarray(trial)
@@ -200,7 +202,7 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
     new = w == 0
     # a weight of zero stays zero under products: give new candidates some
     if new.any():
-        w = np.where(new, ENTRY_SHARE * total / new.sum(), (1 - ENTRY_SHARE) * w)
+        w = np.where(new, NEW_CANDIDATES_SHARE * total / new.sum(), (1 - NEW_CANDIDATES_SHARE) * w)
     plane = criterion.tangent(prior + (w @ grams).reshape(prior.shape))
     for _ in range(MAX_MULTIPLICATIVE_STEPS):
         g = grams @ plane.Z.ravel()
@@ -224,17 +226,21 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
 
 # --- Plans of whole poses -----------------------------------------------------------------------------------
 
-MAX_STARTS, MAX_STARTS_OF_MAXIMUM, MAX_START_POSES = 12, 4, 190
+MAX_STARTS, MAX_MINIMAX_STARTS, MAX_START_POSES = 12, 4, 190
 """Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most
 poses that all random starts have together. The greedy start comes in addition."""
-MAX_START_CANDIDATES = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
+MAX_MINIMAX_CANDIDATES = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
 MAX_SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
 MIN_EXCHANGE_GAIN = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
-STALE_SHARE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
+STALE_TANGENT_SHARE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
 
 
 def select_poses(
-    problem: DesignProblem, criterion: Criterion, poses: int, relaxed: RelaxedDesign, rng: np.random.Generator
+    problem: DesignProblem,
+    criterion: Criterion,
+    n_poses: int,
+    relaxed: RelaxedDesign,
+    rng: np.random.Generator,
 ) -> Ids:
     """Find the best plan from several starts, each improved by exchange.
 
@@ -245,8 +251,8 @@ def select_poses(
     Args:
         problem: Candidates.
         criterion: Information function.
-        poses: Number of poses of the plan.
-        relaxed: RelaxedDesign optimum for the same number of poses.
+        n_poses: Number of poses of the plan.
+        relaxed: Relaxed optimum for the same number of poses.
         rng: Source of the random starts.
 
     Returns:
@@ -255,47 +261,49 @@ def select_poses(
     # candidates that the starts may use
     short, most = relaxed.support, MAX_STARTS
     if isinstance(criterion, LargestCriterion):
-        useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:MAX_START_CANDIDATES]
-        short, most = np.union1d(useful, short), MAX_STARTS_OF_MAXIMUM
+        useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:MAX_MINIMAX_CANDIDATES]
+        short, most = np.union1d(useful, short), MAX_MINIMAX_STARTS
     # random starts are drawn in proportion to the relaxed weights
     rows, share = problem.rows[short], np.zeros(len(problem.rows))
     share[relaxed.support] = relaxed.weights / relaxed.weights.sum()
-    starts = [greedy(problem, criterion, rows, poses)]
+    starts = [greedy_plan(problem, criterion, rows, n_poses)]
     starts += [
-        rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, MAX_START_POSES // poses))
+        rng.choice(len(short), n_poses, p=share[short]) for _ in range(min(most, MAX_START_POSES // n_poses))
     ]
-    plans = [exchange(problem, criterion, rows, start) for start in stepwise(starts, "exchanging poses")]
+    plans = [
+        exchange_poses(problem, criterion, rows, start) for start in stepwise(starts, "exchanging poses")
+    ]
     # only the best start is exchanged with all candidates
     best = max(plans, key=lambda plan: criterion.phi(information(problem, short[plan])))
-    return np.sort(exchange(problem, criterion, problem.rows, short[best]))
+    return np.sort(exchange_poses(problem, criterion, problem.rows, short[best]))
 
 
-def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int) -> Ids:
+def greedy_plan(problem: DesignProblem, criterion: Criterion, rows: Array, n_poses: int) -> Ids:
     """Choose poses greedily: each is the candidate that increases the criterion most.
 
     Args:
         problem: Candidates, for the prior's information.
         criterion: Information function.
         rows: Whitened rows of the candidates to choose from, (candidates, k, r).
-        poses: Number of poses.
+        n_poses: Number of poses.
 
     Returns:
         Indices into rows in the order of choice, (poses,).
     """
-    M, plan = problem.prior, np.zeros(poses, dtype=int)
+    M, plan = problem.prior_information, np.zeros(n_poses, dtype=int)
     gains = candidate_gains(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
-    for k in stepwise(range(poses), "choosing poses"):
+    for k in stepwise(range(n_poses), "choosing poses"):
         # of a linear criterion the gains follow M; the others are computed from it
-        worth = criterion.with_candidate(M, rows) if gains is None else gains.with_candidate()
+        worth = criterion.phi_with_candidate(M, rows) if gains is None else gains.phi_with_candidate()
         plan[k] = worth.argmax()
         added = rows[plan[k]]
         M = M + added.T @ added
-        if gains is not None and k < poses - 1:
+        if gains is not None and k < n_poses - 1:
             gains = update_gains(gains, M, added, np.ones(len(added)))
     return plan
 
 
-def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
+def exchange_poses(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
     """Improve a plan by exchanging one pose for one candidate until no exchange helps (Fedorov 1972).
 
     Mathematics: `pose-10`.
@@ -310,8 +318,8 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
         Indices into rows of the improved plan, (poses,).
     """
     if isinstance(criterion, LinearCriterion):
-        return _exchange_linear(problem.prior, criterion.W, rows, plan.copy())
-    return _exchange_promising(problem.prior, criterion, rows, plan.copy())
+        return _exchange_linear(problem.prior_information, criterion.W, rows, plan.copy())
+    return _exchange_promising(problem.prior_information, criterion, rows, plan.copy())
 
 
 def _exchange_linear(prior: Array, W: Array, rows: Array, plan: Ids) -> Ids:
@@ -326,7 +334,7 @@ def _exchange_linear(prior: Array, W: Array, rows: Array, plan: Ids) -> Ids:
         rest, replaced = before + after[k + 1], rows[plan[k]]
         # Phi with every candidate in place of k; if the best one is better it stays there, and all poses are
         # tried again
-        reached = update_gains(gains, rest, replaced, -one).with_candidate()
+        reached = update_gains(gains, rest, replaced, -one).phi_with_candidate()
         best, left = int(reached.argmax()), left - 1
         if reached[best] > (1 + MIN_EXCHANGE_GAIN) * reached[plan[k]]:
             M, changed = rest + rows[best].T @ rows[best], np.concatenate([rows[best], replaced])
@@ -361,12 +369,12 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
         floor, rest = (1 + MIN_EXCHANGE_GAIN) * value, before + after[k + 1]
         promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
         # an old plane leaves too many: take it anew at the present M
-        if not fresh and len(promising) > STALE_SHARE * len(rows):
+        if not fresh and len(promising) > STALE_TANGENT_SHARE * len(rows):
             Z, fresh = criterion.tangent(M).Z, True
             useful = sensitivity(rows, Z)
             promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
         # exact Phi of the promising ones; if the best is better it replaces k, and all poses are tried again
-        reached = criterion.with_candidate(rest, rows[promising]) if len(promising) else np.zeros(1)
+        reached = criterion.phi_with_candidate(rest, rows[promising]) if len(promising) else np.zeros(1)
         left -= 1
         if reached.max() > floor:
             plan[k], value = promising[reached.argmax()], float(reached.max())
@@ -381,18 +389,18 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
 
 # --- Local refinement of a plan: from the best candidates to better joint angles, pose after pose -----------
 
-REFINE_NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
+REFINEMENT_NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
 #: Neighbours of a pose that are judged at a time by `improve_single_poses`, where many poses climb at once.
-ASCEND_NEIGHBOURS = 16
-REFINE_ROUNDS, ASCEND_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `improve_single_poses`.
+SINGLE_POSE_NEIGHBOURS = 16
+REFINEMENT_ROUNDS, SINGLE_POSE_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `improve_single_poses`.
 FIRST_JOINT_STEP, STEP_SHRINKAGE = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
 CHECKED_NEIGHBOURS = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
-MIN_REFINEMENT = 1e-6  #: Relative gain below which a step does not count [1].
+MIN_REFINEMENT_GAIN = 1e-6  #: Relative gain below which a step does not count [1].
 
 POSES_AT_ONCE = 32  #: Poses of the plan whose neighbours' rows are computed together.
 
-Rows = Callable[[Array, Ids], Array]
+PlanRows = Callable[[Array, Ids], Array]
 """Function of joints (poses, n) [rad, m] and places in the plan (poses,) to whitened rows (poses, k, r).
 
 Each pose is measured as the pose in its place of the plan is, such as under the same load.
@@ -420,8 +428,8 @@ class PoseSearch:
     """Describe a search for poses: their readings, number, limits and feasibility."""
 
     whitened_rows: WhitenedRows  #: Whitened rows of poses, each under its own load, whose index is given.
-    poses: int  #: Number of poses to measure.
-    limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
+    n_poses: int  #: Number of poses to measure.
+    joint_limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
     #: Which poses near the candidates are feasible, and which ways between them are clear.
     feasibility: Feasibility
     rng: np.random.Generator  #: Source of starts and steps.
@@ -439,15 +447,19 @@ class PoseSearch:
             Poses, (..., n) [rad, m].
         """
         shape = np.broadcast_shapes(q.shape, step.shape)
-        return self.with_dependent_joints(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
+        return self.with_dependent_joints(
+            np.clip(q + step * self.rng.standard_normal(shape), *self.joint_limits)
+        )
 
 
-def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: PoseSearch) -> Array:
+def refine_plan(
+    q: Array, prior_information: Array, criterion: Criterion, rows: PlanRows, search: PoseSearch
+) -> Array:
     """Improve the joint angles of every pose of a plan; no step makes the criterion worse.
 
     Args:
         q: Poses of the plan, (poses, n) [rad, m].
-        prior: Information before any reading, (r, r).
+        prior_information: Information before any reading, (r, r).
         criterion: Information function.
         rows: Function that gives whitened rows of poses, each measured as the pose in its place of the plan.
         search: Limits, feasibility and source of the steps.
@@ -458,15 +470,15 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     step = np.full(len(q), FIRST_JOINT_STEP)
     read = rows(q, np.arange(len(q)))
     q = q.copy()
-    M = add_information(prior, read)
-    for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
-        before, after = prior, suffix_information(read)
+    M = add_information(prior_information, read)
+    for _ in stepwise(range(REFINEMENT_ROUNDS), "refining poses"):
+        before, after = prior_information, suffix_information(read)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
-            # neighbours of some poses at once, (places, REFINE_NEIGHBOURS, n), and their information
+            # neighbours of some poses at once, (places, REFINEMENT_NEIGHBOURS, n), and their information
             trials = search.draw_around(
-                q[places, None], np.tile(step[places, None, None], (REFINE_NEIGHBOURS, 1))
+                q[places, None], np.tile(step[places, None, None], (REFINEMENT_NEIGHBOURS, 1))
             )
-            seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, REFINE_NEIGHBOURS))
+            seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, REFINEMENT_NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
                 # the best feasible neighbour that helps replaces the pose; without one its step shrinks
@@ -488,12 +500,12 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
     plan of information M has that of the others, (r, r). Only trials are computed that can
     help by a tangent: Phi(M') is no more than <Z, M'>.
     """
-    floor, Z = (1 + MIN_REFINEMENT) * criterion.phi(M), criterion.tangent(M).Z
+    floor, Z = (1 + MIN_REFINEMENT_GAIN) * criterion.phi(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(replaced[None], Z)
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
         return hopeful
-    reached = criterion.with_candidate(others, rows[hopeful])
+    reached = criterion.phi_with_candidate(others, rows[hopeful])
     first = np.argsort(-reached)[:CHECKED_NEIGHBOURS]
     return np.asarray(hopeful[first[reached[first] > floor]])
 
@@ -513,14 +525,14 @@ def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search:
     value = usefulness(q)
     step = np.full(len(q), FIRST_JOINT_STEP)
     q = q.copy()
-    for _ in range(ASCEND_ROUNDS):
-        trial = search.draw_around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
+    for _ in range(SINGLE_POSE_ROUNDS):
+        trial = search.draw_around(q, np.tile(step[:, None], (SINGLE_POSE_NEIGHBOURS, 1, 1)))
         # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
         # shrinks
-        reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(ASCEND_NEIGHBOURS, -1)
+        reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(SINGLE_POSE_NEIGHBOURS, -1)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
-        better = np.flatnonzero(reached > (1 + MIN_REFINEMENT) * value)
+        better = np.flatnonzero(reached > (1 + MIN_REFINEMENT_GAIN) * value)
         better = better[search.feasibility.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         step[np.setdiff1d(np.arange(len(q)), better)] *= STEP_SHRINKAGE
@@ -539,42 +551,42 @@ class Gauges:
 
     count: int  #: Number of gauges per pose, each at a different marker.
     sigma: float  #: Standard deviation of one reading [m].
-    tilt: float  #: Standard deviation of a direction about each axis across it [rad].
+    tilt_deviation: float  #: Standard deviation of a direction about each axis across it [rad].
 
 
 @dataclass(frozen=True)
 class GaugePlan:
     """Hold poses, the marker and the axis that each gauge reads in them, and their information."""
 
-    pose: Ids  #: Indices of the poses among the candidates, (poses,).
+    pose_index: Ids  #: Indices of the poses among the candidates, (poses,).
     marker: Ids  #: Index of the marker of every gauge, (poses, count).
     axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
     information: Array  #: Information matrix M of all readings, prior included, (r, r).
 
 
-def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: Array) -> Array:
+def gauge_rows(spec: PlanSpecification, q: Array, load_index: Ids, gauges: Gauges, lift: Array) -> Array:
     """Compute whitened rows of a gauge at every marker along every axis.
 
     The row is u . J over sqrt(2 sigma^2 + tilt^2 |u x d|^2), d the deflection that the prior expects.
 
     Args:
-        spec: Specification of the plan.
+        spec: PlanSpecification of the plan.
         q: Actuated joints, (poses, n) [rad, m].
-        load: Index into the specification's loads, (poses,).
+        load_index: Index into the specification's loads, (poses,).
         gauges: The gauges.
         lift: Unknowns x per unit of the coordinates a, (n, r).
 
     Returns:
         Rows per unit of a, (poses, m, 3, r) [1].
     """
-    D = _motions(spec, q, load)
+    D = _motions(spec, q, load_index)
     poses, markers = D.shape[:2]
     deviation = _deviations(D @ spec.setup.scaling.expected_x, gauges)
     rows = D.reshape(poses, markers * 3, -1) / deviation.reshape(poses, -1, 1)
     return row_products(rows, lift).reshape(poses, markers, 3, -1)
 
 
-def _motions(spec: Specification, q: Array, load: Ids) -> Array:
+def _motions(spec: PlanSpecification, q: Array, load: Ids) -> Array:
     """Compute motions of all markers per unit of x along world axes, (poses, m, 3, n) [m]."""
     D = deflection_rows(spec.setup, q, select_loads(spec, load))  # tool axes
     D = D.reshape(len(q), len(spec.setup.targets), 3, -1)
@@ -584,7 +596,7 @@ def _motions(spec: Specification, q: Array, load: Ids) -> Array:
 def _deviations(d: Array, gauges: Gauges) -> Array:
     """Compute the deviation of a gauge along each axis u under the motions d, (poses, m, 3) [m]."""
     across = (d**2).sum(axis=2, keepdims=True) - d**2  # |u x d|^2
-    return np.asarray(np.sqrt(2 * gauges.sigma**2 + gauges.tilt**2 * across))
+    return np.asarray(np.sqrt(2 * gauges.sigma**2 + gauges.tilt_deviation**2 * across))
 
 
 @dataclass(frozen=True)
@@ -596,36 +608,36 @@ class PlacedGauges:
     axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
     deviation: Array  #: Standard deviation of every reading, a tilt included, (poses, count) [m].
 
-    def rows(self, spec: Specification, q: Array, load: Ids) -> Array:
+    def whitened_rows(self, spec: PlanSpecification, q: Array, load_index: Ids) -> Array:
         """Compute whitened rows of the gauges per unit of a specification's unknowns x.
 
         Args:
-            spec: Specification with its unknowns and loads.
+            spec: PlanSpecification with its unknowns and loads.
             q: The plan's poses, (poses, n) [rad, m].
-            load: Index into the specification's loads, (poses,).
+            load_index: Index into the specification's loads, (poses,).
 
         Returns:
             Rows, (poses, count, n) [1].
         """
-        D = _motions(spec, q, load)
+        D = _motions(spec, q, load_index)
         return np.asarray(D[np.arange(len(q))[:, None], self.marker, self.axis] / self.deviation[..., None])
 
 
 def collect_placed_gauges(
-    spec: Specification, q: Array, load: Ids, gauges: Gauges, chosen: GaugePlan
+    spec: PlanSpecification, q: Array, load_index: Ids, gauges: Gauges, gauge_plan: GaugePlan
 ) -> PlacedGauges:
     """Collect the gauges of a plan, with the standard deviation of each reading: noise and tilt.
 
     Args:
-        spec: Specification of the plan.
+        spec: PlanSpecification of the plan.
         q: The plan's poses, (poses, n) [rad, m].
-        load: Index into the specification's loads, (poses,).
+        load_index: Index into the specification's loads, (poses,).
         gauges: The gauges.
-        chosen: Their markers and axes.
+        gauge_plan: Their markers and axes.
     """
-    d = _motions(spec, q, load) @ spec.setup.scaling.expected_x
-    index = np.arange(len(q))[:, None], chosen.marker, chosen.axis
-    return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[index])
+    d = _motions(spec, q, load_index) @ spec.setup.scaling.expected_x
+    index = np.arange(len(q))[:, None], gauge_plan.marker, gauge_plan.axis
+    return PlacedGauges(gauges, gauge_plan.marker, gauge_plan.axis, _deviations(d, gauges)[index])
 
 
 def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
@@ -647,7 +659,7 @@ def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids
 
 
 def choose_poses_and_gauges(
-    rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges, poses: int
+    rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges, n_poses: int
 ) -> GaugePlan:
     """Choose poses, and the gauges in each of them, by exchange over all of both.
 
@@ -656,7 +668,7 @@ def choose_poses_and_gauges(
         problem: Gives the prior's information.
         criterion: Information function.
         gauges: The gauges.
-        poses: How many poses are measured.
+        n_poses: How many poses are measured.
 
     Returns:
         The poses with their gauges; a pose may occur more than once.
@@ -666,10 +678,10 @@ def choose_poses_and_gauges(
     """
     marker, axis = _gauge_choices(rows.shape[1], gauges.count)
     every = rows[:, marker, axis].reshape(-1, *rows[0][marker, axis].shape[1:])
-    chosen = exchange(problem, criterion, every, greedy(problem, criterion, every, poses))
+    chosen = exchange_poses(problem, criterion, every, greedy_plan(problem, criterion, every, n_poses))
     pose, way = np.divmod(np.sort(chosen), len(marker))
     A = every[chosen].reshape(-1, every.shape[-1])
-    return GaugePlan(pose, marker[way], axis[way], problem.prior + A.T @ A)
+    return GaugePlan(pose, marker[way], axis[way], problem.prior_information + A.T @ A)
 
 
 def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges) -> GaugePlan:
@@ -689,13 +701,13 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     """
     marker, axis = _gauge_choices(rows.shape[1], gauges.count)
     every, poses = rows[:, marker, axis], len(rows)
-    M = problem.prior
+    M = problem.prior_information
     way = np.full(poses, -1)
     left = poses
     for p in islice(cycle(range(poses)), GAUGE_SWEEPS * poses):
         present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
         rest = M - present.T @ present
-        reached = criterion.with_candidate(rest, every[p])
+        reached = criterion.phi_with_candidate(rest, every[p])
         better = way[p] < 0 or reached.max() > (1 + MIN_GAUGE_GAIN) * reached[way[p]]
         way[p] = int(reached.argmax()) if better else way[p]
         M = rest + every[p, way[p]].T @ every[p, way[p]]

@@ -20,7 +20,7 @@ from testbench.design.rows import (
     SCALE_UNCERTAINTY,
     DesignProblem,
     MeasurementSetup,
-    Specification,
+    PlanSpecification,
     deflection_rows,
 )
 from testbench.display import Displayed, span
@@ -51,18 +51,24 @@ class Forecast(Displayed):
     """
 
     #: RMS distance in every pose, (poses,) [m]; infinite where the prediction depends on unseen directions.
-    error: Array
-    low: Array  #: 5th percentile, (poses,) [m].
-    high: Array  #: 95th percentile, (poses,) [m].
-    deviation: Array  #: Root mean square of the error of every target along every axis, (poses, 3 m) [m].
-    overall: float  #: Root mean square over all poses [m].
-    overall_low: float  #: 5th percentile of that [m].
-    overall_high: float  #: 95th percentile [m].
+    rms_error: Array
+    percentile_5: Array  #: 5th percentile, (poses,) [m].
+    percentile_95: Array  #: 95th percentile, (poses,) [m].
+    axis_deviation: (
+        Array  #: Root mean square of the error of every target along every axis, (poses, 3 m) [m].
+    )
+    overall_rms_error: float  #: Root mean square over all poses [m].
+    overall_percentile_5: float  #: 5th percentile of that [m].
+    overall_percentile_95: float  #: 95th percentile [m].
 
     def summary(self) -> dict[str, object]:
         """Summarise the forecast: number of poses, RMS error over them and its 90 % interval."""
-        overall = span(1e3 * np.array([self.overall_low, self.overall_high]))
-        return {"poses": len(self.error), "rms_mm": f"{1e3 * self.overall:.3g}", "interval_mm": overall}
+        overall = span(1e3 * np.array([self.overall_percentile_5, self.overall_percentile_95]))
+        return {
+            "poses": len(self.rms_error),
+            "rms_mm": f"{1e3 * self.overall_rms_error:.3g}",
+            "interval_mm": overall,
+        }
 
 
 def inflate_intervals(forecast: Forecast) -> Forecast:
@@ -77,10 +83,10 @@ def inflate_intervals(forecast: Forecast) -> Forecast:
     below, above = INTERVAL_INFLATION
     return replace(
         forecast,
-        low=below * forecast.low,
-        high=above * forecast.high,
-        overall_low=below * forecast.overall_low,
-        overall_high=above * forecast.overall_high,
+        percentile_5=below * forecast.percentile_5,
+        percentile_95=above * forecast.percentile_95,
+        overall_percentile_5=below * forecast.overall_percentile_5,
+        overall_percentile_95=above * forecast.overall_percentile_95,
     )
 
 
@@ -94,7 +100,7 @@ def unbounded_predictions(problem: DesignProblem, rows: Array) -> Mask:
     Returns:
         True where a pose's prediction error has no bound, (poses,).
     """
-    open_ = np.linalg.norm(rows @ problem.unobservable, axis=(1, 2))
+    open_ = np.linalg.norm(rows @ problem.unobservable_directions, axis=(1, 2))
     return np.asarray(open_ > MIN_UNOBSERVABLE_SHARE * np.linalg.norm(rows, axis=(1, 2)))
 
 
@@ -117,10 +123,10 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.remaining_covariance)
     errors = forecast_normal_errors(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
-    return without_bound(errors, unbounded_predictions(problem, rows))
+    return with_infinite_errors(errors, unbounded_predictions(problem, rows))
 
 
-def without_bound(forecast: Forecast, unbounded: Mask) -> Forecast:
+def with_infinite_errors(forecast: Forecast, unbounded: Mask) -> Forecast:
     """Set the errors of some poses, and with them the overall error, to infinity.
 
     Args:
@@ -133,9 +139,10 @@ def without_bound(forecast: Forecast, unbounded: Mask) -> Forecast:
     if not unbounded.any():
         return forecast
     error, low, high = (
-        np.where(unbounded, np.inf, end) for end in (forecast.error, forecast.low, forecast.high)
+        np.where(unbounded, np.inf, end)
+        for end in (forecast.rms_error, forecast.percentile_5, forecast.percentile_95)
     )
-    deviation = np.where(unbounded[:, None], np.inf, forecast.deviation)
+    deviation = np.where(unbounded[:, None], np.inf, forecast.axis_deviation)
     return Forecast(error, low, high, deviation, math.inf, math.inf, math.inf)
 
 
@@ -192,7 +199,9 @@ class LinearFit:
     full_setup: MeasurementSetup  #: The measurement with every unknown of the arm.
     uncertainty: float  #: Relative uncertainty u of the arm's compliances around their expectation [1].
     model_setup: MeasurementSetup  #: The measurement with the model's unknowns, n of them.
-    scatter: Array  #: K of the fit, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
+    noise_response: (
+        Array  #: K of the fit, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
+    )
     constant: Array  #: Constant k of the fit, (n,) [1].
     gain: Array  #: K A, response of the fit to each of the arm's unknowns, (n, unknowns of the arm) [1].
 
@@ -200,8 +209,8 @@ class LinearFit:
 def linear_fit(
     full_setup: MeasurementSetup,
     uncertainty: float,
-    spec: Specification,
-    whitened_rows: Callable[[Specification], Array],
+    spec: PlanSpecification,
+    whitened_rows: Callable[[PlanSpecification], Array],
 ) -> LinearFit:
     """Fit the model of a specification to a plan, as a linear function of all unknowns of the arm.
 
@@ -210,7 +219,7 @@ def linear_fit(
     Args:
         full_setup: The same measurement with every unknown of the arm.
         uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
-        spec: Specification with the model's unknowns and its prior.
+        spec: PlanSpecification with the model's unknowns and its prior.
         whitened_rows: Function that gives whitened rows of all readings per unit of a specification's
             unknowns x, (poses, k, n) [1].
 
@@ -258,15 +267,15 @@ def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
     T, model_rows = (deflection_rows(setup, q, load) for setup in (fit.full_setup, fit.model_setup))
     D = T - model_rows @ fit.gain
     bias = D @ fit.full_setup.scaling.expected_x - model_rows @ fit.constant
-    return bias, np.concatenate([fit.uncertainty * D, model_rows @ fit.scatter], axis=2)
+    return bias, np.concatenate([fit.uncertainty * D, model_rows @ fit.noise_response], axis=2)
 
 
-def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
+def _fit(spec: PlanSpecification, A: Array) -> tuple[Array, Array]:
     """Compute K and k of a fit x = K y + k from whitened rows, (readings, n)."""
     scaling = spec.setup.scaling
-    if spec.uncertainty is None:
+    if spec.prior_uncertainty is None:
         return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(scaling.expected_x))
-    B, c = prior_rows(scaling, PriorUncertainty(spec.uncertainty, SCALE_UNCERTAINTY))
+    B, c = prior_rows(scaling, PriorUncertainty(spec.prior_uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
 

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
-from testbench.design.criteria import Criterion, check_criterion, criterion_of, mean_square
+from testbench.design.criteria import Criterion, check_criterion, criterion_by_name, mean_square_weight
 from testbench.design.exchange import (
     Feasibility,
     GaugePlan,
@@ -41,23 +41,23 @@ from testbench.design.exchange import (
     choose_poses_and_gauges,
     collect_placed_gauges,
     gauge_rows,
-    greedy,
+    greedy_plan,
     improve_single_poses,
     most_informative_gauges,
     refine_plan,
-    relax,
     select_poses,
     sensitivity,
+    solve_relaxed_design,
 )
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.rows import (
     DesignProblem,
-    Specification,
+    PlanSpecification,
     add_information,
     build_design_problem,
     information,
-    measured_rows,
     task_rows,
+    whitened_rows_by_load,
     workspace_rows,
 )
 from testbench.display import Displayed
@@ -67,7 +67,7 @@ from testbench.progress import stepwise
 
 # --- A measurement plan: from candidate poses to those that pay, with certificate, forecast and order -------
 
-MAX_NEIGHBOURS = 12  #: Nearest other places of each place whose legs come first.
+NEAREST_PLACES = 12  #: Nearest other places of each place whose legs come first.
 MIN_LEG_SHARE = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
 MAX_EXACT_PLACES = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
@@ -152,7 +152,7 @@ def _near_legs(cost: Array) -> Mask:
     n = len(cost)
     rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
     near = np.zeros((n, n), dtype=bool)
-    near[np.arange(n)[:, None], rank[:, :MAX_NEIGHBOURS]] = True
+    near[np.arange(n)[:, None], rank[:, :NEAREST_PLACES]] = True
     near[np.arange(n), np.roll(np.arange(n), 1)] = True
     return np.asarray(near | near.T)
 
@@ -174,12 +174,12 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool
     return np.flatnonzero(result.x > (0.5 if integer else MIN_LEG_SHARE))
 
 
-MAX_ASCENTS, POSES_PER_ASCENT = 2, 60
+IMPROVEMENT_ROUNDS, IMPROVED_POSES = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
 #: Most poses among which those with gauges are exchanged: the ones with the most information.
 MAX_GAUGED_POSES = 1000
-BOUND_PLANES = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
-COLLISION_DETOUR = 10.0
+BOUND_ROUNDS = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
+COLLISION_SURCHARGE = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
 
 
@@ -188,7 +188,7 @@ class CandidateSet:
     """Hold the candidates of a plan, one pose and one load each, and the information of their readings."""
 
     q: Array  #: Actuated joints, (candidates, n) [rad, m].
-    load: Ids  #: Index into the specification's loads, (candidates,).
+    load_index: Ids  #: Index into the specification's loads, (candidates,).
     problem: DesignProblem  #: Their whitened rows, and the prior.
 
 
@@ -198,42 +198,42 @@ class ChosenPoses(Displayed):
 
     criterion: Criterion  #: Information function Phi that the plan maximises.
     q: Array  #: Actuated joints, (poses, n) [rad, m].
-    load: Ids  #: Index into the specification's loads, (poses,).
+    load_index: Ids  #: Index into the specification's loads, (poses,).
     #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
     clear_paths: tuple[bool, ...]
-    examined: CandidateSet  #: All candidates examined, those of the plan among them.
-    chosen: Ids  #: Indices of the plan's poses among the examined, (poses,).
-    value: float  #: Phi of the plan.
-    #: RelaxedDesign optimum over all examined poses: its bound holds for all plans of as many poses.
-    relaxed: RelaxedDesign
+    candidates: CandidateSet  #: All candidates examined, those of the plan among them.
+    chosen_indices: Ids  #: Indices of the plan's poses among the examined, (poses,).
+    criterion_value: float  #: Phi of the plan.
+    #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
+    relaxed_design: RelaxedDesign
 
     def summary(self) -> dict[str, object]:
         """Summarise the choice: poses, candidates and efficiency."""
         return {
             "poses": len(self.q),
-            "candidates": len(self.examined.q),
+            "candidates": len(self.candidates.q),
             "efficiency": f"{self.efficiency:.3g}",
         }
 
     @property
     def efficiency(self) -> float:
         """Return a lower bound on Phi(plan) / Phi(best plan of as many of the examined poses) [1]."""
-        return self.value / self.relaxed.bound
+        return self.criterion_value / self.relaxed_design.bound
 
     @property
     def information(self) -> Array:
         """Compute the plan's information matrix M, prior included, (r, r)."""
-        return information(self.examined.problem, self.chosen)
+        return information(self.candidates.problem, self.chosen_indices)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Plan(ChosenPoses):
     """Hold the poses to measure under loads that are hung and taken off, and their specification."""
 
-    specification: Specification  #: Specification of the plan.
+    specification: PlanSpecification  #: PlanSpecification of the plan.
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
-    def whitened_rows(self, spec: Specification) -> Array:
+    def whitened_rows(self, spec: PlanSpecification) -> Array:
         """Compute whitened rows of the plan's readings.
 
         Args:
@@ -242,11 +242,11 @@ class Plan(ChosenPoses):
         Returns:
             Rows per unit of the specification's x, (poses, k, n) [1].
         """
-        rows = measured_rows if self.gauges is None else self.gauges.rows
-        return rows(spec, self.q, self.load)
+        rows = whitened_rows_by_load if self.gauges is None else self.gauges.whitened_rows
+        return rows(spec, self.q, self.load_index)
 
 
-def candidate_set(spec: Specification, q: Array) -> CandidateSet:
+def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
     """Combine all poses with all loads to candidates, and compute the information of their readings.
 
     Args:
@@ -262,25 +262,30 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
-    problem = build_design_problem(spec.setup, measured_rows(spec, every, load), spec.uncertainty)
-    seen, r = min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0]))), problem.r
-    if spec.uncertainty is None and seen < r:
+    problem = build_design_problem(
+        spec.setup, whitened_rows_by_load(spec, every, load), spec.prior_uncertainty
+    )
+    seen, r = (
+        min(problem.n_directions, spec.n_poses * int(np.linalg.matrix_rank(problem.rows[0]))),
+        problem.n_directions,
+    )
+    if spec.prior_uncertainty is None and seen < r:
         raise BenchError(
-            f"poses: {spec.poses} poses determine at most {seen} of the {r} directions of "
+            f"poses: {spec.n_poses} poses determine at most {seen} of the {r} directions of "
             f"{spec.setup.scaling.structure.name} that these loads can determine; "
-            f"expected at least {-(-r * spec.poses // seen)} poses, or a prior for the other directions"
+            f"expected at least {-(-r * spec.n_poses // seen)} poses, or a prior for the other directions"
         )
     return CandidateSet(every, load, problem)
 
 
 def make_plan(
-    spec: Specification, name: str, q: Array, feasibility: Feasibility, rng: np.random.Generator
+    spec: PlanSpecification, criterion_name: str, q: Array, feasibility: Feasibility, rng: np.random.Generator
 ) -> Plan:
     """Find the best plan by one of `CRITERIA`, certified against all poses examined.
 
     Args:
-        spec: Specification of the plan.
-        name: One of `CRITERIA`.
+        spec: PlanSpecification of the plan.
+        criterion_name: One of `CRITERIA`.
         q: Feasible poses, (candidates, n) [rad, m].
         feasibility: Tells which poses near the candidates are feasible, and which paths between them are
             clear.
@@ -293,13 +298,18 @@ def make_plan(
         BenchError: When the criterion is unknown, no load moves a target, or there are too few poses without
             a prior.
     """
-    check_criterion(name)
+    check_criterion(criterion_name)
     examined = candidate_set(spec, q)
     arm = spec.setup.vjm.arm
     search = PoseSearch(
-        partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
+        partial(whitened_rows_by_load, spec),
+        spec.n_poses,
+        arm.limits,
+        feasibility,
+        rng,
+        arm.with_dependent_joints,
     )
-    criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
+    criterion = criterion_by_name(criterion_name, examined.problem, workspace_rows(spec), task_rows(spec))
     return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
 
 
@@ -324,16 +334,21 @@ def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: 
         BenchError: For more gauges than markers.
     """
     spec = plan.specification
-    examined = plan.examined
+    examined = plan.candidates
     criterion = plan.criterion
     problem, arm = examined.problem, spec.setup.vjm.arm
     search = PoseSearch(
-        partial(measured_rows, spec), spec.poses, arm.limits, feasibility, rng, arm.with_dependent_joints
+        partial(whitened_rows_by_load, spec),
+        spec.n_poses,
+        arm.limits,
+        feasibility,
+        rng,
+        arm.with_dependent_joints,
     )
-    every = gauge_rows(spec, examined.q, examined.load, gauges, problem.lift)
+    every = gauge_rows(spec, examined.q, examined.load_index, gauges, problem.lift)
     # poses with their gauges by exchange, then better joint angles with these gauges
     start, pose = _exchange_places(plan, gauges, every)
-    load = examined.load[pose]
+    load = examined.load_index[pose]
     q = _refine_places(plan, gauges, start, examined.q[pose], load, search)
     # the order of measuring, and other gauges where these are better now
     order = _measuring_order(q, load, feasibility)
@@ -342,7 +357,7 @@ def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: 
     chosen = _better_gauges(rows, problem, criterion, gauges, (start.marker[order], start.axis[order]))
     # the certificate over all gauges in all poses examined, those of the plan among them
     whole, relaxed = _gauge_bound(plan, gauges, np.concatenate([every, rows]), chosen)
-    candidates = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], whole)
+    candidates = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load_index, load], whole)
     last = np.arange(len(candidates.q) - len(q), len(candidates.q))
     made = _assemble(search, criterion, candidates, last, relaxed)
     placed = collect_placed_gauges(spec, q, load, gauges, chosen)
@@ -355,19 +370,19 @@ def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePla
     Returns:
         The gauges, and the candidate of every pose, (poses,).
     """
-    problem, criterion = plan.examined.problem, plan.criterion
-    start = choose_gauges(every[plan.chosen], problem, criterion, gauges)
+    problem, criterion = plan.candidates.problem, plan.criterion
+    start = choose_gauges(every[plan.chosen_indices], problem, criterion, gauges)
     useful = most_informative_gauges(every, criterion.tangent(start.information).Z, gauges.count)[2]
-    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_GAUGED_POSES], plan.chosen)
-    best = choose_poses_and_gauges(every[short], problem, criterion, gauges, plan.specification.poses)
-    return best, short[best.pose]
+    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_GAUGED_POSES], plan.chosen_indices)
+    best = choose_poses_and_gauges(every[short], problem, criterion, gauges, plan.specification.n_poses)
+    return best, short[best.pose_index]
 
 
 def _refine_places(
     plan: Plan, gauges: Gauges, placed: GaugePlan, q: Array, load: Ids, search: PoseSearch
 ) -> Array:
     """Improve the joint angles of poses whose gauges and loads stay, (poses, n) [rad, m]."""
-    problem = plan.examined.problem
+    problem = plan.candidates.problem
 
     def rows(trial: Array, places: Ids) -> Array:
         """Compute the gauges' rows at other joint angles.
@@ -382,7 +397,7 @@ def _refine_places(
         touched = np.arange(len(trial))[:, None], placed.marker[places], placed.axis[places]
         return gauge_rows(plan.specification, trial, load[places], gauges, problem.lift)[touched]
 
-    return refine_plan(q, problem.prior, plan.criterion, rows, search)
+    return refine_plan(q, problem.prior_information, plan.criterion, rows, search)
 
 
 def _better_gauges(
@@ -391,7 +406,7 @@ def _better_gauges(
     """Choose the gauges of poses anew, unless the given markers and axes, (poses, count) each, are better."""
     marker, axis = given
     pose = np.arange(len(rows))
-    kept = add_information(problem.prior, rows[pose[:, None], marker, axis])
+    kept = add_information(problem.prior_information, rows[pose[:, None], marker, axis])
     plans = GaugePlan(pose, marker, axis, kept), choose_gauges(rows, problem, criterion, gauges)
     return max(plans, key=lambda gauge_plan: criterion.phi(gauge_plan.information))
 
@@ -403,85 +418,85 @@ def _gauge_bound(
 
     Every pose has the gauges with the most information by a tangent plane near the optimum.
     """
-    problem = plan.examined.problem
+    problem = plan.candidates.problem
     criterion = plan.criterion
-    poses = plan.specification.poses
+    poses = plan.specification.n_poses
     Z = criterion.tangent(chosen.information).Z
     last = every[-len(chosen.marker) :]
     of_plan = last[np.arange(len(last))[:, None], chosen.marker, chosen.axis]
-    for _ in range(BOUND_PLANES):
+    for _ in range(BOUND_ROUNDS):
         marker, axis, _ = most_informative_gauges(every, Z, gauges.count)
         rows = every[np.arange(len(every))[:, None], marker, axis]
         rows[-len(last) :] = of_plan
         whole = replace(problem, rows=rows)
-        relaxed = relax(whole, criterion, poses)
+        relaxed = solve_relaxed_design(whole, criterion, poses)
         Z = relaxed.dual
     most = most_informative_gauges(every, Z, gauges.count)[2].max()
-    return whole, replace(relaxed, bound=float((Z * problem.prior).sum() + poses * most))
+    return whole, replace(relaxed, bound=float((Z * problem.prior_information).sum() + poses * most))
 
 
-def choose_poses(search: PoseSearch, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
+def choose_poses(search: PoseSearch, criterion: Criterion, candidates: CandidateSet) -> ChosenPoses:
     """Find the best poses by a criterion, certified against all poses examined.
 
     Args:
         search: Measurement, number of poses, limits and feasibility.
         criterion: Information function.
-        examined: Candidates to begin with.
+        candidates: Candidates to begin with.
 
     Returns:
         The plan; its examined poses include those found on the way.
     """
     # relaxed optimum; its heaviest poses, improved locally, join the candidates
-    relaxed = relax(examined.problem, criterion, search.poses)
-    for _ in range(MAX_ASCENTS):
-        examined = _improve_heaviest(search, examined, relaxed)
-        relaxed = relax(examined.problem, criterion, search.poses, relaxed)
+    relaxed = solve_relaxed_design(candidates.problem, criterion, search.n_poses)
+    for _ in range(IMPROVEMENT_ROUNDS):
+        candidates = _improve_heaviest(search, candidates, relaxed)
+        relaxed = solve_relaxed_design(candidates.problem, criterion, search.n_poses, relaxed)
     # whole poses by exchange, then a local search in their joint angles
-    chosen = select_poses(examined.problem, criterion, search.poses, relaxed, search.rng)
-    load = examined.load[chosen]
+    chosen = select_poses(candidates.problem, criterion, search.n_poses, relaxed, search.rng)
+    load = candidates.load_index[chosen]
 
     q = refine_plan(
-        examined.q[chosen],
-        examined.problem.prior,
+        candidates.q[chosen],
+        candidates.problem.prior_information,
         criterion,
-        lambda trial, places: search.whitened_rows(trial, load[places], examined.problem.lift),
+        lambda trial, places: search.whitened_rows(trial, load[places], candidates.problem.lift),
         search,
     )
     # the order of measuring, and the bound over all poses examined, those of the plan among them
     order = _measuring_order(q, load, search.feasibility)
-    extended = _add_candidates(search, examined, q[order], load[order])
-    chosen = np.arange(len(extended.q) - search.poses, len(extended.q))
-    last = relax(extended.problem, criterion, search.poses, relaxed)
+    extended = _add_candidates(search, candidates, q[order], load[order])
+    chosen = np.arange(len(extended.q) - search.n_poses, len(extended.q))
+    last = solve_relaxed_design(extended.problem, criterion, search.n_poses, relaxed)
     return _assemble(search, criterion, extended, chosen, last)
 
 
 def choose_greedily(
-    search: PoseSearch, criterion: Criterion, examined: CandidateSet, least: int = 0
+    search: PoseSearch, criterion: Criterion, candidates: CandidateSet, min_per_kind: int = 0
 ) -> ChosenPoses:
     """Choose each pose as the best next one of those examined: fast for many unknowns, with a loose bound.
 
     Args:
         search: Number of poses and feasibility of ways.
         criterion: Information function.
-        examined: Candidates.
-        least: Fewest poses of every kind (in place of a load); these come first.
+        candidates: Candidates.
+        min_per_kind: Fewest poses of every kind (in place of a load); these come first.
 
     Returns:
         The plan in the order of measuring, with the bound of the tangent at the plan itself.
     """
-    problem, poses = examined.problem, search.poses
+    problem, poses = candidates.problem, search.n_poses
     chosen, rest = np.zeros(0, dtype=int), problem
     # the fewest of every kind, then the best next ones of all
-    for kind in np.unique(examined.load) if least else ():
-        own = np.flatnonzero(examined.load == kind)
-        chosen = np.r_[chosen, own[greedy(rest, criterion, problem.rows[own], least)]]
-        rest = replace(problem, prior=information(problem, chosen))
-    chosen = np.r_[chosen, greedy(rest, criterion, problem.rows, poses - len(chosen))]
-    chosen = chosen[_measuring_order(examined.q[chosen], examined.load[chosen], search.feasibility)]
+    for kind in np.unique(candidates.load_index) if min_per_kind else ():
+        own = np.flatnonzero(candidates.load_index == kind)
+        chosen = np.r_[chosen, own[greedy_plan(rest, criterion, problem.rows[own], min_per_kind)]]
+        rest = replace(problem, prior_information=information(problem, chosen))
+    chosen = np.r_[chosen, greedy_plan(rest, criterion, problem.rows, poses - len(chosen))]
+    chosen = chosen[_measuring_order(candidates.q[chosen], candidates.load_index[chosen], search.feasibility)]
     M = information(problem, chosen)
     Z = criterion.tangent(M).Z
-    bound = float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
-    return _assemble(search, criterion, examined, chosen, RelaxedDesign(chosen, np.ones(poses), bound, Z))
+    bound = float((Z * problem.prior_information).sum() + poses * sensitivity(problem.rows, Z).max())
+    return _assemble(search, criterion, candidates, chosen, RelaxedDesign(chosen, np.ones(poses), bound, Z))
 
 
 def _assemble(
@@ -492,19 +507,19 @@ def _assemble(
     return ChosenPoses(
         criterion=criterion,
         q=q,
-        load=examined.load[chosen],
+        load_index=examined.load_index[chosen],
         clear_paths=tuple(search.feasibility.path_is_clear(start, end) for start, end in pairwise(q)),
-        examined=examined,
-        chosen=chosen,
-        value=criterion.phi(information(examined.problem, chosen)),
-        relaxed=relaxed,
+        candidates=examined,
+        chosen_indices=chosen,
+        criterion_value=criterion.phi(information(examined.problem, chosen)),
+        relaxed_design=relaxed,
     )
 
 
 def _improve_heaviest(search: PoseSearch, examined: CandidateSet, relaxed: RelaxedDesign) -> CandidateSet:
     """Improve the poses that carry most weight of the relaxed optimum, and add them as candidates."""
-    top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:POSES_PER_ASCENT]]
-    load = examined.load[top]
+    top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:IMPROVED_POSES]]
+    load = examined.load_index[top]
 
     def usefulness(q: Array) -> Array:
         rows = search.whitened_rows(q, np.resize(load, len(q)), examined.problem.lift)
@@ -517,7 +532,7 @@ def _add_candidates(search: PoseSearch, examined: CandidateSet, q: Array, load: 
     """Add candidates; directions that only they show are left out."""
     rows = search.whitened_rows(q, load, None) @ examined.problem.lift
     problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
-    return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
+    return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load_index, load], problem)
 
 
 def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
@@ -532,7 +547,7 @@ def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
 
 def _collision_detour(feasibility: Feasibility, poses: Array, a: int, b: int) -> float:
     """Return the extra cost of the motion from pose a to pose b beyond its length: more if it collides."""
-    return 0.0 if feasibility.path_is_clear(poses[a], poses[b]) else COLLISION_DETOUR
+    return 0.0 if feasibility.path_is_clear(poses[a], poses[b]) else COLLISION_SURCHARGE
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
@@ -545,7 +560,7 @@ def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
     Returns:
         The forecast of the linear model.
     """
-    return forecast(plan.examined.problem, plan.information, rows)
+    return forecast(plan.candidates.problem, plan.information, rows)
 
 
 # --- Baselines of a plan ------------------------------------------------------------------------------------
@@ -580,10 +595,10 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
     Returns:
         The indices, and how many directions the plan sees.
     """
-    s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.r), compute_uv=False)
+    s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.n_directions), compute_uv=False)
     seen = int((s > RANK_TOLERANCE * s[0]).sum())
-    if seen < problem.r:
-        return Observability(0.0, 0.0, 0.0, 0.0, 0.0, seen, problem.r)
+    if seen < problem.n_directions:
+        return Observability(0.0, 0.0, 0.0, 0.0, 0.0, seen, problem.n_directions)
     return Observability(
         o1=float(np.exp(np.log(s).mean()) / np.sqrt(len(chosen))),
         o2=float(s[-1] / s[0]),
@@ -591,11 +606,11 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
         o4=float(s[-1] ** 2 / s[0]),
         o5=float(1 / (1 / s).sum()),
         seen=seen,
-        of=problem.r,
+        of=problem.n_directions,
     )
 
 
-RANDOM_PLANS = 200  #: Random plans per number of poses that the plan is compared with.
+N_RANDOM_PLANS = 200  #: Random plans per number of poses that the plan is compared with.
 POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are reported.
 
 
@@ -606,9 +621,9 @@ class Baselines:
     Without a prior an error is infinite where a plan leaves a direction unseen that the candidates can show.
     """
 
-    greedy: Array  #: RMS errors of the greedy plans of 1, 2, ... poses, (largest count,) [m].
-    #: RMS errors of `RANDOM_PLANS` random plans, (RANDOM_PLANS,) [m], by number of poses.
-    random: dict[int, Array]
+    greedy_errors: Array  #: RMS errors of the greedy plans of 1, 2, ... poses, (largest count,) [m].
+    #: RMS errors of `N_RANDOM_PLANS` random plans, (N_RANDOM_PLANS,) [m], by number of poses.
+    random_errors: dict[int, Array]
 
 
 @dataclass(frozen=True)
@@ -619,7 +634,9 @@ class PriorInfluence:
     directions_from_readings: int
     #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
     prior_share: float
-    unseen_mean_square: float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
+    unobservable_mean_square: (
+        float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
+    )
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
@@ -635,51 +652,54 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     Returns:
         Directions in which the readings outweigh the prior, and the prior's share of the mean square error.
     """
-    problem, M = plan.examined.problem, plan.information
+    problem, M = plan.candidates.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
-    W, hidden = mean_square(rows @ problem.lift), unobservable_mean_square(problem, rows)
-    left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
+    W, hidden = mean_square_weight(rows @ problem.lift), unobservable_mean_square(problem, rows)
+    left_open = hidden + float(np.trace(W @ I @ problem.prior_information @ I))
     # readings over the prior, direction by direction: generalised eigenvalues above one outweigh it
-    half = np.linalg.inv(np.linalg.cholesky(problem.prior))
-    against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
+    half = np.linalg.inv(np.linalg.cholesky(problem.prior_information))
+    against = np.linalg.eigvalsh(half @ (M - problem.prior_information) @ half.T)
     return PriorInfluence(
         directions_from_readings=int((against > 1).sum()),
         prior_share=left_open / (hidden + float(np.trace(W @ I))),
-        unseen_mean_square=hidden,
+        unobservable_mean_square=hidden,
     )
 
 
-def baselines(plan: Plan, rows: Array, *, random_candidates: int, rng: np.random.Generator) -> Baselines:
+def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.random.Generator) -> Baselines:
     """Compute errors at the tasks of greedy and random plans from the same candidates.
 
     Args:
         plan: The plan, with the candidates that were examined.
         rows: Predictions at the tasks per unit of x, (tasks, 3 m, n) [m].
-        random_candidates: Number of examined candidates, the first ones, that were drawn at random; random
+        n_random_candidates: Number of examined candidates, the first ones, that were drawn at random; random
             plans use these.
         rng: Source of the random plans.
 
     Returns:
         Errors by number of poses.
     """
-    spec, problem = plan.specification, plan.examined.problem
+    spec, problem = plan.specification, plan.candidates.problem
     error = error_function(problem, rows)
 
     def errors(plans: Iterable[Ids]) -> Array:
-        whole = spec.uncertainty is not None
+        whole = spec.prior_uncertainty is not None
         return np.array(
-            [error(p) if whole or observability(problem, p).seen == problem.r else np.inf for p in plans]
+            [
+                error(p) if whole or observability(problem, p).seen == problem.n_directions else np.inf
+                for p in plans
+            ]
         )
 
-    counts = sorted({*POSE_COUNTS, spec.poses})
-    order = greedy(problem, plan.criterion, problem.rows, counts[-1])
+    counts = sorted({*POSE_COUNTS, spec.n_poses})
+    order = greedy_plan(problem, plan.criterion, problem.rows, counts[-1])
     return Baselines(
-        greedy=errors(order[: k + 1] for k in range(len(order))),
-        random={
+        greedy_errors=errors(order[: k + 1] for k in range(len(order))),
+        random_errors={
             count: errors(
                 [
-                    rng.choice(random_candidates, count, replace=random_candidates < count)
-                    for _ in range(RANDOM_PLANS)
+                    rng.choice(n_random_candidates, count, replace=n_random_candidates < count)
+                    for _ in range(N_RANDOM_PLANS)
                 ]
             )
             for count in stepwise(counts, "drawing random plans")
@@ -697,7 +717,7 @@ def error_function(problem: DesignProblem, rows: Array) -> Callable[[Ids], float
     Returns:
         Function of a plan's indices, (poses,), to its RMS error sqrt(tr(W M^-1) + hidden) [m].
     """
-    hidden, W = unobservable_mean_square(problem, rows), mean_square(rows @ problem.lift)
+    hidden, W = unobservable_mean_square(problem, rows), mean_square_weight(rows @ problem.lift)
     return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
 
 
@@ -711,4 +731,4 @@ def unobservable_mean_square(problem: DesignProblem, rows: Array) -> float:
     Returns:
         Mean square error, at least 0 whatever rounding does [m^2].
     """
-    return max(0.0, float(np.trace(mean_square(rows) @ problem.remaining_covariance)))
+    return max(0.0, float(np.trace(mean_square_weight(rows) @ problem.remaining_covariance)))

@@ -1,4 +1,4 @@
-"""Specification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
+"""PlanSpecification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
 
 Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior,
 pi = L x. `build_design_problem` restricts them to the directions that the candidates can show.
@@ -49,17 +49,17 @@ class Tasks:
 
 
 @dataclass(frozen=True)
-class Specification:
+class PlanSpecification:
     """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
     setup: MeasurementSetup  #: Loads, readings and noise of a pose.
     loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
     tasks: Tasks  #: Where predictions are wanted.
     #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
-    workspace: Array
+    workspace_poses: Array
     #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
-    uncertainty: float | None
-    poses: int  #: Number of poses to measure.
+    prior_uncertainty: float | None
+    n_poses: int  #: Number of poses to measure.
 
 
 @dataclass(frozen=True)
@@ -71,20 +71,20 @@ class DesignProblem:
     """
 
     rows: Array  #: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
-    prior: Array  #: Information on a before any reading, (r, r).
+    prior_information: Array  #: Information on a before any reading, (r, r).
     lift: Array  #: x per unit of a, (n, r).
     #: Covariance of x that no candidate reduces, (n, n) [1]; zero without a prior, see `unobservable`.
     remaining_covariance: Array
     #: Directions of x that no candidate shows and no prior bounds, (n, n - r); none with a prior, (n, 0).
-    unobservable: Array
+    unobservable_directions: Array
 
     @property
-    def r(self) -> int:
+    def n_directions(self) -> int:
         """Return the number of directions that the candidates can show."""
-        return int(self.prior.shape[0])
+        return int(self.prior_information.shape[0])
 
 
-def reading_rows(setup: MeasurementSetup, q: Array, load: Load, basis: Array | None = None) -> Array:
+def whitened_rows(setup: MeasurementSetup, q: Array, load: Load, basis: Array | None = None) -> Array:
     """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
@@ -125,22 +125,22 @@ def deflection_rows(setup: MeasurementSetup, q: Array, load: Load) -> Array:
     return _rows(setup, q, load, rigid_motion_matrix(setup.targets))
 
 
-def task_rows(spec: Specification) -> Array:
+def task_rows(spec: PlanSpecification) -> Array:
     """Compute deflections at the tasks per unit of x, (tasks, 3 m, n) [m]."""
     return deflection_rows(spec.setup, spec.tasks.q, spec.tasks.load)
 
 
-def workspace_rows(spec: Specification) -> Array:
+def workspace_rows(spec: PlanSpecification) -> Array:
     """Compute deflections over the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
-    return deflection_rows(spec.setup, spec.workspace, spec.loads[0])
+    return deflection_rows(spec.setup, spec.workspace_poses, spec.loads[0])
 
 
-def select_loads(spec: Specification, load: Ids) -> Load:
+def select_loads(spec: PlanSpecification, load_index: Ids) -> Load:
     """Select the load of every pose by its index into the specification's loads.
 
     Args:
-        spec: Specification with its loads.
-        load: Index into the specification's loads, (poses,).
+        spec: PlanSpecification with its loads.
+        load_index: Index into the specification's loads, (poses,).
 
     Returns:
         One load with a row per pose.
@@ -148,28 +148,30 @@ def select_loads(spec: Specification, load: Ids) -> Load:
     wrench, point = (
         np.stack([getattr(option, part) for option in spec.loads]) for part in ("wrench", "point")
     )
-    return Load(wrench[load], point[load])
+    return Load(wrench[load_index], point[load_index])
 
 
-def measured_rows(spec: Specification, q: Array, load: Ids, basis: Array | None = None) -> Array:
+def whitened_rows_by_load(
+    spec: PlanSpecification, q: Array, load_index: Ids, basis: Array | None = None
+) -> Array:
     """Compute whitened rows of poses, each under its own load.
 
     Args:
-        spec: Specification with its loads.
+        spec: PlanSpecification with its loads.
         q: Actuated joints, (poses, n_joints) [rad, m].
-        load: Index into the specification's loads, (poses,).
+        load_index: Index into the specification's loads, (poses,).
         basis: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
 
     Returns:
         Rows per unit of x or a, (poses, k, n) or (poses, k, r) [1].
     """
-    return reading_rows(spec.setup, q, select_loads(spec, load), basis)
+    return whitened_rows(spec.setup, q, select_loads(spec, load_index), basis)
 
 
 def _rows(setup: MeasurementSetup, q: Array, load: Load, motion: Array, basis: Array | None = None) -> Array:
     """Compute motion (k, 6) times the tool's twist per unit of x or a, in the tool's own axes, (poses, k, n).
 
-    See `reading_rows`.
+    See `whitened_rows`.
     """
     equilibrium, scaling = undeflected_arm(setup.vjm, q, [load.for_poses(len(q))]), setup.scaling
     unknowns = compliance_unknowns(setup.vjm, scaling.structure)
@@ -208,7 +210,9 @@ def split_into_blocks(rows: Array) -> list[Array]:
     return np.split(rows, range(CANDIDATES_PER_BLOCK, len(rows), CANDIDATES_PER_BLOCK))
 
 
-def build_design_problem(setup: MeasurementSetup, rows: Array, uncertainty: float | None) -> DesignProblem:
+def build_design_problem(
+    setup: MeasurementSetup, rows: Array, prior_uncertainty: float | None
+) -> DesignProblem:
     """Restrict candidates to the directions that they can show, and project the prior on these.
 
     Mathematics: `pose-3`.
@@ -216,7 +220,7 @@ def build_design_problem(setup: MeasurementSetup, rows: Array, uncertainty: floa
     Args:
         setup: Units of the prior.
         rows: Whitened rows per unit of x, k of each candidate, (candidates, k, n) [1].
-        uncertainty: Relative uncertainty of the prior [1]; None for no prior.
+        prior_uncertainty: Relative uncertainty of the prior [1]; None for no prior.
 
     Returns:
         The problem in coordinates a of the r directions of x that the candidates show: rows of the
@@ -233,10 +237,10 @@ def build_design_problem(setup: MeasurementSetup, rows: Array, uncertainty: floa
         raise BenchError("candidates: expected loads that move a target; these change no reading")
     r = int((s > RANK_TOLERANCE * s[0]).sum())
     seen, rest = Vt[:r].T, Vt[r:].T
-    if uncertainty is None:
+    if prior_uncertainty is None:
         ridge = INFORMATION_RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
         return DesignProblem(row_products(rows, seen), ridge, seen, np.zeros((n, n)), rest)
-    B, _ = prior_rows(setup.scaling, PriorUncertainty(uncertainty, SCALE_UNCERTAINTY))
+    B, _ = prior_rows(setup.scaling, PriorUncertainty(prior_uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
     # the rest follows the seen part in the prior's mean; its Schur complement is the prior on the seen part
     covariance = np.linalg.inv(rest.T @ M @ rest)
@@ -258,7 +262,7 @@ def information(problem: DesignProblem, chosen: Sequence[int] | Ids) -> Array:
     Returns:
         M, prior included, (r, r).
     """
-    return add_information(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
+    return add_information(problem.prior_information, problem.rows[np.asarray(chosen, dtype=int)])
 
 
 def suffix_information(rows: Array) -> Array:

@@ -1,26 +1,26 @@
 """The default method: an average of models, weighted by their evidence.
 
-The models are joints only; links and joints; these with joint laws; and these with coupled joints. Each is
-fitted under two priors: links as expected, and softened links, whose rotations and shears are less coupled
-than those of a beam.
+The models are joints only; links and joints; links and joints with joint laws; links and joints with coupled
+joints. Each is fitted under two priors: links as expected, and softened links, whose rotations and shears are
+less coupled than those of a beam.
 
 If links are so stiff that the readings hardly show them, their fitted compliances are noise, and joints only
 predict better. If joints stiffen, stick or have backlash, a linear model errs. If a torque on one joint also
-turns another one, the cone bends links to explain it. Held-out errors of few poses are too noisy to select a
+turns another one, GCO bends links to explain it. Held-out errors of few poses are too noisy to select a
 model; the evidence is not. Where the evidence is undecided, an average errs less than a selection: selecting
-by the same evidence loses to joints only twice as often where links are 10 or 30 times stiffer than the
-folder's. A mean of positive semi-definite matrices is positive semi-definite.
+by the same evidence loses to joints only twice as often where links are 10 or 30 times stiffer than their CAD
+values. A mean of positive semi-definite matrices is positive semi-definite.
 
 `pose_to_pose_variation` learns from the readings how much link compliances vary from pose to pose. No linear
 model contains this variation, and its prior would explain it by links that are far off. In pose p every link
 k has (1 + rho e_pk) times its compliance, with e_pk standard normal. With W the rows pi_k of a fit, one per
-link, the rows A_p of a pose have the covariance
+link, the readings of a pose with rows A_p have the covariance
 
     S_p = 1 + rho^2 A_p W^T W A_p^T
 
 in units of the noise. Multiplied by S_p^-1/2 they are rows of a linear model again. rho maximises the
 evidence under the prior that was learnt without it; it is 0 unless the evidence gains enough. Links vary as
-much in new poses, which is added to the noise of predictions.
+much in new poses, so this variance is added to that of predictions.
 
 `LinksVersusJointsOnly` compares links with joints only in poses that are left out of the fit. The evidence
 trusts the prior's form; for links ten times stiffer than the folder's it may prefer a model that fits noise.
@@ -57,7 +57,7 @@ from testbench.model.laws import remove_law_parameters as linear
 from testbench.model.structure import Structure
 
 TRIED_POSE_VARIATIONS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
-"""Values of rho that are tried [1]."""
+"""Relative variations rho of link compliances from pose to pose that are tried [1]."""
 MIN_LOG_EVIDENCE_GAIN = math.log(10)
 """Log evidence that rho must gain. 19 arms of the family with all disturbances do not gain it. Of 13
 undisturbed ones one does, and then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
@@ -71,21 +71,25 @@ ROW_ROUNDING = 1e-9
 # --- Links that vary from pose to pose ----------------------------------------------------------------------
 
 
-def pose_to_pose_variation(regression: Regression, estimate: Estimate, max_loss: float = 0.0) -> float:
+def pose_to_pose_variation(
+    regression: Regression, estimate: Estimate, max_evidence_loss: float = 0.0
+) -> float:
     """Find the relative variation rho of link compliances from pose to pose that has the greatest evidence.
 
     Args:
-        regression: The dataset, with its rows pose by pose.
-        estimate: A fit to it with a learnt prior.
-        max_loss: Log evidence that a larger rho may be below the best.
+        regression: The reduced dataset, with its rows pose by pose.
+        estimate: A fit to this dataset with a learnt prior.
+        max_evidence_loss: Log evidence that a larger rho may have below that of the best rho; the largest
+            such rho is taken [1].
 
     Returns:
-        rho, 0 if the evidence does not gain enough [1].
+        rho: standard deviation of a link's compliance over poses, relative to its mean; 0 if the log evidence
+        gains less than `MIN_LOG_EVIDENCE_GAIN` [1].
     """
     gains = _variation_evidence(regression, _uncoupled_fit(estimate))
     if gains.max() - gains[0] < MIN_LOG_EVIDENCE_GAIN:
         return 0.0
-    return TRIED_POSE_VARIATIONS[np.flatnonzero(gains >= gains.max() - max_loss)[-1]]
+    return TRIED_POSE_VARIATIONS[np.flatnonzero(gains >= gains.max() - max_evidence_loss)[-1]]
 
 
 def _variation_evidence(regression: Regression, fit: Estimate) -> Array:
@@ -157,14 +161,17 @@ def _log_evidence(
 
 
 def weight_for_pose_variation(regression: Regression, pi: Array, rho: float) -> Regression:
-    """Weight a dataset as if the compliance of every link varied from pose to pose by a share rho.
+    """Weight equations as if the compliance of every link varied from pose to pose by a share rho.
 
     Mathematics: `prior-13`.
 
     Args:
         regression: The reduced dataset, with its rows pose by pose.
         pi: Parameters of a fit, (n,) or the first of them [m/N, rad/(N m), rad/N].
-        rho: Relative standard deviation of a link's compliance over poses [1].
+        rho: Standard deviation of a link's compliance over poses, relative to its mean [1].
+
+    Returns:
+        The weighted equations, with the variation that predictions of new poses must add.
     """
     links, [term] = _parameters_by_link(regression, pi), regression.terms
     poses, points = [_pose_variances(rows, links) for rows in regression.rows_by_pose], term.n_equations / 3
@@ -186,8 +193,8 @@ def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
 
 
 JOINTS_ONLY_PRIOR_ODDS = 10.0
-"""Prior odds of joints only to links and joints. Links count half where the readings make them ten times more
-probable.
+"""Prior odds of joints only to links and joints: both weigh the same where the readings make links ten times
+more probable.
 
 With odds of three, 4 of 54 arms whose links are 10, 30 or 100 times stiffer than the folder's err more than 5
 % more than joints only; with these odds none does. Other kinds of arms do not change (`kr500_l480`, seeds
@@ -243,20 +250,20 @@ def average_two_priors(
 ) -> Estimate:
     """Average the estimates under a prior, and under one with less coupled links, weighted by their evidence.
 
-    If the readings show that compliances of links vary from pose to pose, their equations are weighted
-    accordingly (`weight_for_pose_variation`), and the model of joint stiffness only has at least the weight
+    If the readings show that compliances of links vary from pose to pose, the equations are weighted for it
+    (`weight_for_pose_variation`), and the model of joint stiffness only has at least the weight
     `MIN_JOINTS_ONLY_WEIGHT`.
 
     Mathematics: `prior-12`.
 
     Args:
         regression: The reduced dataset, of a structure with joint laws.
-        constraint: Least squares or GCO.
-        prior: Units of the prior.
-        softened_prior: Units of the prior with less coupled links, see `with_weaker_coupling`.
+        constraint: "none" for least squares, "psd" for GCO.
+        prior: Prior with links coupled as in a beam, as units pi = L x.
+        softened_prior: Prior with less coupled links, see `with_weaker_coupling`, as units pi = L x.
 
     Returns:
-        The average; its `average` holds the weights.
+        The averaged estimate; its field `average` holds the models and their weights.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
@@ -322,18 +329,18 @@ def _fit_before_laws(regression: Regression, estimate: Estimate) -> Estimate:
 
 @dataclass(frozen=True)
 class LinksVersusJointsOnly:
-    """Compare the most probable model of an average with joints only, in poses left out of the fit."""
+    """Compare the most probable model with links against joints only, in poses left out of the fit."""
 
     regression: Regression  #: The reduced dataset, with its rows pose by pose.
-    most_probable: Estimate  #: The model of greatest weight, except joints only.
-    links_prior: WeightedPrior  #: Its learnt prior.
-    joints_only_regression: Regression  #: The dataset of joints only.
-    joints_only_prior: WeightedPrior  #: Their prior.
+    most_probable: Estimate  #: Model of greatest weight in an average, except joints only.
+    links_prior: WeightedPrior  #: Learnt prior of `most_probable`.
+    joints_only_regression: Regression  #: The same readings in joint compliances alone.
+    joints_only_prior: WeightedPrior  #: Prior of the joints' compliances where links are rigid.
     log_bayes_factor: float  #: Log evidence of `most_probable` less that of joints only.
 
     @property
     def links_certain(self) -> bool:
-        """Return whether links do not vary from pose to pose and the evidence for them is overwhelming."""
+        """Tell whether links do not vary from pose to pose and have decisive evidence over joints only."""
         return (
             self.most_probable.regression.pose_variation is None
             and self.log_bayes_factor > DECISIVE_LOG_EVIDENCE
@@ -341,10 +348,14 @@ class LinksVersusJointsOnly:
 
     @cached_property
     def held_out_errors(self) -> tuple[Array, Array]:
-        """Compute the errors of both models in every pose by fits without it, (poses,) each [1].
+        """Compute the RMS errors of both models in every pose, predicted from all other poses.
 
-        Each is the root mean square over a pose in standard deviations. The learnt prior is that of all
-        poses, so that a fit without a pose is one solution of normal equations. The cone is left out.
+        The learnt prior is that of all poses, so that a fit without a pose is one solution of normal
+        equations. The fits are not constrained to positive semi-definite compliances.
+
+        Returns:
+            Errors of `most_probable` and of joints only in standard deviations of a reading, (poses,) each
+            [1].
         """
         pose_variation, joints_poses = (
             self.most_probable.regression.pose_variation,
@@ -359,21 +370,21 @@ class LinksVersusJointsOnly:
 
 
 def links_versus_joints_only(
-    r: Regression, estimate: Estimate, prior: PriorScaling
+    regression: Regression, estimate: Estimate, prior: PriorScaling
 ) -> LinksVersusJointsOnly | None:
-    """Prepare the comparison of the most probable model of an average with joints only.
+    """Prepare the comparison of the most probable model with links against joints only.
 
     Args:
-        r: The reduced dataset, with its rows pose by pose.
-        estimate: An average by evidence.
-        prior: Units of the prior.
+        regression: The reduced dataset, with its rows pose by pose.
+        estimate: An average of models, weighted by their evidence.
+        prior: Prior of the structure of the dataset, as units pi = L x.
 
     Returns:
-        Both models, or None if joints only cannot be fitted.
+        Both models, or None if joints only cannot be fitted or the evidence of links is not known.
     """
-    regression, scaling = _joints_only(r, prior)
+    joints_regression, scaling = _joints_only(regression, prior)
     try:
-        log_evidence, joints_prior = joints_only_log_evidence(regression, scaling)
+        log_evidence, joints_prior = joints_only_log_evidence(joints_regression, scaling)
     except BenchError:  # no joint is loaded, or all turn against their loads
         return None
     likeliest = _likeliest(estimate)
@@ -381,7 +392,7 @@ def links_versus_joints_only(
     if weighted_prior is None or weighted_prior.log_evidence is None:
         return None
     over = weighted_prior.log_evidence - log_evidence
-    return LinksVersusJointsOnly(r, likeliest, weighted_prior, regression, joints_prior, over)
+    return LinksVersusJointsOnly(regression, likeliest, weighted_prior, joints_regression, joints_prior, over)
 
 
 def _likeliest(estimate: Estimate) -> Estimate:
@@ -417,16 +428,19 @@ def _held_out_errors(
 def joints_only_weight(held_out_errors: tuple[Array, Array] | None, *, links_vary: bool) -> float:
     """Choose the weight of the rigid-link model (joints only) by errors in poses left out of the fit.
 
+    A paired test over the poses decides whether the model with links predicts better, at the confidence
+    `SELECTION_CONFIDENCE`.
+
     Mathematics: `prior-14`.
 
     Args:
-        held_out_errors: Errors of the most probable model and of joints only, (poses,) each; None keeps the
-            average.
-        links_vary: Whether links vary from pose to pose.
+        held_out_errors: Errors of the model with links and of joints only, (poses,) each, in standard
+            deviations of a reading [1]; None where the evidence already decides for links.
+        links_vary: Whether link compliances vary from pose to pose.
 
     Returns:
-        If links surely predict these poses better, 0, or `MIN_JOINTS_ONLY_WEIGHT` if they vary; else 1, or
-        `JOINTS_ONLY_WEIGHT_IF_UNSURE` if they vary and are not surely worse [1].
+        Weight from 0 to 1 [1]. If links predict better: 0, or `MIN_JOINTS_ONLY_WEIGHT` if they vary. If not:
+        1, or `JOINTS_ONLY_WEIGHT_IF_UNSURE` if they vary and the test does not show them worse.
     """
     better = MIN_JOINTS_ONLY_WEIGHT if links_vary else 0.0
     if held_out_errors is None:
@@ -440,30 +454,34 @@ def joints_only_weight(held_out_errors: tuple[Array, Array] | None, *, links_var
 
 
 def average_with_joints_only(
-    r: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate, weight: float
+    regression: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate, weight: float
 ) -> Estimate:
-    """Average a fit with joints only.
+    """Average an estimate and the rigid-link model (joints only) with a given weight.
 
     Joint laws and coupled joints keep their weight unless joints only have a weight of 1.
 
     Joints only are fitted to unweighted readings: weighted for links that vary, they err a third more.
-    Intervals remain those of the average, about the new mean.
+    Intervals keep the width that the estimate gives them, about the new mean.
 
     Args:
-        r: The reduced dataset, with its rows pose by pose.
-        constraint: Least squares or GCO.
-        prior: Units of the prior.
-        estimate: An average by evidence.
-        weight: Weight of joints only, by `joints_only_weight` [1].
+        regression: The reduced dataset, with its rows pose by pose.
+        constraint: "none" for least squares, "psd" for GCO.
+        prior: Prior of the structure of the dataset, as units pi = L x.
+        estimate: An average of models, weighted by their evidence.
+        weight: Weight of joints only, see `joints_only_weight`, 0 to 1 [1].
+
+    Returns:
+        The averaged estimate, F_M that of the unweighted readings.
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:
         weight *= (1 - known.joint_laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
-        return replace(estimate, f_m=f_m(restrict_regression(r, estimate.structure), estimate.pi))
+        return replace(estimate, f_m=f_m(restrict_regression(regression, estimate.structure), estimate.pi))
     # Joints only, fitted with their wide prior, and the average of both.
-    regression, scaling = _joints_only(r, prior)
-    joints_fit = solve(regression, constraint, joints_only_log_evidence(regression, scaling)[1])
+    joints_regression, scaling = _joints_only(regression, prior)
+    joints_prior = joints_only_log_evidence(joints_regression, scaling)[1]
+    joints_fit = solve(joints_regression, constraint, joints_prior)
     average = replace(
         known,
         joints_only_weight=weight + (1 - weight) * known.joints_only_weight,
@@ -471,7 +489,7 @@ def average_with_joints_only(
     )
     weighted = (1 - weight, estimate), (weight, joints_fit)
     mean = _average(estimate.regression, weighted, estimate.weighted_prior, average)
-    return replace(mean, f_m=f_m(restrict_regression(r, mean.structure), mean.pi))
+    return replace(mean, f_m=f_m(restrict_regression(regression, mean.structure), mean.pi))
 
 
 # --- Averages by evidence, under two priors and under one ---------------------------------------------------
@@ -547,15 +565,18 @@ def _average(
 def average_models(
     regression: Regression, constraint: Constraint, prior: PriorScaling, *, for_intervals: bool
 ) -> Estimate:
-    """Fit a dataset with a prior learnt from it, and average the fit with simpler models.
+    """Fit a dataset with a prior learnt from it, and average the fit with simpler models by evidence.
 
     Mathematics: `prior-12`.
 
     Args:
         regression: The reduced dataset; if its structure has joint laws, the average includes them.
-        constraint: Least squares or GCO.
-        prior: Units of the prior, for the structure of the dataset.
+        constraint: "none" for least squares, "psd" for GCO.
+        prior: Prior of the structure of the dataset, as units pi = L x.
         for_intervals: Whether to compute the uncertainty of the learnt prior, which intervals need.
+
+    Returns:
+        The averaged estimate; its field `average` holds the models and their weights.
 
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.
@@ -644,7 +665,7 @@ def _average_laws(
 
 
 def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
-    """Return the units of the prior of compliances only, without joint laws."""
+    """Return a prior, as units pi = L x, without its joint laws: that of the compliances."""
     return (
         scaling
         if not scaling.is_joint_law_size.any()
@@ -653,14 +674,14 @@ def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
 
 
 def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScaling:
-    """Restrict the units of a prior to fewer unknowns: the expectation of the others is 0.
+    """Restrict a prior, as units pi = L x, to fewer unknowns; the others are zero.
 
     Args:
-        scaling: Units of the prior.
-        structure: Some of its unknowns.
+        scaling: Units L and expectation of x of the prior.
+        structure: Some of the prior's unknowns.
 
     Returns:
-        The units of these unknowns.
+        Units and expectation of these unknowns alone.
     """
     places = structure.indices_in(scaling.structure)
     row, column = scaling.structure.upper_triangles
@@ -717,7 +738,7 @@ def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorS
 
 
 def joint_compliance_indices(scaling: PriorScaling) -> Ids:
-    """Find the places of the parameters that are compliances of joints, (joints,)."""
+    """Find the indices of the parameters that are compliances of joints, (joints,)."""
     s = scaling.structure
     return np.flatnonzero((s.rows == s.columns) & (s.rows >= 6 * s.n_links) & (s.rows < s.n_compliance_rows))
 

@@ -290,7 +290,7 @@ Without noise the tie-break alone costs 0.3 to 2 times as much and F_M a tenth a
 what rounding changes in the trace does not.
 """
 EXACT_FIT_SHARE = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
-INTERIOR_POINT_GAP = (
+MAX_INTERIOR_POINT_GAP = (
     1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
 )
 #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
@@ -304,7 +304,7 @@ class ConicProgram:
     A block of C_theta that no data touch is no part of it: its least trace is zero.
     """
 
-    indices: Ids  #: Parameters of the blocks that the data touch, (k,).
+    parameter_indices: Ids  #: Parameters of the blocks that the data touch, (k,).
     touched_structure: Structure  #: Those blocks.
     f_m_unit: float  #: F_M at C = 0: the unit of F_M [1].
     parameter_units: Array  #: pi[columns] = scale * x, (k,).
@@ -325,7 +325,7 @@ class ConicProgram:
             pi, (n,) [m/N, rad/(N m), rad/N]; zero for blocks that no data touch.
         """
         pi = np.zeros(n_parameters)
-        pi[self.indices] = self.parameter_units * x
+        pi[self.parameter_indices] = self.parameter_units * x
         return pi
 
 
@@ -416,7 +416,7 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
         The answer; None where a block is not whole, nothing moves, or the answer is not proven.
     """
     s, n = program.touched_structure, regression.structure.n_parameters
-    if not s.has_full_blocks or not len(program.indices) or f_m(regression, np.zeros(n)) == 0:
+    if not s.has_full_blocks or not len(program.parameter_indices) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter_of_entry
     unit = np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)  # parameters over svec
@@ -430,7 +430,7 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
     gap = (
         lower_bound_certificate(regression, pi, dual, penalty=program.penalty).duality_gap / program.f_m_unit
     )
-    if gap > INTERIOR_POINT_GAP:
+    if gap > MAX_INTERIOR_POINT_GAP:
         return None
     return ConicSolution(pi, time.perf_counter() - start, f"proven to {gap:.1g} of F_M without a model", dual)
 
@@ -512,7 +512,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
     unit = f_m(regression, np.zeros(s.n_parameters)) or 1.0
     scale = sensitivity_units(regression, unit, penalty)[columns]
     return ConicProgram(
-        indices=columns,
+        parameter_indices=columns,
         touched_structure=kept,
         f_m_unit=unit,
         parameter_units=scale,
@@ -564,18 +564,18 @@ def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def compliance_blocks(structure: Structure, first: int) -> tuple[cone.Block, ...]:
+def compliance_blocks(structure: Structure, first_index: int) -> tuple[cone.Block, ...]:
     """Make the positive semi-definite blocks of C_theta as unknowns of a conic program.
 
     Args:
         structure: The unknowns.
-        first: Place of the first parameter among the unknowns of the program.
+        first_index: Place of the first parameter among the unknowns of the program.
 
     Returns:
         One block per block of C_theta.
     """
     blocks = [(block_parameters(structure, block), len(block)) for block in structure.blocks]
-    return tuple(cone.Block(first + entries, size, svec) for (entries, svec), size in blocks)
+    return tuple(cone.Block(first_index + entries, size, svec) for (entries, svec), size in blocks)
 
 
 def block_parameters(structure: Structure, block_rows: Ids) -> tuple[Ids, Array]:

@@ -1,14 +1,16 @@
 """Interior-point methods over positive semi-definite blocks: one program of norms, or many of squares.
 
-`solve_program` minimises a sum of norms, as in F_M of Eq. (19), or half the sum of their squares,
+svec stacks the upper triangle of a symmetric matrix with off-diagonal entries times sqrt(2), so that
+svec(A) . svec(B) = tr(A B). `solve_program` minimises a sum of norms, as in F_M of Eq. (19),
 
     minimise   sum_k |(R_k x - z_k, rest_k)| + c . x   over   x, svec of positive semi-definite blocks
 
-with a barrier or without. It takes Mehrotra's predictor and corrector steps along the direction of Nesterov
-and Todd (Todd, Toh and Tutuncu 1998), with two changes. The length of the last step, not of the predicted
-one, determines the gap to aim at; with a barrier, each step is Newton's. The norms are not treated as cones:
-away from zero they are smooth, and their tangent enters Newton's matrix. If they change much from step to
-step, the residuals are weighted by the last norms instead (Weiszfeld), which never overshoots.
+or half the sum of their squares, with a barrier or without. It takes Mehrotra's predictor and corrector steps
+along the direction of Nesterov and Todd (Todd, Toh and Tutuncu 1998), with two changes. The length of the
+last step, not of the predicted one, determines the gap to aim at; with a barrier, each step is Newton's. The
+norms are not treated as cones: away from zero they are smooth, and their tangent enters Newton's matrix. If
+they change much from step to step, the residuals are weighted by the last norms instead (Weiszfeld), which
+never overshoots.
 
 `solve_batch` solves many similar least-squares problems with a trace term at once,
 
@@ -36,46 +38,49 @@ from testbench.identify import cone
 
 MAX_ITERATIONS = 40  #: Most steps.
 MIN_FIRST_GAP = 0.1
-"""Least duality gap at the start, as a share of the cost [1]."""
+"""Least duality gap at the start, over the cost [1]."""
 MIN_INITIAL_SIZE = 1e-3
-"""Size of the first x if the data fit best at zero [1]."""
+"""Readings of the first x over the measured ones if the data fit best at x = 0 [1]."""
 STOP_DISTANCE = 1e-11
-"""Distance from the optimum at which the method ends, in units in which the data are of order one."""
+"""Bound of the cost above its optimum at which the method ends, data of order one [1]."""
 STOP_DISTANCE_OF_SQUARES = 1e-14
-"""Distance from the optimum at which the method ends for squares, in units of the noise."""
+"""Bound of half the sum of squares above its optimum at which the method ends, data of order one [1]."""
 ZERO_RESIDUAL = 1e-9
-"""Norm of a residual below which it has no direction: no dual proves the optimum there."""
+"""Norm of a residual below which it has no direction, so that no dual proves the optimum [1]."""
 MIN_STEP = 1e-6
-"""Step length below which the method ends."""
+"""Length of a step, 1 for a full one, below which the method ends [1]."""
 STALL_DISTANCE = 1e-7
-"""Distance below which an iteration that gains less than half is the last one."""
-MAX_STEADY_CHANGE = 0.3  #: Relative change of the norms below which their tangent is trusted.
-MIN_AIM = 1e-6
-"""Least share of the present gap at which a step aims [1]."""
+"""Bound of the cost above its optimum below which a step that does not halve it is the last one."""
+MAX_STEADY_CHANGE = 0.3  #: Relative change of the norms in a step below which their tangent is used [1].
+MIN_TARGET_GAP_SHARE = 1e-6
+"""Least ratio of the duality gap that a step aims at to the present one [1]."""
 MIN_BOUNDARY_SHARE = 0.9
 """Least share of the distance to the boundary of the cone that a step takes [1]."""
 SINGULAR_PIVOT = 3e-6
 """Least pivot of a matrix over its largest [1]: the root of the rounding of a Cholesky factorisation."""
 TRACE_ROUNDING = 1e-12
 """Share of a trace by which an eigenvalue may be negative [1]."""
-TINY = 1e-300
+TINY = 1e-300  #: Number that replaces zero in a division.
 
 
 @dataclass(frozen=True)
 class BlockProgram:
-    """Hold a program of norms or squares over positive semi-definite blocks, data of order one."""
+    """Hold a program of norms or squares of residuals over positive semi-definite blocks, data of order one.
 
-    R: Array  #: Rows of the residuals r_k = R_k x - z_k, (K, rows, n).
-    z: Array  #: Right-hand sides, (K, rows).
-    unexplained: Array  #: Part of every residual that no x changes, (K,).
-    linear_cost: Array  #: Linear cost, (n,).
-    block_orders: tuple[int, ...]  #: Orders of the blocks.
-    sum_of_squares: bool = False  #: Whether half the squares of the norms count.
-    barrier: float = 0.0  #: Weight of -log det of every block.
+    The unknown x stacks the svec of all blocks. The K residuals are r_k = (R_k x - z_k, unexplained_k).
+    """
+
+    R: Array  #: Matrices R_k of the residuals, (K, rows, n).
+    z: Array  #: Right-hand sides z_k of the residuals, (K, rows).
+    unexplained: Array  #: Component of every residual that does not depend on x, (K,).
+    linear_cost: Array  #: Cost c per unit of x, (n,).
+    block_orders: tuple[int, ...]  #: Number of rows of every block.
+    sum_of_squares: bool = False  #: Whether the cost has half the squares of the norms in place of the norms.
+    barrier_weight: float = 0.0  #: Weight of the barrier -log det of every block.
 
     @cached_property
     def gram(self) -> Array:
-        """Return R_k^T R_k, (K, n, n)."""
+        """Compute R_k^T R_k of every residual, (K, n, n)."""
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def residual_weights(self, norms: Array) -> Array:
@@ -90,13 +95,13 @@ class BlockProgram:
         return np.ones_like(norms) if self.sum_of_squares else 1 / np.maximum(norms, TINY)
 
     def misfit(self, norms: Array) -> float:
-        """Compute the misfit: the sum of the norms, or half the sum of their squares.
+        """Compute the misfit: the sum of the residuals' norms, or half the sum of their squares.
 
         Args:
             norms: Norms |r_k| of the residuals, (K,).
 
         Returns:
-            The misfit, in units of the cost.
+            The misfit [1].
         """
         return float((norms**2 / 2 if self.sum_of_squares else norms).sum())
 
@@ -105,25 +110,25 @@ class BlockProgram:
 
         Args:
             x: svec of all blocks, (n,).
-            norms: Norms of the residuals at x, (K,).
+            norms: Norms |r_k| of the residuals at x, (K,).
 
         Returns:
-            The cost.
+            The cost [1].
         """
         cost = self.misfit(norms) + float(x @ self.linear_cost)
-        if self.barrier:
+        if self.barrier_weight:
             blocks = (cone.smat(x[at]) for at in cone.svec_indices_by_order(self.block_orders))
-            cost -= self.barrier * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
+            cost -= self.barrier_weight * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
         return cost
 
     def norms_and_gradients(self, x: Array) -> tuple[Array, Array]:
-        """Compute the norm of every residual r_k at a point, and the gradient of its part of the cost.
+        """Compute the norm of every residual r_k at x, and the gradient of its term of the misfit.
 
         Args:
             x: svec of all blocks, (n,).
 
         Returns:
-            Norms of the K residuals, (K,), and gradients with respect to x, (K, n).
+            Norms |r_k|, (K,), and gradients of the terms with respect to x, (K, n).
         """
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.unexplained**2)
@@ -132,49 +137,51 @@ class BlockProgram:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Hold one iterate: x, multipliers s, norms and gradients."""
+    """Hold one iterate of the interior-point method: x, multipliers s of its blocks, norms and gradients."""
 
     x: Array  #: svec of the blocks, positive definite, (n,).
-    multipliers: Array  #: svec of their multipliers, positive definite, (n,).
-    norms: Array  #: Norms of the residuals, (K,).
-    gradients: Array  #: Gradients of their parts of the cost, (K, n).
-    dual_residual: Array  #: Gradient of the cost minus the multipliers, (n,).
+    multipliers: Array  #: svec of the multipliers s of the blocks, positive definite, (n,).
+    norms: Array  #: Norms |r_k| of the residuals, (K,).
+    gradients: Array  #: Gradients of the residuals' terms of the misfit, (K, n).
+    dual_residual: Array  #: Gradient of misfit and linear cost minus the multipliers, (n,).
     step_length: float = 0.5  #: Length of the last step, 1 for a full one.
     #: Whether the norms change little from step to step, so that their tangent is accurate.
     norms_are_steady: bool = False
 
     def distance_from_optimum(self, program: BlockProgram) -> float:
-        """Bound the distance of the cost from its optimum: the duality gap plus |x| |gradient - s|.
+        """Bound the distance of the cost from its optimum by the duality gap x . s plus |x| |gradient - s|.
 
-        With a barrier, the distance of the products X S from the barrier replaces the gap.
+        With a barrier, the distance of the products X S from the barrier's weight replaces the gap.
 
         Args:
-            program: The program that is solved.
+            program: The program to which x is an approximate solution.
 
         Returns:
-            The bound, in units of the cost.
+            The bound [1].
         """
         gap = float(self.x @ self.multipliers)
-        if program.barrier:
+        if program.barrier_weight:
             groups = cone.svec_indices_by_order(program.block_orders)
             products = (cone.smat(self.x[at]) @ cone.smat(self.multipliers[at]) for at in groups)
-            gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
+            gap = sum(
+                float(np.linalg.norm(XS - program.barrier_weight * np.eye(len(XS[0])))) for XS in products
+            )
         return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.dual_residual))
 
 
 def least_squares_on_cone(M: Array, r: Array, block_orders: tuple[int, ...] = ()) -> tuple[Array, float]:
-    """Minimise |M x - r|^2 / 2 over x, svec of blocks of these orders that are positive semi-definite.
+    """Minimise |M x - r|^2 / 2 over x, the svec of positive semi-definite blocks.
 
     Mathematics: `est-15`.
 
     Args:
-        M: Rows, (rows, n), of rank n.
-        r: Right-hand sides, (rows,).
-        block_orders: Orders of the blocks; () for no cone.
+        M: Matrix, (rows, n), of rank n.
+        r: Right-hand side, (rows,).
+        block_orders: Number of rows of every block; () for no constraint on x.
 
     Returns:
-        x, (n,), and an upper bound of its cost above the least: |x . s| + F H^-1 F / 2 for any s in the cone,
-        with F the gradient minus s and H = M^T M. The bound is infinite where nothing is proven.
+        x, (n,), and an upper bound of its cost above the least one: |x . s| + F H^-1 F / 2 for any s in the
+        cone, with F the gradient minus s and H = M^T M. The bound is infinite where nothing is proven.
     """
     H, n = M.T @ M, M.shape[1]
     try:
@@ -210,8 +217,8 @@ def is_semidefinite(x: Array, block_orders: tuple[int, ...], tolerance: float) -
 
     Args:
         x: svec of all blocks, (n,).
-        block_orders: Orders of the blocks.
-        tolerance: Share of its trace by which an eigenvalue may be negative [1].
+        block_orders: Number of rows of every block.
+        tolerance: Share of a block's trace by which its eigenvalues may be negative [1].
     """
     if not np.isfinite(x).all():
         return False
@@ -220,7 +227,7 @@ def is_semidefinite(x: Array, block_orders: tuple[int, ...], tolerance: float) -
 
 
 def solve_program(program: BlockProgram) -> Iterate:
-    """Minimise a program by predictor and corrector steps, as far as rounding allows.
+    """Minimise a program of norms or squares by an interior-point method, as far as rounding allows.
 
     Mathematics: `est-11`.
 
@@ -228,7 +235,7 @@ def solve_program(program: BlockProgram) -> Iterate:
         program: The program.
 
     Returns:
-        The best iterate; the caller proves how near the optimum it is.
+        The best iterate; its distance from the optimum is for the caller to prove.
     """
     state = _initial_iterate(program)
     iterate, best = state, program.cost(state.x, state.norms)
@@ -299,10 +306,11 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
     w = np.empty_like(x)
     sums = []
     # Predictor: the affine step to the optimum; a barrier needs none.
-    predicted = cho_solve(root, -s - missing) * (not program.barrier)
+    predicted = cho_solve(root, -s - missing) * (not program.barrier_weight)
     # Gap to aim at, from the length of the last step.
     aim = max(
-        program.barrier, max((1 - state.step_length) ** 2, MIN_AIM) * float(x @ s) / sum(program.block_orders)
+        program.barrier_weight,
+        max((1 - state.step_length) ** 2, MIN_TARGET_GAP_SHARE) * float(x @ s) / sum(program.block_orders),
     )
     for scaling in scalings:
         sums.append(scaling.corrected_step_sum(aim, scaling.scale_step(predicted)))
@@ -323,25 +331,26 @@ def _step(program: BlockProgram, state: Iterate) -> Iterate:
 
 @dataclass(frozen=True)
 class NesterovToddScaling:
-    """Hold the Nesterov-Todd scaling G^-1 X G^-T = G^T S G = diag d of blocks of one order, many pairs."""
+    """Hold the Nesterov-Todd scaling G of pairs of matrices X, S: G^-1 X G^-T = G^T S G = diag d.
 
-    indices: Ids  #: Places of the blocks, (blocks, entries).
+    The pairs are the m x m blocks of a program, X, and their multipliers S; of many programs at once (...).
+    """
+
+    indices: Ids  #: Indices of the entries of every block in x, (blocks, entries).
     L: Array  #: Cholesky factor of X, (..., blocks, m, m).
     V: Array  #: Eigenvectors of L^T S L, (..., blocks, m, m).
-    d: Array  #: Roots of its eigenvalues, (..., blocks, m).
+    d: Array  #: Square roots of the eigenvalues of L^T S L, (..., blocks, m).
 
     @classmethod
     def of_pairs(cls, indices: Ids, x: Array, multipliers: Array) -> "NesterovToddScaling":
-        """Compute the scaling of matrices X and their multipliers S: G^-1 X G^-T = G^T S G = diag d.
-
-        G is the scaling of Nesterov and Todd, which makes both the same diagonal matrix.
+        """Compute the scaling G of blocks X and their multipliers S: G^-1 X G^-T = G^T S G = diag d.
 
         Mathematics: `est-10`.
 
         Args:
-            indices: Places of the blocks among the coordinates, (blocks, entries).
-            x: svec of the matrices X of all blocks, (..., n).
-            multipliers: svec of their multipliers S, (..., n).
+            indices: Indices of the entries of every block in x, (blocks, entries).
+            x: svec of the blocks X, (..., n).
+            multipliers: svec of the multipliers S, (..., n).
 
         Returns:
             The scaling of the blocks at `indices`.
@@ -355,36 +364,36 @@ class NesterovToddScaling:
 
     @cached_property
     def G(self) -> Array:
-        """Return G = L V d^-1/2, (..., blocks, m, m)."""
+        """Compute the scaling matrices G = L V d^-1/2 of all blocks, (..., blocks, m, m)."""
         return np.asarray(self.L @ self.V / np.sqrt(self.d)[..., None, :])
 
     @cached_property
     def inverse(self) -> Array:
-        """Return G^-1, (..., blocks, m, m)."""
+        """Compute the inverse scaling matrices G^-1 of all blocks, (..., blocks, m, m)."""
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scale_step(self, step: Array) -> Array:
-        """Scale a direction of x: G^-1 X G^-T of every block.
+        """Scale a step of x: compute G^-1 dX G^-T of every block.
 
         Args:
-            step: Directions svec(X), (..., n).
+            step: Step dx, svec of the blocks dX, (..., n).
 
         Returns:
-            Scaled directions, (..., blocks, m, m).
+            Scaled step, (..., blocks, m, m).
         """
         return np.asarray(self.inverse @ cone.smat(step[..., self.indices]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected_step_sum(self, target_product: float | Array, scaled_step: Array) -> Array:
-        """Compute the sum of the scaled steps of x and s that leads to products X S = aim.
+        """Compute the sum of the scaled steps of x and s that leads to products X S = target_product.
 
-        The second-order term of the predicted step is included (Mehrotra's corrector).
+        It includes the second-order term of the predicted step (Mehrotra's corrector).
 
         Args:
-            target_product: Product to aim at, one number or one per pair.
+            target_product: Factor of the identity to which the products X S should tend, (...).
             scaled_step: Predicted step of x, scaled, (..., blocks, m, m).
 
         Returns:
-            The sum, (..., blocks, m, m).
+            Sum of the scaled steps, (..., blocks, m, m).
         """
         identity = np.eye(self.d.shape[-1])
         half = scaled_step @ (self.d[..., None] * identity + scaled_step)
@@ -392,14 +401,14 @@ class NesterovToddScaling:
         return np.asarray((target_product / self.d - self.d)[..., None] * identity + product)
 
     def longest_step(self, scaled_step: Array, step_sum: Array) -> Array:
-        """Compute the longest step that keeps x and s in the cone.
+        """Compute the longest step that keeps x and s positive semi-definite.
 
         Args:
             scaled_step: Step of x, scaled, (..., blocks, m, m).
             step_sum: Sum of the scaled steps of x and s, (..., blocks, m, m).
 
         Returns:
-            Step length, (...).
+            Largest factor on both steps, (...) [1].
         """
         root = 1 / np.sqrt(self.d)
         steps = np.stack([scaled_step, step_sum - scaled_step]) * (root[..., :, None] * root[..., None, :])
@@ -409,23 +418,23 @@ class NesterovToddScaling:
 
 # --- Least squares with a trace term: many similar problems at once -----------------------------------------
 
-COST_TOLERANCE = 1e-2
-"""Distance from the optimum at which a problem is solved, as a share of its cost [1]."""
-MAX_BATCH_STEPS = 30
-"""Most steps."""
-FIRST_GAP = 0.1
-"""Duality gap at the start, as a share of the cost [1]."""
+BATCH_GAP_TOLERANCE = 1e-2
+"""Bound of the cost above its optimum, over the cost, at which a problem of a batch is solved [1]."""
+MAX_BATCH_STEPS = 30  #: Most steps.
 
 
 @dataclass(frozen=True)
 class BatchedProblems:
-    """Hold least-squares problems, one per fold, in units in which x and the readings are of order one."""
+    """Hold least-squares problems A x = y, one per fold of a cross-validation, data of order one.
 
-    R: Array  #: Root of the Gram matrix of every fold, (folds, rank, n).
-    g: Array  #: Product of the rows with the readings, R^T y, (folds, n).
-    half_squares: Array  #: Half the sum of squares of the readings, (folds,).
-    trace_cost: Array  #: Cost per unit of x, (n,).
-    block_orders: tuple[int, ...]  #: Orders of the blocks.
+    The unknown x stacks the svec of positive semi-definite blocks.
+    """
+
+    R: Array  #: Root of the Gram matrix of every fold, A^T A = R^T R, (folds, rank, n).
+    g: Array  #: A^T y of every fold, (folds, n).
+    half_squares: Array  #: Half the sum of squares of the readings y of every fold, (folds,).
+    trace_cost: Array  #: Trace term per unit of x, (n,).
+    block_orders: tuple[int, ...]  #: Number of rows of every block.
 
 
 @dataclass(frozen=True)
@@ -450,28 +459,28 @@ class _State:
         return self if mask.all() else _State(*(values[mask] for values in vars(self).values()))
 
 
-def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array]:
-    """Solve least squares with a trace term, for every fold of the readings and every weight of the trace.
+def solve_batch(problems: BatchedProblems, trace_weights: Array) -> tuple[Array, Array]:
+    """Minimise |R_f x|^2 / 2 - g_f . x + weight c . x for every fold f and every weight of the trace term.
 
     Args:
         problems: One least-squares problem per fold.
-        weights: Weights of the trace term that are tried, (weights,) [1].
+        trace_weights: Weights of the trace term, (weights,) [1].
 
     Returns:
-        x and its multipliers, (folds, weights, n) each, NaN where none was found.
+        Solutions x and multipliers of their blocks, (folds, weights, n) each; NaN where none was found.
     """
     groups, shape = (
         cone.svec_indices_by_order(problems.block_orders),
-        (len(problems.g), len(weights), len(problems.trace_cost)),
+        (len(problems.g), len(trace_weights), len(problems.trace_cost)),
     )
     solutions = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
     with np.errstate(all="ignore"):  # a problem that is not finite is given up
-        state = _start_problems(problems, weights, groups)
+        state = _start_problems(problems, trace_weights, groups)
         for _ in range(MAX_BATCH_STEPS):
             cost = np.vecdot(state.x, state.gradient + state.linear) / 2 + state.half_squares
             missing = np.linalg.norm(state.gradient - state.s, axis=1)
             left = np.vecdot(state.x, state.s) + np.linalg.norm(state.x, axis=1) * missing
-            done = left <= COST_TOLERANCE * cost
+            done = left <= BATCH_GAP_TOLERANCE * cost
             solutions[:, state.at[done]] = state.x[done], state.s[done]
             state = state.select(~done)
             if not len(state.at):
@@ -490,17 +499,17 @@ def solve_batch(problems: BatchedProblems, weights: Array) -> tuple[Array, Array
 
 
 def effective_parameters(problems: BatchedProblems, x: Array, multipliers: Array) -> Array:
-    """Compute the effective number of parameters of each fit.
+    """Compute the effective number of parameters of each solution of a batch.
 
-    It is the trace of the derivative of the predicted readings with respect to the readings.
+    It is the trace of the derivative of the predicted readings with respect to the measured ones.
 
     Args:
-        problems: The folds.
-        x: Solutions, (folds, weights, n).
-        multipliers: Their multipliers, (folds, weights, n).
+        problems: One least-squares problem per fold.
+        x: Solutions, (folds, weights, n); NaN where there is none.
+        multipliers: Multipliers of the blocks of x, (folds, weights, n).
 
     Returns:
-        The numbers, (folds, weights); NaN where there is no solution.
+        Effective numbers of parameters, (folds, weights) [1]; NaN where there is no solution.
     """
     solved: Mask = np.asarray(np.isfinite(x).all(axis=2))
     fold, groups = np.nonzero(solved)[0], cone.svec_indices_by_order(problems.block_orders)
@@ -521,7 +530,7 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     missing = state.gradient - state.s
     x, s = state.x, state.s
     order = sum(scaling.d.shape[1] * scaling.d.shape[2] for scaling in newton.scalings)
-    aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
+    aim = np.maximum((1 - state.step) ** 2, MIN_TARGET_GAP_SHARE) * np.vecdot(x, s) / order
     scaled = newton.scaled_back(missing)
     wanted = np.empty_like(x)
     sums = []
@@ -560,7 +569,7 @@ def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]
     gradient = size[:, None] * moved[fold] + linear
     fit = size**2 * square[fold] / 2 - size * (problems.g @ identity)[fold] + problems.half_squares[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
-    s = np.maximum(FIRST_GAP * fit / sum(problems.block_orders) / size, np.max(large, axis=0))
+    s = np.maximum(MIN_FIRST_GAP * fit / sum(problems.block_orders) / size, np.max(large, axis=0))
     return _State(
         at=np.arange(len(fold)),
         R=problems.R[fold],

@@ -112,7 +112,7 @@ class Method:
         if self.loss == "plain":
             return self.fit_reduced(vjm, reduced)
         # Robust loss: the prior or the trace term is settled first, on all readings.
-        regression = reduced.joined() if isinstance(reduced, GroupedRegression) else reduced
+        regression = reduced.to_regression() if isinstance(reduced, GroupedRegression) else reduced
         held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, reduced)
         return without_outliers(vjm, data, regression, self.constraint, held)
 
@@ -131,7 +131,7 @@ class Method:
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
-        regression = equations.joined() if isinstance(equations, GroupedRegression) else equations
+        regression = equations.to_regression() if isinstance(equations, GroupedRegression) else equations
         if self.learns_prior and self.prior is not None:
             # Learnt prior: average models by their evidence, under the prior and under a softened one.
             scaling = scale_by_prior(self.prior, vjm, regression.structure)

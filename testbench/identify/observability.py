@@ -1,19 +1,19 @@
 """Observability by the readings: unobservable directions, and unknowns that cannot be separated.
 
-A null space has no axes of its own. It is searched from small sets of unknowns to large ones: one link or
-joint, then neighbours along the chain. Elimination with pivots chosen by size gives a basis of circuits: each
-direction has the fewest parameters that can compensate each other, all in units of their expectation.
+A direction is a change of all parameters. It is unobservable if it changes no reading: its parameters
+compensate each other. A null space has no basis of its own. A sparse one is searched from small sets of
+parameters to large ones: one link or joint, then neighbours along the chain. Elimination with pivots chosen
+by size leaves each direction the fewest parameters, all in units of their expected size.
 
 With a prior, a quantity is undetermined if much of its prior variance remains after the readings. If little
-of it would remain once all other unknowns were known, it is confounded: with those unknowns that, once known,
-would remove most of it.
+would remain once all other unknowns were known, it is confounded: with those unknowns that, once known, would
+remove most of it.
 
-Identifiability of a structure from runs, before any fit, and what else to measure.
-
-Of n unknowns the data see as many directions as their rank. The others are lost to the structure (no
-experiment on this arm sees them), to the loads and readings (no pose under these loads shows them), or to too
-few poses. What the data see they see more or less well: the share of a parameter is what they take off the
-variance that the prior leaves it, linear and Gaussian.
+Identifiability tells before any fit what a dataset can determine, and what else to measure. Of n parameters
+the readings observe as many directions as their rank. The others are lost to the structure (no experiment on
+this arm observes them), to the loads and readings (no pose under these loads observes them), or to too few
+poses. How well a parameter is observed is the share of its prior variance that the readings explain, by a
+linear model with normal noise.
 """
 
 import math
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, evenly_spaced
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.posterior import Posterior, conditional_covariance
 from testbench.identify.prior import (
@@ -36,7 +36,7 @@ from testbench.identify.prior import (
 )
 from testbench.identify.regression import (
     RANK_TOLERANCE,
-    ZERO_COLUMN,
+    ZERO_COLUMN_TOLERANCE,
     Regression,
     check_symmetric,
     generic_observation_matrix,
@@ -46,67 +46,69 @@ from testbench.identify.regression import (
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observation_matrix, rigid_motion_matrix
 
-# --- Directions that readings do not show, and unknowns that they cannot separate --------------------------
+# --- Unobservable directions, and unknowns that cannot be separated -----------------------------------------
 
-PARTICIPATION_SHARE = 0.15
-"""Least change of a parameter, relative to the largest change, that counts as part of a direction [1]."""
+MIN_PARTICIPATION = 0.15
+"""Change of a parameter over the largest change in a direction, from which it takes part in it [1]."""
 ZERO_ENTRY = 1e-7
-"""Share of the largest entry below which an entry of a direction counts as zero [1]."""
+"""Change of a parameter over the largest change in a direction, below which it counts as zero [1]."""
 MIN_NEW_SHARE = 1e-5
-"""Share of a direction outside those found before from which it counts as new [1]."""
-NEIGHBOURS = (1, 2, 3, 5)
-"""Numbers of neighbouring links and joints that are searched together, before all are."""
+"""Part of a direction orthogonal to those found before, over its length, from which it counts as new [1]."""
+NEIGHBOUR_COUNTS = (1, 2, 3, 5)
+"""Numbers of neighbouring links and joints whose directions are searched together, before those of all."""
 UNDETERMINED_SHARE = 0.5
 """Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
 CONFOUNDED_SHARE = 0.5
-"""Share of the remaining variance, once all others or the confounded ones were known, below which a quantity
-counts as confounded [1]; otherwise it is unobservable, or confounded with a little of everything."""
+"""Variance of a quantity with all other unknowns known, or with its confounders known, over its variance
+after the readings, below which it counts as confounded [1]; otherwise it is unobservable."""
 MIN_EXPLAINED, MAX_CONFOUNDERS = 0.7, 3
-"""Share of the remaining variance that must vanish with the confounded quantities [1], and most of those."""
-HELPFUL_SHARE = 0.8
-"""Share of the remaining variance after one joint was turned below which turning it helps [1]."""
-STRUCTURAL_INFORMATION = 1e8
-"""Information that fixes structural directions, in units of the prior."""
-NEGLIGIBLE_OUTSIDE = 0.01
+"""Share of a quantity's remaining variance that its confounders must explain [1], and most confounders."""
+MAX_REMAINING_VARIANCE_RATIO = 0.8
+"""Variance after further poses with one joint moved, over that without, below which moving it helps [1]."""
+STRUCTURAL_DIRECTION_INFORMATION = 1e8
+"""Information that fixes structural directions, over the prior's [1]."""
+NEGLIGIBLE_NON_STRUCTURAL_SHARE = 0.01
 """Share of a quantity's prior variance outside structural directions that counts as zero [1]."""
 
 
 @dataclass(frozen=True)
-class Direction:
+class UnobservableDirection:
     """Describe parameters that compensate each other: they can change together without changing a reading."""
 
-    #: Their indices, the largest change first, relative to their expectation.
+    #: Indices of the parameters, ordered by their change over their expected size, the largest first.
     parameters: tuple[int, ...]
-    #: Those that change as well, but less than `PARTICIPATION_SHARE` of it, in the same order.
+    #: Indices of parameters that change by less than `MIN_PARTICIPATION` of the largest, in this order.
     minor_parameters: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class ObservedQuantity:
-    """Describe a quantity that can be named in reports."""
+class NamedQuantity:
+    """Describe a linear function of the unknowns that has a name in reports, such as a joint's offset."""
 
     name: str  #: Name, such as "joint_3's offset".
-    H: Array  #: Jacobian of its k numbers with respect to the unknowns, (k, size).
-    #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
+    jacobian: Array  #: Derivatives of its k numbers with respect to the unknowns, (k, size).
+    #: Whether it belongs to the arm. Frames and mounts do not: they are only named as confounders.
     belongs_to_arm: bool = True
 
 
 @dataclass(frozen=True)
 class UndeterminedQuantity:
-    """Describe a quantity that the readings leave undetermined."""
+    """Describe a quantity of the arm that the readings leave undetermined."""
 
     name: str  #: Name of the quantity.
-    #: Quantities with which it is confounded, most important first; empty if it is unobservable.
+    #: Names of the quantities with which it is confounded, the most important first; empty if unobservable.
     confounded_with: tuple[str, ...] = ()
-    share: float = 1.0  #: Share of its prior variance that remains [1].
-    correlation: float = 0.0  #: Multiple correlation with these quantities, given the readings [1].
-    #: Joint to turn; the number of joints if no single one suffices, -1 if no joint helps; None if
-    #: it was not requested.
+    remaining_variance_share: float = (
+        1.0  #: Variance that remains after the readings, over the prior variance [1].
+    )
+    correlation: float = 0.0  #: Multiple correlation with `confounded_with` after the readings [1].
+    #: Index of the joint to move in further poses; the number of joints if all must move, -1 if no motion
+    #: helps; None if it was not requested.
     joint_to_turn: int | None = None
 
 
 def null_space(A: Array) -> Array:
-    """Compute a basis of the null space, (n, n - rank), of rows whose columns differ in unit, (rows, n).
+    """Compute a basis, (n, n - rank), of the null space of a matrix, (rows, n), whose columns differ in unit.
 
     Mathematics: `obs-5`.
     """
@@ -124,17 +126,19 @@ def null_space(A: Array) -> Array:
     return N
 
 
-def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: Array) -> Array:
-    """Find a sparse basis of the unobservable directions of a matrix, beyond those that are known.
+def unobservable_directions(
+    A: Array, parameter_sizes: Array, groups: Sequence[Ids], known_directions: Array
+) -> Array:
+    """Find a sparse basis of the null space of an observation matrix, beyond directions that are known.
 
     Args:
-        A: Rows, (rows, n).
-        unit: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
-        groups: Parameters of every link and joint, in the order of the chain.
-        known_directions: Unobservable directions that are known already, (m, n).
+        A: Observation matrix, (rows, n).
+        parameter_sizes: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
+        groups: Indices of the parameters of every link and joint, in the order of the chain.
+        known_directions: Directions of the null space that are known, (m, n).
 
     Returns:
-        Further directions, (k, n).
+        Further directions over the expected sizes, (k, n) [1].
     """
     R: Array = np.array(np.linalg.qr(A, mode="r"))
     R[:, zero_columns(A)] = 0
@@ -144,7 +148,7 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: A
     for window in _neighbouring_groups(groups):
         if len(basis) >= missing:
             break
-        rows = circuits(null_space(R[:, window]), unit[window])
+        rows = echelon_directions(null_space(R[:, window]), parameter_sizes[window])
         T = np.zeros((len(rows), A.shape[1]))
         T[:, window] = rows
         for row in T[np.argsort((np.abs(T) > ZERO_ENTRY).sum(axis=1), kind="stable")]:
@@ -158,29 +162,29 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: A
 
 
 def zero_columns(A: Array) -> Mask:
-    """Tell which columns of rows are zero up to rounding, (n,)."""
+    """Tell which columns of a matrix, (rows, n), are zero up to rounding, (n,)."""
     norm = np.linalg.norm(A, axis=0)
-    return np.asarray(norm <= ZERO_COLUMN * norm.max(initial=0))
+    return np.asarray(norm <= ZERO_COLUMN_TOLERANCE * norm.max(initial=0))
 
 
 def _neighbouring_groups(groups: Sequence[Ids]) -> Iterator[Ids]:
-    for length in NEIGHBOURS:
+    for length in NEIGHBOUR_COUNTS:
         for first in range(len(groups) - length + 1):
             yield np.concatenate(groups[first : first + length])
     yield np.concatenate(groups)
 
 
-def circuits(N: Array, unit: Array) -> Array:
-    """Compute the reduced echelon form of a null space, with pivots selected by size.
+def echelon_directions(N: Array, parameter_sizes: Array) -> Array:
+    """Compute a sparse basis of a null space: its reduced echelon form, with the largest entries as pivots.
 
     Args:
         N: Basis of the null space, (n, k).
-        unit: Expected size of every parameter, (n,).
+        parameter_sizes: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        Directions relative to `unit`, (k, n) [1].
+        Directions over the expected sizes, (k, n) [1].
     """
-    T = (N / unit[:, None]).T
+    T = (N / parameter_sizes[:, None]).T
     T = T / np.linalg.norm(T, axis=1, keepdims=True)
     pivots: list[int] = []
     for i in range(len(T)):
@@ -195,77 +199,85 @@ def circuits(N: Array, unit: Array) -> Array:
     return np.asarray(T)
 
 
-def participants(row: Array) -> Direction:
-    """Describe a direction, (n,), by its unknowns, the one that changes most first."""
-    size = np.abs(row) / np.abs(row).max()
+def describe_direction(direction: Array) -> UnobservableDirection:
+    """Describe an unobservable direction, (n,) [1], by its parameters, the one that changes most first."""
+    size = np.abs(direction) / np.abs(direction).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
-    return Direction(
-        tuple(k for k in order if size[k] >= PARTICIPATION_SHARE),
-        tuple(k for k in order if size[k] < PARTICIPATION_SHARE),
+    return UnobservableDirection(
+        tuple(k for k in order if size[k] >= MIN_PARTICIPATION),
+        tuple(k for k in order if size[k] < MIN_PARTICIPATION),
     )
 
 
-def participation(N: Array, within: Array, unit: Array) -> Array:
-    """Compute how many directions of N beyond those of `within` each parameter holds.
+def parameter_participation(N: Array, known_directions: Array, parameter_sizes: Array) -> Array:
+    """Compute how much each parameter takes part in k unobservable directions beyond m known ones.
+
+    It is the diagonal of the projection on the k directions, in units of the expected sizes.
 
     Args:
-        N: Unobservable directions, (n, k + m).
-        within: Some of them, (n, m).
-        unit: Expected size of every parameter, (n,).
+        N: Basis of all unobservable directions, (n, k + m).
+        known_directions: Basis of the known ones among them, (n, m).
+        parameter_sizes: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        Share of every parameter, summing to k, (n,) [1].
+        Participation of every parameter, 0 to 1, with sum k, (n,) [1].
     """
-    scaled = (within / unit[:, None], N / unit[:, None])
+    scaled = (known_directions / parameter_sizes[:, None], N / parameter_sizes[:, None])
     inner, outer = (np.linalg.qr(M / np.linalg.norm(M, axis=0))[0] for M in scaled)
     values, V = np.linalg.eigh(np.eye(outer.shape[1]) - outer.T @ inner @ (inner.T @ outer))
-    more = outer @ V[:, len(values) - (N.shape[1] - within.shape[1]) :]
+    more = outer @ V[:, len(values) - (N.shape[1] - known_directions.shape[1]) :]
     return np.asarray((more**2).sum(axis=1))
 
 
 def undetermined_quantities(
-    quantities: Sequence[ObservedQuantity],
+    quantities: Sequence[NamedQuantity],
     L: Array,
-    M: Array,
-    structural: Array,
-    further: Sequence[Array] = (),
+    information: Array,
+    structural_directions: Array,
+    further_information: Sequence[Array] = (),
 ) -> tuple[UndeterminedQuantity, ...]:
     """Find the quantities that the readings leave undetermined, the most uncertain first.
 
     Mathematics: `obs-8`.
 
     Args:
-        quantities: Quantities that may be named.
-        L: Root of the prior's covariance L L^T, (size, size).
-        M: Information of the readings in units of the prior, L^T A^T A L, (size, size).
-        structural: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
-        further: Information that further readings would add, in units of the prior, (size, size) each: one
-            matrix for every joint turned alone, the last one for all joints.
+        quantities: Quantities to judge, and quantities that may be their confounders.
+        L: Root of the prior's covariance L L^T of all unknowns, (size, size).
+        information: Information of the readings in units of the prior, L^T A^T A L, (size, size) [1].
+        structural_directions: Directions that no experiment can observe, orthonormal, in units of the prior,
+            (size, k); they count as known.
+        further_information: Information that further readings would add, in units of the prior, (size, size)
+            each [1]: one matrix for poses that move each joint alone, then one for poses that move all
+            joints.
 
     Returns:
-        The undetermined quantities; of a group that compensate each other, only the most uncertain one.
+        The undetermined quantities; of those that compensate each other, only the most uncertain one.
     """
-    H = np.vstack([quantity.H for quantity in quantities]) @ L
-    ends = np.cumsum([len(quantity.H) for quantity in quantities])
-    parts = [np.arange(end - len(quantity.H), end) for end, quantity in zip(ends, quantities, strict=True)]
+    H = np.vstack([quantity.jacobian for quantity in quantities]) @ L
+    ends = np.cumsum([len(quantity.jacobian) for quantity in quantities])
+    parts = [
+        np.arange(end - len(quantity.jacobian), end) for end, quantity in zip(ends, quantities, strict=True)
+    ]
     # Covariance of all quantities, structural directions held.
-    pins = STRUCTURAL_INFORMATION * structural @ structural.T
-    K = H @ _covariance(M + pins) @ H.T
-    after = [_covariance(M + extra + pins) for extra in further]
+    pins = STRUCTURAL_DIRECTION_INFORMATION * structural_directions @ structural_directions.T
+    K = H @ _covariance(information + pins) @ H.T
+    after = [_covariance(information + extra + pins) for extra in further_information]
     hidden = []
-    # Of every quantity of the arm that is left open: what hides it, and which joint helps.
+    # For every undetermined quantity of the arm: its confounders, and the joint whose motion helps.
     for k, (quantity, at) in enumerate(zip(quantities, parts, strict=True)):
-        unit = _unit_combinations(H[at], structural)
+        unit = _unit_combinations(H[at], structural_directions)
         if not quantity.belongs_to_arm or not len(unit):
             continue
         share = _mean_variance(unit, K[np.ix_(at, at)])
         if share < UNDETERMINED_SHARE:
             continue
         helps = _joint_to_turn(unit @ H[at], after, share)
-        confounded = _share_if_all_known(quantity.H, L, M) < CONFOUNDED_SHARE * share
+        confounded = _share_if_all_known(quantity.jacobian, L, information) < CONFOUNDED_SHARE * share
         behind, rest = _confounders(K, parts, k, unit) if confounded else ([], share)
         if rest > CONFOUNDED_SHARE * share:
-            hidden.append(UndeterminedQuantity(quantity.name, share=share, joint_to_turn=helps))
+            hidden.append(
+                UndeterminedQuantity(quantity.name, remaining_variance_share=share, joint_to_turn=helps)
+            )
             continue
         correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
         names = tuple(quantities[i].name for i in behind)
@@ -274,9 +286,11 @@ def undetermined_quantities(
 
 
 def _most_uncertain(hidden: Sequence[UndeterminedQuantity]) -> tuple[UndeterminedQuantity, ...]:
-    """Keep the most uncertain one of quantities that hide behind each other."""
+    """Select the most uncertain one of quantities that are confounded with each other."""
     kept: dict[frozenset[str], UndeterminedQuantity] = {}
-    for quantity in sorted(hidden, key=lambda quantity: (not quantity.confounded_with, -quantity.share)):
+    for quantity in sorted(
+        hidden, key=lambda quantity: (not quantity.confounded_with, -quantity.remaining_variance_share)
+    ):
         kept.setdefault(frozenset((quantity.name, *quantity.confounded_with)), quantity)
     return tuple(kept.values())
 
@@ -289,7 +303,7 @@ def _unit_combinations(H: Array, structural: Array) -> Array:
     """Combine a quantity's numbers to unit prior variance, outside structural directions."""
     free = H - (H @ structural) @ structural.T
     values, V = np.linalg.eigh(free @ free.T)
-    kept = values > NEGLIGIBLE_OUTSIDE * np.square(H).sum() / len(H)
+    kept = values > NEGLIGIBLE_NON_STRUCTURAL_SHARE * np.square(H).sum() / len(H)
     return np.asarray((V[:, kept] / np.sqrt(values[kept])).T)
 
 
@@ -319,9 +333,9 @@ def _joint_to_turn(H: Array, after: Sequence[Array], share: float) -> int | None
         return None
     *shares, everywhere = (float((H @ S * H).sum() / len(H)) for S in after)
     best = int(np.argmin(shares))
-    if shares[best] < HELPFUL_SHARE * share:
+    if shares[best] < MAX_REMAINING_VARIANCE_RATIO * share:
         return best
-    return len(shares) if everywhere < HELPFUL_SHARE * share else -1
+    return len(shares) if everywhere < MAX_REMAINING_VARIANCE_RATIO * share else -1
 
 
 def _mean_variance(unit: Array, K: Array) -> float:
@@ -331,86 +345,96 @@ def _mean_variance(unit: Array, K: Array) -> float:
 
 # --- Identifiability of a structure from runs, before any fit, and what else to measure ---------------------
 
-RANDOM_POSES = 60
-"""Random poses under the loads of the data: what these do not see, no pose under these loads shows."""
-TASKS = 50  #: Random poses in which predictions are judged.
-OFFSET = 0.3  #: Distance of a second load point or of one more marker [m].
-SIGMA_ROTATION = 250e-6
-"""Standard deviation of one orientation reading where the data have none, as in section 5.2 [rad]."""
-REPEAT = "the same runs once more"  #: The yardstick: what only averages noise is no better.
-TIE = 0.02  #: Expected errors within this share of each other are the same.
-DECIDED = 0.05  #: Share that data tell of an unknown below which the prior decides it [1].
+N_RANDOM_POSES = 60
+"""Number of random poses under the loads of the data: what they do not observe, no pose does."""
+N_TASK_POSES = 50  #: Number of random poses in which the error of predictions is expected.
+PROPOSED_OFFSET = 0.3  #: Distance of a proposed load point or marker from the present ones [m].
+PROPOSED_SIGMA_ROTATION = 250e-6
+"""Standard deviation of a proposed orientation reading, as in section 5.2 of the paper [rad]."""
+REPEAT_PROPOSAL = "the same runs once more"
+"""Description of the proposal that only averages noise, with which the others are compared."""
+EQUAL_ERROR_SHARE = (
+    0.02  #: Relative difference of two expected errors below which their proposals rank the same [1].
+)
+PRIOR_DECIDES_SHARE = 0.05
+"""Share of a parameter's prior variance that the readings explain, below which the prior decides it [1]."""
 
 
 @dataclass(frozen=True)
 class MeasurementProposal:
-    """Describe one more way to measure, and what it would bring."""
+    """Describe readings that could be added to a dataset, and what they would bring."""
 
-    words: str  #: What to do.
-    rank: int  #: Directions that all data then see.
-    #: RMS distance of predicted from true deflections then to be expected [m]; infinite if nothing fixes the
-    #: common scale.
-    error: float
-    place: int  #: 1 for the best; ties share it.
+    description: str  #: What to measure, such as "half the load".
+    rank: int  #: Number of directions of pi that all readings together would observe.
+    #: RMS distance of predicted from true deflections to expect with these readings [m]; infinite if they
+    #: leave the common scale of all compliances undetermined.
+    expected_error: float
+    ranking: int  #: 1 for the proposal with the least expected error; equal ones share a number.
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Hold what the data see of a structure, and who decides the rest."""
+    """Hold what a dataset can determine of a structure, before any fit, and which readings would help."""
 
-    structure: Structure  #: The unknowns, n of them.
-    component: tuple[str, ...]  #: Link or joint of every parameter, n names.
-    entry: Array  #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
+    structure: Structure  #: The unknown parameters pi, n of them.
+    parameter_components: tuple[str, ...]  #: Name of the link or joint of every parameter, n names.
+    parameter_entries: (
+        Array  #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
+    )
     prior: str  #: Name of the prior.
-    uncertainty: float  #: Its relative standard deviation u [1].
-    rank: int  #: Directions that the data see.
-    rank_of_loads: int  #: Directions that any number of poses under these loads and readings would see.
-    rank_of_structure: int  #: Directions that any experiment would see.
-    equations: int  #: Independent equations that the runs carry at most: 6 of a pose, load and full reading.
-    poses: int  #: Different poses among the runs.
-    lost_to_structure: tuple[Direction, ...]  #: Directions that no experiment sees.
-    not_loaded: tuple[int, ...]  #: Parameters that no pose under these loads touches.
-    lost_to_loads: tuple[Direction, ...]  #: Those that these loads and readings do not see in any pose.
-    spread: Array  #: Of the directions lost to too few poses, how many each parameter holds, (n,).
-    #: Of every parameter, what the data take off the prior's variance at a known scale, 0 to 1, (n,).
-    share: Array
-    error: float  #: RMS distance of predicted from true deflection to expect at random poses [m].
-    deflection: float  #: RMS distance that the markers are expected to move there [m].
-    proposals: tuple[MeasurementProposal, ...]  #: What would help, the best first.
+    uncertainty: float  #: Relative standard deviation of the prior, u [1].
+    rank: int  #: Number of directions of pi that the dataset observes.
+    rank_of_loads: int  #: Rank of a dataset with these loads and markers in any number of poses.
+    rank_of_structure: int  #: Rank of a dataset with any loads, markers and poses.
+    #: Largest number of independent equations in the dataset: 6 per pose and load with a full reading.
+    max_independent_equations: int
+    n_poses: int  #: Number of different poses in the dataset.
+    lost_to_structure: tuple[UnobservableDirection, ...]  #: Directions that no dataset observes.
+    unloaded_parameters: tuple[
+        int, ...
+    ]  #: Indices of the parameters that no pose under these loads deflects.
+    lost_to_loads: tuple[
+        UnobservableDirection, ...
+    ]  #: Further directions that no pose under these loads observes.
+    #: Participation of every parameter in the directions lost to too few poses, 0 to 1, (n,) [1].
+    missing_directions: Array
+    #: Share of the prior variance of every parameter that the readings explain, at a known common scale of
+    #: all compliances, 0 to 1, (n,) [1].
+    explained_share: Array
+    expected_error: float  #: RMS distance of predicted from true deflections to expect at random poses [m].
+    expected_deflection: float  #: RMS distance that the markers are expected to deflect at these poses [m].
+    proposals: tuple[MeasurementProposal, ...]  #: Readings that would help, the best first.
 
     @property
     def lost_to_poses(self) -> int:
-        """Count the directions lost to too few poses."""
+        """Count the directions that more poses under the same loads would observe."""
         return self.rank_of_loads - self.rank
 
 
-def of_regression(
+def describe_identifiability(
     vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, uncertainty: PriorUncertainty
 ) -> Identifiability:
-    """Describe what a reduced dataset can tell of its structure; only poses, loads and sigmas count.
+    """Describe what a dataset can determine of a structure by its poses, loads and noise, before any fit.
 
     Args:
-        vjm: Kinematics of the arm.
+        vjm: The arm's virtual joint model.
         regression: The reduced dataset.
-        data: Its runs, or some of them, evenly out of all.
-        prior: The prior.
+        data: Runs of the dataset, or some of them, evenly out of all.
+        prior: Expected compliances.
         uncertainty: Uncertainty of the prior.
 
-    Returns:
-        The description.
-
     Raises:
-        BenchError: When the prior has another size or is not positive definite, or the structure leaves the
-            symmetry open.
+        BenchError: When the prior has another size or is not positive definite, or the structure does not
+            impose symmetry.
     """
     structure, scaled = regression.structure, scale_any_structure(prior, vjm, regression.structure)
-    everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))
+    everywhere = reduce(vjm, structure, runs_in_random_poses(vjm, data, N_RANDOM_POSES, seed=0))
     own = _rows(regression)
     loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
     groups, none = _groups(vjm, structure), np.zeros((0, structure.n_parameters))
-    to_structure = directions(generic_observation_matrix(vjm, structure), unit, groups, none)
-    to_loads = directions(loads, unit, groups, to_structure)
-    wanted = sampled_tasks(vjm, data, structure)
+    to_structure = unobservable_directions(generic_observation_matrix(vjm, structure), unit, groups, none)
+    to_loads = unobservable_directions(loads, unit, groups, to_structure)
+    wanted = sample_task_rows(vjm, data, structure)
     moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected_x), axis=-1)
     known = _known(scaled, uncertainty, regression)
     component, entry = _places(vjm, structure)
@@ -420,39 +444,39 @@ def of_regression(
         proposals.append(MeasurementProposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
     return Identifiability(
         structure=structure,
-        component=component,
-        entry=entry,
+        parameter_components=component,
+        parameter_entries=entry,
         prior=prior.name,
         uncertainty=uncertainty.relative,
         rank=structure.n_parameters - null_space(own).shape[1],
         rank_of_loads=structure.n_parameters - len(to_structure) - len(to_loads),
         rank_of_structure=structure.n_parameters - len(to_structure),
-        equations=_equations(vjm, data),
-        poses=len(np.unique(data.q, axis=0)),
-        lost_to_structure=tuple(map(participants, to_structure)),
-        not_loaded=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
-        lost_to_loads=tuple(map(participants, to_loads)),
-        spread=participation(null_space(own), null_space(loads), unit),
-        share=_share(known, scaled, uncertainty),
-        error=expected_error(known, wanted),
-        deflection=math.sqrt(np.square(moved).mean()),
-        proposals=_placed(sorted(proposals, key=lambda p: (p.error, -p.rank))),
+        max_independent_equations=_equations(vjm, data),
+        n_poses=len(np.unique(data.q, axis=0)),
+        lost_to_structure=tuple(map(describe_direction, to_structure)),
+        unloaded_parameters=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
+        lost_to_loads=tuple(map(describe_direction, to_loads)),
+        missing_directions=parameter_participation(null_space(own), null_space(loads), unit),
+        explained_share=_share(known, scaled, uncertainty),
+        expected_error=expected_error(known, wanted),
+        expected_deflection=math.sqrt(np.square(moved).mean()),
+        proposals=_placed(sorted(proposals, key=lambda p: (p.expected_error, -p.rank))),
     )
 
 
 def explained_variance(
     vjm: Vjm, regression: Regression, prior: Prior, uncertainty: PriorUncertainty
 ) -> tuple[tuple[str, ...], Array]:
-    """Compute what the data take off the prior's variance of every parameter.
+    """Compute the share of every parameter's prior variance that the readings explain.
 
     Args:
-        vjm: Kinematics of the arm.
+        vjm: The arm's virtual joint model.
         regression: The reduced dataset.
-        prior: The prior.
+        prior: Expected compliances.
         uncertainty: Uncertainty of the prior.
 
     Returns:
-        Link or joint of every parameter, and the share of its variance, (n,) [1].
+        Name of the link or joint of every parameter, and its explained share, 0 to 1, (n,) [1].
     """
     scaled = scale_any_structure(prior, vjm, regression.structure)
     return _places(vjm, regression.structure)[0], _share(
@@ -460,35 +484,35 @@ def explained_variance(
     )
 
 
-def sampled_tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
-    """Sample where predictions are wanted: random poses, the data's loads and markers.
+def sample_task_rows(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
+    """Compute the observation matrix, Eq. (12), at random poses under the loads of a dataset.
 
     Args:
-        vjm: Kinematics of the arm.
-        data: Measured runs.
-        structure: The unknowns.
+        vjm: The arm's virtual joint model.
+        data: Measured runs, with their loads and markers.
+        structure: The unknowns, n of them.
 
     Returns:
-        Rows of the observation matrix, (poses, m, 3, n) [m].
+        Rows of the deflections of the m markers, (poses, m, 3, n) [m per unit of pi].
     """
-    wanted = more_poses(vjm, data, TASKS, seed=1)
+    wanted = runs_in_random_poses(vjm, data, N_TASK_POSES, seed=1)
     args = (evaluate_chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
     return observation_matrix(*args, marker_positions(vjm, data.markers))
 
 
-def expected_error(known: Posterior, wanted: Array) -> float:
-    """Compute the RMS error of deflections at `sampled_tasks`.
+def expected_error(posterior: Posterior, task_rows: Array) -> float:
+    """Compute the RMS distance of predicted from true deflections to expect with a posterior.
 
     Args:
-        known: The posterior.
-        wanted: Rows of the tasks, (poses, m, 3, n) [m].
+        posterior: Posterior of the parameters pi, n of them.
+        task_rows: Observation matrix of the predictions, (poses, m, 3, n) [m per unit of pi].
 
     Returns:
-        Error [m]; infinite if nothing fixes the scale.
+        RMS distance of a marker [m]; infinite if the posterior leaves a direction unbounded.
     """
-    if len(known.unobservable_directions):
+    if len(posterior.unobservable_directions):
         return math.inf
-    deviation = known.standard_deviations(wanted.reshape(-1, wanted.shape[-1]))
+    deviation = posterior.standard_deviations(task_rows.reshape(-1, task_rows.shape[-1]))
     return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
 
 
@@ -504,9 +528,12 @@ def _placed(proposals: list[MeasurementProposal]) -> tuple[MeasurementProposal, 
     first = 0
     for k, proposal in enumerate(proposals):
         best = proposals[first]
-        if proposal.error > (1 + TIE) * best.error or proposal.rank != best.rank:
+        if (
+            proposal.expected_error > (1 + EQUAL_ERROR_SHARE) * best.expected_error
+            or proposal.rank != best.rank
+        ):
             first = k
-        placed.append(replace(proposal, place=first + 1))
+        placed.append(replace(proposal, ranking=first + 1))
     return tuple(placed)
 
 
@@ -526,17 +553,18 @@ def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
 
 
 def scale_any_structure(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
-    """Compute the units of a prior as `scale_by_prior` does, also for a structure whose blocks lack entries.
+    """Scale parameters pi = L x by a prior, so that x has order one; blocks may lack entries.
 
-    If blocks lack entries, every parameter has a unit of its own: its expected size under the prior.
+    For whole blocks it is `scale_by_prior`. If blocks lack entries, L is diagonal: the expected size of every
+    parameter.
 
     Args:
-        prior: The prior.
-        vjm: Kinematics of the arm.
+        prior: Expected compliances.
+        vjm: The arm's virtual joint model.
         structure: The unknowns.
 
     Returns:
-        The units of the prior.
+        L and the expectation of x.
 
     Raises:
         BenchError: When the prior cannot be used for the arm, or the structure is not symmetric.
@@ -552,15 +580,17 @@ def scale_any_structure(prior: Prior, vjm: Vjm, structure: Structure) -> PriorSc
     return PriorScaling(prior.name, structure, np.diag(size), expected, ())
 
 
-def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
-    """List the joints for which the structure has no parameter but in the link before them.
+def joints_without_parameters(vjm: Vjm, structure: Structure) -> list[str]:
+    """List the joints that have no parameter of their own, while the link before them has parameters.
+
+    The compliance of such a joint is part of that of the link.
 
     Args:
-        vjm: Kinematics of the arm.
+        vjm: The arm's virtual joint model.
         structure: The unknowns.
 
     Returns:
-        Their names.
+        Names of the joints.
     """
     used, first = np.union1d(structure.rows, structure.columns), 6 * len(vjm.arm.links)
     return [
@@ -586,10 +616,10 @@ def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
 
 
 def _share(known: Posterior, scaled: PriorScaling, uncertainty: PriorUncertainty) -> Array:
-    """Compute the share of the prior's variance of every parameter that the data remove, (n,).
+    """Compute the share of the prior variance of every parameter that the readings explain, (n,).
 
-    The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
-    the scale is not counted as seeing one of them.
+    The prior variance is that at a known common scale of all compliances: readings that only determine the
+    scale explain none of it.
     """
     before = uncertainty.relative**2 * (scaled.L**2).sum(axis=1)
     if len(known.unobservable_directions):  # nothing fixes the common scale
@@ -609,15 +639,15 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
     return int(np.linalg.matrix_rank(motion)) * len(different)
 
 
-def without_readings(data: Dataset, **changes: object) -> Dataset:
-    """Copy a dataset with other runs, markers or loads and all readings zero: only its rows are wanted.
+def with_zero_readings(data: Dataset, **changes: object) -> Dataset:
+    """Copy a dataset with all readings zero and some fields changed, to plan other runs.
 
     Args:
         data: Measured runs.
-        changes: Fields of the dataset that change.
+        changes: New values of fields of the dataset, such as run, q, markers or wrench.
 
     Returns:
-        The dataset.
+        The dataset, with point readings of equal noise.
     """
     other = {"run_id": data.run_id, "q": data.q, "markers": data.markers, **changes}
     runs, markers = len(np.asarray(other["run_id"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
@@ -638,27 +668,25 @@ def without_readings(data: Dataset, **changes: object) -> Dataset:
     return replace(data, before=blank, after=blank, **fields)  # type: ignore[arg-type]
 
 
-def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
-    """Make runs in random poses within the joint limits, under the loads of the data in turn.
+def runs_in_random_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
+    """Make runs in random poses within the joint limits, each under the load of a run of a dataset.
 
-    Where the data have more runs than are asked for, these are evenly spaced among them.
+    The loads are those of all runs in turn, or of runs evenly spaced among them if there are more than poses.
 
     Args:
-        vjm: Kinematics of the arm.
+        vjm: The arm's virtual joint model.
         data: Measured runs.
         count: Number of poses.
         seed: Seed of the poses.
 
     Returns:
-        The runs.
+        The runs, one per pose, with all readings zero.
     """
     q = vjm.arm.draw_poses(np.random.Generator(np.random.Philox(seed)), count)
-    turn = np.arange(count) % data.n_runs
-    if data.n_runs > count:
-        turn = np.linspace(0, data.n_runs - 1, count).astype(int)
-    ids = np.arange(count)
-    return without_readings(
-        data, run_id=ids, pose_id=ids, q=q, wrench=data.wrench[turn], point=data.point[turn]
+    ids = np.arange(count) % data.n_runs
+    loads = evenly_spaced(data.n_runs, count) if data.n_runs > count else ids % data.n_runs
+    return with_zero_readings(
+        data, run_id=ids, pose_id=ids, q=q, wrench=data.wrench[loads], point=data.point[loads]
     )
 
 
@@ -666,29 +694,32 @@ def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iter
     """Reduce the readings that each proposal adds."""
     structure = regression.structure
     for words, extra in _loads(data):
-        yield words, reduce(vjm, structure, without_readings(data, **extra))
+        yield words, reduce(vjm, structure, with_zero_readings(data, **extra))
     poses = np.unique(data.q, axis=0, return_inverse=True)[1].ravel()
-    fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
-    yield "as many more random poses", reduce(vjm, structure, without_readings(data, q=fresh))
+    fresh = runs_in_random_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
+    yield "as many more random poses", reduce(vjm, structure, with_zero_readings(data, q=fresh))
     points = marker_positions(vjm, data.markers)
     name = f"one more marker, outside the {'plane' if len(points) > 2 else 'line'} of the other {len(points)}"
     name = "a second marker" if len(points) == 1 else name
-    marker = reduce(_with_marker(vjm, points, name), structure, without_readings(data, markers=(name,)))
+    marker = reduce(_with_marker(vjm, points, name), structure, with_zero_readings(data, markers=(name,)))
     yield name, replace(marker, terms=marker.terms[:1])
     if data.rotation_before is None:
         blank = np.zeros((data.n_runs, 3))
         turned = replace(
-            without_readings(data), rotation_before=blank, rotation_after=blank, sigma_rotation=SIGMA_ROTATION
+            with_zero_readings(data),
+            rotation_before=blank,
+            rotation_after=blank,
+            sigma_rotation=PROPOSED_SIGMA_ROTATION,
         )
         read = reduce(vjm, structure, turned)
         yield (
-            f"orientation of the tool read to {1e6 * SIGMA_ROTATION:g} urad",
+            f"orientation of the tool read to {1e6 * PROPOSED_SIGMA_ROTATION:g} urad",
             replace(read, terms=read.terms[1:]),
         )
 
 
 def _loads(data: Dataset) -> Iterator[tuple[str, dict[str, Array]]]:
-    yield REPEAT, {}
+    yield REPEAT_PROPOSAL, {}
     yield "half the load", {"wrench": data.wrench / 2}
     force = np.linalg.norm(data.wrench[:, :3], axis=1)
     if force.any():
@@ -697,8 +728,8 @@ def _loads(data: Dataset) -> Iterator[tuple[str, dict[str, Array]]]:
             side[:, k] = force
             yield f"the same force, as a side load along world {axis}", {"wrench": side}
         for k, axis in enumerate("xyz"):
-            point = data.point + OFFSET * np.eye(3)[k]
-            yield f"load point moved {OFFSET:g} m along tool {axis}", {"point": point}
+            point = data.point + PROPOSED_OFFSET * np.eye(3)[k]
+            yield f"load point moved {PROPOSED_OFFSET:g} m along tool {axis}", {"point": point}
 
 
 def _with_marker(vjm: Vjm, points: Array, name: str) -> Vjm:
@@ -706,4 +737,4 @@ def _with_marker(vjm: Vjm, points: Array, name: str) -> Vjm:
     centre = points.mean(axis=0)
     away = np.linalg.svd(points - centre)[2][-1]
     arm = replace(vjm.arm, markers=(*vjm.arm.markers, name))
-    return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + OFFSET * away]))
+    return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + PROPOSED_OFFSET * away]))

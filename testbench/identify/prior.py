@@ -291,14 +291,6 @@ class WeightedPrior:
     log_evidence: float | None = None
 
 
-@dataclass(frozen=True)
-class RegressionWithPrior:
-    """Hold weighted equations and a prior of their unknowns."""
-
-    regression: Regression  #: The weighted equations.
-    prior: WeightedPrior  #: The prior of their unknowns.
-
-
 @lru_cache(maxsize=N_CACHED_SCALINGS)
 def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
     """Compute the parameters in units of a prior, pi = L x, from C = P^1/2 X P^1/2 in every block; cached.

@@ -113,18 +113,18 @@ def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array,
     return ids, target[first], series.q[row[first]], y / count, C / count[..., None] ** 2
 
 
-def initial_estimates(readings: MeanReadings, start: FramesAndTargets) -> Iterator[FramesAndTargets]:
+def initial_estimates(readings: MeanReadings, known: FramesAndTargets) -> Iterator[FramesAndTargets]:
     """Yield complete sets of frames and targets as starts of the refinement.
 
     Args:
         readings: The readings.
-        start: Frames and targets; NaN where unknown.
+        known: Frames and targets; NaN where unknown.
 
     Yields:
         A start from the known targets, and one from the linear form without them.
     """
-    for targets in (start.targets, _targets_by_hand_eye(readings, len(start.targets))):
-        layout = _complete_layout(readings, replace(start, targets=targets))
+    for targets in (known.targets, _targets_by_hand_eye(readings, len(known.targets))):
+        layout = _complete_layout(readings, replace(known, targets=targets))
         if layout.is_complete:
             yield layout
 
@@ -267,7 +267,7 @@ class HuberLoss:
         """
         return np.asarray(np.minimum(1.0, self.threshold / np.maximum(length, self.threshold)))
 
-    def extra_noise(self, residual: Array, variance: Array, dof_share: float) -> float:
+    def extra_noise(self, residual: Array, variance: Array, dof_ratio: float) -> float:
         """Estimate the standard deviation S that explains the residuals in addition to the stated variances.
 
         Mathematics: `est-17`.
@@ -276,7 +276,7 @@ class HuberLoss:
             residual: Residuals along axes in which the components of a reading are independent, (n, k) [m,
                 rad].
             variance: Stated variances along these axes, (n, k) [m^2, rad^2].
-            dof_share: Degrees of freedom over number of equations [1].
+            dof_ratio: Degrees of freedom over number of equations [1].
 
         Returns:
             S along an axis [m, rad]; 0 if the stated variances explain the residuals.
@@ -287,7 +287,7 @@ class HuberLoss:
 
         def excess(s: float) -> float:
             length = (squares / (variance + s**2)).sum(axis=1)
-            return float(np.minimum(length, self.threshold**2).mean()) - self.normal_mean_square * dof_share
+            return float(np.minimum(length, self.threshold**2).mean()) - self.normal_mean_square * dof_ratio
 
         high = 10 * float(np.sqrt(squares.max(initial=0.0)))
         if not len(residual) or excess(0.0) <= 0:
@@ -313,7 +313,7 @@ SQUARED_LOSS = HuberLoss(1e300, 3.0)
 
 MIN_JOINT_MOTION = 1e-3
 """Motion of a joint below which it counts as still [rad, m]."""
-MIN_POSES = 6
+MIN_REGISTRATION_POSES = 6
 """Fewest poses that determine one frame and one target without a nominal position."""
 NOMINAL_TARGET_DEVIATION = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
@@ -323,7 +323,7 @@ MIN_SPARE_EQUATIONS = 6
 """Fewest degrees of freedom that determine the noise."""
 STEP_TOLERANCE = 1e-9
 """Gauss-Newton step at which the fit has converged [m, rad]."""
-MAX_STEPS = 200
+MAX_GAUSS_NEWTON_STEPS = 200
 DROP_OUTLIERS_STEP, MAX_UNWEIGHTED_STEPS = 1e-4, 60
 """Outliers are dropped, and the noise is estimated, after a Gauss-Newton step below the first [m, rad], or
 after so many steps. Before, the residuals are those of the start: nominal targets and outliers would win."""
@@ -426,7 +426,7 @@ class Registration:
 def register(
     vjm: Vjm,
     series: Sequence[Series],
-    nominal: Mapping[str, Array],
+    nominal_targets: Mapping[str, Array],
     known_frames: Mapping[str, Frame] | None = None,
 ) -> Registration:
     """Find the frames and targets of series of one mount, with a rigid arm without errors.
@@ -439,7 +439,8 @@ def register(
     Args:
         vjm: The arm's virtual joint model.
         series: The readings, such as one series per station.
-        nominal: Expected targets in the tool's frame by name, (3,) [m] each; any of them may be absent.
+        nominal_targets: Expected targets in the tool's frame by name, (3,) [m] each; any of them may be
+            absent.
         known_frames: Frames that are known, by name; the others are found.
 
     Returns:
@@ -450,7 +451,7 @@ def register(
     """
     frames, targets = frame_and_target_names(series)
     # What is known: nominal targets and given frames.
-    expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
+    expected = np.array([nominal_targets.get(name, np.full(3, np.nan)) for name in targets])
     known = FramesAndTargets(
         np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected
     )
@@ -517,7 +518,7 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
     poses = len(np.unique(np.concatenate([readings.q for readings in series]), axis=0))
     return (
         f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, do not "
-        f"determine a frame or target; expected at least {MIN_POSES} poses that turn "
+        f"determine a frame or target; expected at least {MIN_REGISTRATION_POSES} poses that turn "
         f"three joints, or nominal positions of all targets"
     )
 
@@ -529,7 +530,7 @@ def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration |
     noise = start.noise
     kept = None
     values, V = np.linalg.eigh(readings.covariance)
-    for k in range(MAX_STEPS):
+    for k in range(MAX_GAUSS_NEWTON_STEPS):
         e, J = registration_residuals(readings, layout), _jacobian(readings, layout, free)
         # Whiten residuals by W = (C + s^2 I)^-1/2, in the principal axes of C.
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]

@@ -4,8 +4,8 @@ Least squares and GCO need a dataset only through F_M, Eq. (19), and F_M needs o
 the stacked weighted rows [A | y]: (n + 1)^2 numbers, whatever the number of runs. QR folds the rows into
 these factors batch by batch, so that memory does not grow with the number of rows.
 
-Rows are reduced part by part, and parts add up. A part is the unit of cross-validation: runs whose pose is in
-one fold and whose load is in one fold, or a block of joint space.
+Rows are reduced group by group, and groups add up. A group is the unit of cross-validation: runs whose pose
+is in one fold and whose load is in one fold, or a block of joint space.
 """
 
 import math
@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # scipy takes long to import, and who uses a model needs it n
 
 # --- A reduced dataset: the triangular factors of its weighted rows, Eq. (13) -------------------------------
 
-ZERO_COLUMN = 1e-12
+ZERO_COLUMN_TOLERANCE = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
 RANK_TOLERANCE = 1e-9
 """A singular value below this share of the largest is zero; structural zeros come out at 1e-16."""
@@ -58,16 +58,17 @@ RANK_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class ResidualTerm:
-    """Hold one term of F_M, Eq. (19): positions or rotations.
+    """Hold one term of F_M, Eq. (19): that of the measured positions, or that of the measured rotations.
 
-    The rows are divided by sqrt(2) sigma sqrt(N), so that F_M is the sum of sqrt(|R pi - z|^2 + rest).
+    The term is sqrt(|R pi - z|^2 + unexplained). The equations A pi = y are divided by sqrt(2) sigma sqrt(N),
+    with N a third of their number; R and z come from their triangular factor, A = Q R.
     """
 
-    R: Array  #: Triangular factor of the rows, (n, n).
-    z: Array  #: Measured deflections in its coordinates, (n,).
-    #: Squared norm of the readings outside the columns' span, which no parameter can explain.
+    R: Array  #: Triangular factor of A, (n, n) [1 per unit of pi].
+    z: Array  #: Measured deflections Q^T y, (n,) [1].
+    #: Squared norm of the part of y outside the range of A, which no parameter can explain [1].
     unexplained: float
-    n_equations: int  #: Number of scalar equations.
+    n_equations: int  #: Number of scalar equations, 3 N.
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,10 +80,10 @@ class Regression(Displayed):
 
     structure: Structure  #: The unknowns, n of them.
     terms: tuple[ResidualTerm, ...]  #: Position term, then the rotation term where orientations are read.
-    column_norms: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
-    diagonal_sensitivity: (
-        Array  #: Norm of the weighted column of each diagonal entry of C_theta, (n_theta,) [N/m, N m/rad].
-    )
+    #: Norm of each parameter's weighted column, (n,) [1 per unit of pi]: zero where it changes no reading.
+    column_norms: Array
+    #: Norm of the weighted column of each diagonal entry of C_theta, (n_theta,) [N/m, N m/rad].
+    diagonal_sensitivity: Array
     #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; empty if they were not requested.
     rows_by_pose: tuple[Array, ...] = ()
     #: Standard deviation of each link's parameters from pose to pose, (links, n); None if they do not vary.
@@ -99,12 +100,12 @@ class Regression(Displayed):
 
     @cached_property
     def rank(self) -> int:
-        """Count the directions of pi that the data observe."""
+        """Return the rank: the number of directions of the parameters pi that the readings observe."""
         return rank(np.vstack([term.R for term in self.terms]))
 
     @cached_property
     def weighted_equations(self) -> tuple[Array, Array]:
-        """Return A, (r, n), and y, (r,), in standard deviations: A pi - y has noise of deviation 1."""
+        """Return the equations A pi = y, (r, n) and (r,), in standard deviations: their noise is N(0, 1)."""
         every = [math.sqrt(term.n_equations / 3) * np.c_[term.R, term.z] for term in self.terms]
         A, y = np.split(np.vstack(every), [self.structure.n_parameters], axis=1)
         return A, y[:, 0]
@@ -116,7 +117,7 @@ class Regression(Displayed):
 
     @property
     def f_m_floor(self) -> float:
-        """Return the F_M to expect from noise alone: sqrt(3 (1 - rank / equations)) per term [1].
+        """Compute the F_M to expect from noise alone: sqrt(3 (1 - rank / equations)) summed over terms [1].
 
         Mathematics: `est-4`.
         """
@@ -131,8 +132,8 @@ def term_from_triangle(T: Array, unexplained: float, n_equations: int) -> Residu
 
     Args:
         T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
-        unexplained: Squared norm that T does not hold and no parameter explains [1].
-        n_equations: Scalar equations behind it.
+        unexplained: Squared norm of the readings that is not in T and that no parameter explains [1].
+        n_equations: Number of scalar equations, 3 N.
     """
     return ResidualTerm(
         R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + unexplained, n_equations=n_equations
@@ -155,10 +156,10 @@ def regression_from_terms(structure: Structure, terms: tuple[ResidualTerm, ...])
         terms: Terms of F_M, at least one.
 
     Returns:
-        The regression, with the column norms of its terms.
+        The regression; a column norm that is only rounding is zero.
     """
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
-    columns[columns <= ZERO_COLUMN * columns.max()] = 0
+    columns[columns <= ZERO_COLUMN_TOLERANCE * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
     diagonal = structure.rows == structure.columns
     weight[structure.rows[diagonal]] = columns[diagonal]
@@ -166,11 +167,11 @@ def regression_from_terms(structure: Structure, terms: tuple[ResidualTerm, ...])
 
 
 def restrict_regression(regression: Regression, structure: Structure) -> Regression:
-    """Restrict a regression to fewer unknowns; all others are rigid.
+    """Restrict a regression to fewer unknowns; the parameters left out are zero, which is rigid.
 
     Args:
         regression: The reduced dataset.
-        structure: Some of its unknowns.
+        structure: Some of the unknowns of the regression.
 
     Returns:
         The regression of the same readings in these unknowns.
@@ -186,15 +187,15 @@ def restrict_regression(regression: Regression, structure: Structure) -> Regress
 
 
 def embed_parameters(values: Array, structure: Structure, wider: Structure) -> Array:
-    """Put numbers of a structure's parameters at their places among those of a wider structure.
+    """Extend the parameters of a structure to a wider structure; the parameters that it adds are zero.
 
     Args:
-        values: Numbers, (..., n).
+        values: One number per parameter of `structure`, such as pi, (..., n).
         structure: The structure, n parameters.
-        wider: The wider structure, N parameters.
+        wider: A structure with all parameters of `structure`, N parameters.
 
     Returns:
-        The numbers, zero for all other parameters, (..., N).
+        One number per parameter of `wider`, (..., N).
     """
     every = np.zeros((*values.shape[:-1], wider.n_parameters))
     every[..., structure.indices_in(wider)] = values
@@ -202,33 +203,33 @@ def embed_parameters(values: Array, structure: Structure, wider: Structure) -> A
 
 
 def check_symmetric(structure: Structure) -> None:
-    """Check that the unknown compliance blocks are symmetric, as C_i = V_i^T V_i requires.
+    """Check that a structure has symmetric compliance blocks, as C_i = V_i^T V_i of GCO requires.
 
     Raises:
-        BenchError: If it does not impose symmetry.
+        BenchError: If the structure does not impose symmetry.
     """
     if not structure.symmetric:
         raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
 
 
 def rank(A: Array) -> int:
-    """Compute the rank of a matrix whose columns have unlike units: each is scaled to norm one first.
+    """Compute the rank of a matrix, (rows, n), whose columns have unlike units: each is scaled to norm one.
 
     Mathematics: `obs-4`.
     """
     norm = np.linalg.norm(A, axis=0)
-    seen = norm > ZERO_COLUMN * norm.max(initial=0)
+    seen = norm > ZERO_COLUMN_TOLERANCE * norm.max(initial=0)
     if not seen.any():
         return 0
     A = A[:, seen] / norm[seen]
     length = np.linalg.norm(A, axis=1)  # of a few readings most rows of R are rounding
-    A = A[length > ZERO_COLUMN * length.max()]
+    A = A[length > ZERO_COLUMN_TOLERANCE * length.max()]
     s = np.linalg.svd(A, compute_uv=False)
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
 
 def f_m(regression: Regression, pi: Array) -> float:
-    """Compute the cost F_M of parameters, Eq. (19): the sum over terms of RMS / (sqrt(2) sigma).
+    """Compute the cost F_M of parameters, Eq. (19): RMS residual over sqrt(2) sigma, summed over the terms.
 
     Mathematics: `est-3`.
 
@@ -243,25 +244,26 @@ def f_m(regression: Regression, pi: Array) -> float:
     return float(sum(math.sqrt(residual @ residual + rest) for residual, rest in every))
 
 
-GENERIC_RUNS = 60  #: Random runs of a full wrench, read in full pose: they see all that any experiment can.
+N_GENERIC_RUNS = 60
+"""Number of random runs with a full wrench, read in full pose: they observe all that any experiment can."""
 
 
 def generic_observation_matrix(vjm: Vjm, structure: Structure) -> Array:
     """Compute the observation matrix, Eq. (12), of an experiment that observes all that any experiment can.
 
-    It has random poses within the joint limits, a random full wrench at a random point, and the full pose
-    read. Its rank is generic: it does not depend on the draw.
+    The experiment has random poses within the joint limits, a random full wrench at a random point, and reads
+    the full pose. The rank of the matrix is generic: it does not depend on the draw.
 
     Args:
         vjm: The arm's virtual joint model.
         structure: The unknowns, n of them.
 
     Returns:
-        Rows of positions, then of rotations, (rows, n) [m, rad per unit of pi].
+        Rows of marker positions, then of tool rotations, (rows, n) [m, rad per unit of pi].
     """
     rng = np.random.Generator(np.random.Philox(0))
-    q = vjm.arm.draw_poses(rng, GENERIC_RUNS)
-    wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
+    q = vjm.arm.draw_poses(rng, N_GENERIC_RUNS)
+    wrench, point = rng.standard_normal((N_GENERIC_RUNS, 6)), rng.standard_normal((N_GENERIC_RUNS, 3))
     equilibrium = undeflected_arm(vjm, q, [Load(wrench, point)])
     A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, with_orientation=True)[
         :, :, :-1
@@ -295,61 +297,65 @@ def non_redundant_structure(vjm: Vjm, structure: Structure, *, name: str) -> Str
     return structure.select_parameters(np.sort(order[: rank(A)]), name)
 
 
-# --- Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up ---
+# --- Reduction of readings: rows [A | y] folded by QR into triangular factors, group by group ---------------
 
-RUNS_PER_BATCH = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
+RUNS_PER_BATCH = 384  #: Runs reduced at a time: long enough for LAPACK, short enough for the cache.
 MAX_SORTED_RUNS = 16 * RUNS_PER_BATCH
-"""Pairs that are sorted by their parts at a time: limits memory."""
-MAX_NUMBERS_IN_MEMORY = (
-    3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
-)
+"""Runs that are sorted by their groups at a time: limits memory."""
+MAX_NUMBERS_IN_MEMORY = 3_000_000
+"""Numbers of the equations of absolute readings that are in memory at a time."""
 PANEL_COLUMNS = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 MIN_SEPARATE_POSES, MAX_SEPARATE_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
 
 
 class TriangularFactors:
-    """Hold triangular factors of rows [A | y], per kind of equations and part."""
+    """Hold the triangular factors of rows [A | y]: one per kind of equations and group of runs."""
 
-    def __init__(self, columns: int) -> None:
-        """Start without rows, for a given number of columns."""
-        self.columns = columns
-        #: (columns, columns) each, or all rows where they are fewer.
+    def __init__(self, n_columns: int) -> None:
+        """Start without rows.
+
+        Args:
+            n_columns: Number of columns of [A | y], n + 1.
+        """
+        self.n_columns = n_columns
+        #: Factor by kind and group, (n + 1, n + 1), or all rows where they are fewer.
         self.factors: dict[tuple[int, int], Array] = {}
-        self.n_equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
+        #: Number of scalar equations by kind and group.
+        self.n_equations: defaultdict[tuple[int, int], int] = defaultdict(int)
 
-    def add_readings(self, A: Array, kinds: Ids, groups: Ids, *, drop_zeros: bool = False) -> None:
-        """Update the triangular factors of every kind and part with whitened rows of some runs.
+    def add_readings(self, A: Array, kinds: Ids, groups: Ids, *, drop_zero_rows: bool = False) -> None:
+        """Add whitened rows of some runs to the triangular factors, each to that of its kind and group.
 
         Args:
             A: Whitened [A | y] of s readings per run, three components each, (s, 3, columns, runs) [1].
-            kinds: Kind of every reading, (s, runs); -1 for lost ones.
-            groups: Part of every run, (runs,).
-            drop_zeros: Whether to leave out rows of zeros, so that they do not count as equations; a reading
-                along a line fills its unused components with zeros.
+            kinds: Kind of the equations of every reading, (s, runs); -1 for a reading that was lost.
+            groups: Group of every run, (runs,).
+            drop_zero_rows: Whether to leave out rows of zeros, so that they do not count as equations; a
+                reading along a line has zeros in place of its other two components.
         """
         lines = A.transpose(2, 1, 0, 3)
-        for part in np.unique(groups).tolist():
-            kinds_of_part = np.where(groups == part, kinds, -1)
-            for kind in np.unique(kinds_of_part[kinds_of_part >= 0]).tolist():
-                these = kinds_of_part == kind
+        for group in np.unique(groups).tolist():
+            kinds_of_group = np.where(groups == group, kinds, -1)
+            for kind in np.unique(kinds_of_group[kinds_of_group >= 0]).tolist():
+                these = kinds_of_group == kind
                 rows = np.flatnonzero(these.any(axis=1))
                 block = slice(rows[0], rows[-1] + 1)  # a tenth of the time of a mask, where nothing was lost
-                selected = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
-                selected = selected[:, selected.any(axis=0)] if drop_zeros else selected
-                self.n_equations[kind, part] += selected.shape[1]
-                self.add_rows(kind, part, selected)
+                selected = lines[:, :, block if these[block].all() else these].reshape(self.n_columns, -1)
+                selected = selected[:, selected.any(axis=0)] if drop_zero_rows else selected
+                self.n_equations[kind, group] += selected.shape[1]
+                self.add_rows(kind, group, selected)
 
     def add_rows(self, kind: int, group: int, transposed_rows: Array) -> None:
-        """Add rows to one part by QR; the memory of `transposed_rows` is overwritten.
+        """Add whitened rows [A | y] to the triangular factor of one kind and group, by QR.
 
         Args:
             kind: Kind of the equations.
-            group: Number of the part.
-            transposed_rows: The rows, transposed, (columns, rows) [1].
+            group: Number of the group.
+            transposed_rows: [A | y]^T, (columns, rows) [1]; its memory is overwritten.
         """
         from scipy.linalg.lapack import dtpqrt  # here: see above
 
-        n, at = self.columns, (kind, group)
+        n, at = self.n_columns, (kind, group)
         T = self.factors.get(at, np.zeros((0, n)))
         if len(T) < n:
             transposed_rows = np.concatenate([T.T, transposed_rows], axis=1)
@@ -361,65 +367,66 @@ class TriangularFactors:
         self.factors[at] = dtpqrt(0, panel, T, transposed_rows.T, overwrite_a=True, overwrite_b=True)[0]
 
     def merge(self, other: "TriangularFactors") -> None:
-        """Add all rows of another set of factors.
+        """Add all rows behind other triangular factors, kind by kind and group by group.
 
         Args:
-            other: Factors with the same columns.
+            other: Triangular factors of rows with the same columns.
         """
         for at, T in other.factors.items():
             self.add_rows(*at, T.T.copy())
             self.n_equations[at] += other.n_equations[at]
 
     def factor(self, kind: int, groups: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
-        """Compute the triangular factor of all rows of some parts.
+        """Compute one triangular factor of all equations of a kind in some groups.
 
         Args:
             kind: Kind of the equations.
-            groups: Numbers of the parts, (parts,).
-            columns: Columns that are wanted, (k,).
+            groups: Numbers of the groups, (groups,).
+            columns: Columns of [A | y] that are wanted, (k,).
 
         Returns:
-            Triangular factor, (columns, columns) [1].
+            Triangular factor, (k, k) [1].
         """
         rows = [self.factors[kind, k][:, columns] for k in groups if (kind, k) in self.factors]
-        whole = TriangularFactors(len(np.arange(self.columns)[columns]))
-        whole.add_rows(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
+        whole = TriangularFactors(len(np.arange(self.n_columns)[columns]))
+        whole.add_rows(0, 0, np.vstack([np.zeros((0, whole.n_columns)), *rows]).T.copy())
         T = whole.factors[0, 0]
-        return T if len(T) == whole.columns else triangular_factor(T)
+        return T if len(T) == whole.n_columns else triangular_factor(T)
 
 
 @dataclass(frozen=True)
 class GroupedRegression:
-    """Hold the equations of a structure on a dataset, reduced by QR part by part.
+    """Hold the equations A pi = y of a dataset, reduced by QR to one triangular factor per group of runs.
 
-    A part is a group of runs that can be held out together; each kind of reading has its own factor.
+    The runs of a group can be held out together. Each kind of reading has a factor of its own.
     """
 
     structure: Structure  #: The unknowns, n of them.
-    factors: TriangularFactors  #: Factors of these unknowns or more, readings last [sqrt(2) sigma].
-    columns: Ids | slice  #: Columns of the unknowns and of the readings in `factors`.
+    #: Factors of [A | y] of these unknowns or more, in units of the noise sqrt(2) sigma [1].
+    factors: TriangularFactors
+    columns: Ids | slice  #: Columns of the unknowns, and of y, in `factors`, (n + 1,).
 
     @property
     def groups(self) -> Ids:
-        """Return the numbers by which the parts of the readings are named, ascending, (parts,)."""
-        return np.unique([part for _, part in self.factors.factors])
+        """Return the numbers of the groups, ascending, (groups,)."""
+        return np.unique([group for _, group in self.factors.factors])
 
     def select_groups(self, groups: Ids) -> "GroupedRegression":
-        """Select the equations of some parts.
+        """Select the equations of some groups of runs.
 
         Args:
-            groups: Numbers of the parts, (parts,), out of the property `groups`.
+            groups: Numbers of the groups, some of the property `groups`, (k,).
         """
-        kept, wanted = TriangularFactors(self.factors.columns), set(groups.tolist())
+        kept, wanted = TriangularFactors(self.factors.n_columns), set(groups.tolist())
         kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in wanted}
         kept.n_equations.update({at: n for at, n in self.factors.n_equations.items() if at[1] in wanted})
         return replace(self, factors=kept)
 
-    def joined(self, groups: Ids | None = None) -> Regression:
-        """Make one regression of some parts: rows over sqrt(N), as in F_M, Eq. (19).
+    def to_regression(self, groups: Ids | None = None) -> Regression:
+        """Make one regression of the equations of some groups: rows over sqrt(N), as in F_M, Eq. (19).
 
         Args:
-            groups: Numbers of the parts, (parts,); None for all.
+            groups: Numbers of the groups, some of the property `groups`, (k,); None for all.
         """
         terms, chosen = [], (self.groups if groups is None else groups).tolist()
         for kind in sorted({kind for kind, _ in self.factors.factors}):
@@ -439,10 +446,10 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
     Args:
         vjm: The arm's virtual joint model.
         structure: The unknowns, n of them.
-        data: The runs, or the reduction of a larger structure.
+        data: The runs, or their reduction for a larger structure.
 
     Returns:
-        F_M of the structure on them; `rows` are its equations in standard deviations.
+        The regression: it gives F_M of any parameters of the structure.
 
     Raises:
         BenchError: When an argument has another type, or the dataset is empty or names a marker that the arm
@@ -453,49 +460,49 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
     check_type(data, (Dataset, Regression), "data")
     if isinstance(data, Regression):
         return restrict_regression(data, structure)
-    [parts] = reduce_by_group(vjm, [structure], data, np.broadcast_to(0, data.n_runs))
-    return with_rows_by_pose(vjm, parts.joined(), data)
+    [grouped] = reduce_by_group(vjm, [structure], data, np.broadcast_to(0, data.n_runs))
+    return with_rows_by_pose(vjm, grouped.to_regression(), data)
 
 
 def with_rows_by_pose(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
-    """Add the rows of every pose to a regression of links and joints with laws.
+    """Add the rows [A | y] of every pose to a regression whose structure has joint laws.
 
-    They are needed to learn how links vary from pose to pose (`pose_variation`): with `MIN_POSES` to
-    `MAX_POSES` poses and positions only.
+    They show how link compliances vary from pose to pose (`pose_to_pose_variation`). They are added to
+    datasets of positions only, with `MIN_SEPARATE_POSES` to `MAX_SEPARATE_POSES` poses.
 
     Args:
         vjm: The arm's virtual joint model.
         regression: The reduced dataset.
-        data: The runs.
+        data: The runs of the dataset.
 
     Returns:
-        The regression, with `poses` where they are needed.
+        The regression with `rows_by_pose`; unchanged for all other structures and datasets.
     """
-    poses, part = np.unique(data.pose_id, return_inverse=True)
+    poses, group = np.unique(data.pose_id, return_inverse=True)
     if (
         not regression.structure.n_laws
         or len(regression.terms) > 1
         or not MIN_SEPARATE_POSES <= len(poses) <= MAX_SEPARATE_POSES
     ):
         return regression
-    [parts] = reduce_by_group(vjm, [regression.structure], data, part)
-    factors = parts.factors.factors
-    return replace(regression, rows_by_pose=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
+    [grouped] = reduce_by_group(vjm, [regression.structure], data, group)
+    factors = grouped.factors.factors
+    return replace(regression, rows_by_pose=tuple(factors[at][:, grouped.columns] for at in sorted(factors)))
 
 
 def reduce_by_group(
     vjm: Vjm, structures: Sequence[Structure], data: Dataset, group: Ids
 ) -> list[GroupedRegression]:
-    """Reduce the weighted equations of several structures on runs, part by part.
+    """Reduce the weighted equations of a dataset for several structures, group by group of its runs.
 
     Args:
         vjm: The arm's virtual joint model.
         structures: The unknowns of every model.
         data: The runs.
-        group: Part of every run from 0 on, (runs,); -1 for runs that are left out.
+        group: Group of every run, 0 or more, (runs,); -1 for runs that are left out.
 
     Returns:
-        The equations of every structure, in order.
+        The equations, one object per structure in order.
 
     Raises:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
@@ -520,7 +527,7 @@ def reduce_by_group(
             folded.add_readings(
                 *deflection_equations(model, chains[model.vjm], data, these, group[these]),
                 group[these],
-                drop_zeros=lines,
+                drop_zero_rows=lines,
             )
     alone = iter(factors[1:])
     return [
@@ -540,15 +547,15 @@ def _blocks_of(group: Ids, pose: Ids) -> Iterator[Ids]:
 
 
 def pose_batches(group: Ids, pose: Ids, batch_size: int) -> Iterator[Ids]:
-    """Yield places of rows in batches, part by part; rows of one pose stay together.
+    """Yield indices of rows in batches, group by group; rows of one pose stay together.
 
     Args:
-        group: Part of every row, (rows,); rows of part -1 are left out.
+        group: Group of every row, (rows,); rows of group -1 are left out.
         pose: Pose of every row, (rows,).
-        batch_size: About how many rows a batch has.
+        batch_size: Approximate number of rows in a batch.
 
     Yields:
-        Places of the rows of one batch.
+        Indices of the rows of one batch, (k,).
     """
     order = np.lexsort((pose, group))
     order = order[group[order] >= 0]
@@ -569,35 +576,38 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
 
 @dataclass(frozen=True)
 class SeriesBlock:
-    """Hold Gram matrices of the equations of one series of readings, in one block of joint space."""
+    """Hold the Gram matrices [A | y]^T [A | y] of one series of readings, in one block of joint space."""
 
-    series_index: int  #: Place of the series.
-    gram_matrices: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
-    n_equations: Array  #: Scalar equations of every kind, (kinds,).
-    is_plane_face: bool = False  #: Whether they are heights over a plane face.
+    series_index: int  #: Index of the series in the list of all series.
+    gram_matrices: Array  #: Gram matrix of every kind of equations, (kinds, size + 1, size + 1) [1].
+    n_equations: Array  #: Number of scalar equations of every kind, (kinds,).
+    is_plane_face: bool = False  #: Whether the readings are heights over a plane face.
 
 
 @dataclass(frozen=True)
 class ReducedReadings:
-    """Hold all equations of absolute readings, reduced."""
+    """Hold the whitened equations A x = y of absolute readings as Gram matrices and triangular factors.
 
-    kinds: tuple[int, ...]  #: Kinds of equations that there are, as places in `EQUATION_KINDS`.
-    blocks: tuple[SeriesBlock, ...]  #: The rows, block by block.
-    factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
+    The unknowns x are `size` numbers: frames, mounts, geometry, joint errors and compliances.
+    """
+
+    kinds: tuple[int, ...]  #: Kinds of equations that occur, as indices into `EQUATION_KINDS`.
+    blocks: tuple[SeriesBlock, ...]  #: Gram matrices, one object per series and block of joint space.
+    factors: Mapping[int, Array]  #: Triangular factor of [A | y] by kind, (size + 1, size + 1) [1].
 
     @cached_property
     def total_gram_matrices(self) -> Array:
-        """Return the Gram matrices of [A | y] over all blocks, one per kind, (kinds, size + 1, size + 1)."""
+        """Return [A | y]^T [A | y] of all readings, one for every kind, (kinds, size + 1, size + 1)."""
         return sum_gram(self.blocks)
 
     def in_basis(self, basis: "csr_array") -> "ReducedReadings":
-        """Transform the equations to other unknowns z, x = basis @ z.
+        """Transform the equations to other unknowns z with x = basis @ z.
 
         Args:
-            basis: Basis of the unknowns, (size, size) [1].
+            basis: Matrix of the transformation, (size, size) [1].
 
         Returns:
-            The equations in z.
+            The equations (A basis) z = y.
         """
         from scipy.sparse import block_diag  # here: see above
 
@@ -606,41 +616,40 @@ class ReducedReadings:
             np.array([B @ np.asarray(B @ rotated).T for rotated in block.gram_matrices])
             for block in self.blocks
         ]
-        parts = tuple(
+        blocks = tuple(
             replace(block, gram_matrices=gram) for block, gram in zip(self.blocks, grams, strict=True)
         )
-        return ReducedReadings(
-            self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
-        )
+        factors = {kind: np.asarray(B @ R.T).T for kind, R in self.factors.items()}
+        return ReducedReadings(self.kinds, blocks, factors)
 
     @property
     def is_position(self) -> Mask:
-        """Return which kinds are positions, (kinds,)."""
+        """Return which of the kinds of equations are measured positions, (kinds,)."""
         return np.isin(self.kinds, POSITION_KINDS)
 
     @property
     def n_equations(self) -> Array:
-        """Return the number of equations of every kind in all parts, (kinds,)."""
+        """Return the number of scalar equations of every kind, (kinds,)."""
         return np.asarray(sum(part.n_equations for part in self.blocks))
 
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Hold the state where equations are linearised, and their weights."""
+    """Hold the state of the arm where the equations of readings are linearised, and the readings' weights."""
 
-    unknowns: Unknowns
-    state: ArmState
-    noise: Noise
+    unknowns: Unknowns  #: Layout of the unknowns.
+    state: ArmState  #: Values of the unknowns where the equations are linearised.
+    noise: Noise  #: Standard deviations of the readings.
     loss: HuberLoss = READING_LOSS  #: Robust loss that weighs each reading.
 
 
 def reduce_series(
     linearisation: Linearisation, series: Sequence[Series], blocks: Sequence[Ids] | None = None
 ) -> ReducedReadings:
-    """Reduce all rows of absolute readings to triangular factors, per series and block of joint space.
+    """Reduce absolute readings to Gram matrices and triangular factors, per series and block of joint space.
 
     Args:
-        linearisation: Where the equations are linearised.
+        linearisation: State where the equations are linearised, and weights of the readings.
         series: The readings.
         blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
             None for one block per series.
@@ -662,9 +671,9 @@ def reduce_series(
 
 
 def _factors_of_rows(linearisation: Linearisation, series: Series, group: Ids) -> TriangularFactors:
-    """Fold the rows of a series whose part is 0, batch by batch."""
+    """Fold the rows of a series whose group is 0, batch by batch."""
     folded = TriangularFactors(linearisation.unknowns.size + 1)
-    numbers = 3 * folded.columns * (len(series.markers) + (series.rotation is not None))
+    numbers = 3 * folded.n_columns * (len(series.markers) + (series.rotation is not None))
     for rows in pose_batches(group, series.pose_id, max(16, MAX_NUMBERS_IN_MEMORY // numbers)):
         A, kinds = whitened_rows(linearisation, select_rows(series, rows))
         folded.add_readings(A, kinds, np.zeros(len(rows), dtype=int))
@@ -672,15 +681,17 @@ def _factors_of_rows(linearisation: Linearisation, series: Series, group: Ids) -
 
 
 def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, Ids]:
-    """Compute whitened rows [A | y] of all unknowns; rows of one pose become their mean and differences.
+    """Compute the whitened equations A x = y of absolute readings.
+
+    The readings of one pose are replaced by their mean and differences.
 
     Args:
-        linearisation: Where the equations are linearised, with noise and loss.
-        series: The readings.
+        linearisation: State where the equations are linearised, and weights of the readings.
+        series: The readings, s targets and orientations per row.
 
     Returns:
-        [A | y], (s, 3, size + 1, rows) [1], and the kind of every equation, (s, rows); -1 where nothing was
-        read.
+        [A | y], three components per reading, (s, 3, size + 1, rows) [1], and the kind of every reading's
+        equations, (s, rows); -1 where nothing was read.
     """
     A, rotation = (
         series_equations(linearisation.unknowns, linearisation.state, series),
@@ -705,5 +716,5 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
 
 
 def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
-    """Sum the Gram matrices of several blocks of readings, (kinds, size + 1, size + 1)."""
+    """Sum the Gram matrices of several blocks of readings, kind by kind, (kinds, size + 1, size + 1) [1]."""
     return np.asarray(sum(part.gram_matrices for part in parts))

@@ -53,7 +53,6 @@ from testbench.identify.interior import least_squares_on_cone
 from testbench.identify.observability import null_space
 from testbench.identify.prior import (
     PriorUncertainty,
-    RegressionWithPrior,
     WeightedPrior,
     cad_prior,
     rows_with_prior,
@@ -265,7 +264,7 @@ def solve(
             return solve_gco(regression, prior_or_penalty)
         return (complete_conservatively if constraint == "free" else minimum_norm)(regression)
     # With a prior: minimise chi^2 and penalty in units of the prior, then map x back to pi.
-    prior_solution = solve_with_prior(constraint, RegressionWithPrior(regression, prior_or_penalty))
+    prior_solution = solve_with_prior(constraint, regression, prior_or_penalty)
     estimate = make_estimate(
         regression, prior_solution.pi, method=METHOD_NAMES[constraint], constraint=constraint
     )
@@ -288,7 +287,9 @@ class PriorSolution:
     by_our_solver: bool
 
 
-def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
+def solve_with_prior(
+    constraint: Constraint, regression: Regression, weighted_prior: WeightedPrior
+) -> PriorSolution:
     """Minimise |A pi - y|^2 + |B x - c|^2, where pi = L x and x is in units of the prior.
 
     Newton's method solves least squares, an interior-point method GCO. If the answer is not proven optimal,
@@ -296,16 +297,17 @@ def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> Prior
 
     Args:
         constraint: "none" for least squares, "psd" for GCO.
-        case: The weighted equations A pi = y and the prior's equations B x = c.
+        regression: The weighted equations A pi = y.
+        weighted_prior: The prior of pi, with the equations B x = c.
 
     Returns:
         The parameters and the status of the solver.
     """
-    start, scaling = time.perf_counter(), case.prior.scaling
-    M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
+    start, scaling = time.perf_counter(), weighted_prior.scaling
+    M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
     x = certified_solution(M, r, scaling.block_orders if constraint == "psd" else ())
     if x is None:
-        return solve_by_reference(constraint, case)
+        return solve_by_reference(constraint, regression, weighted_prior)
     return PriorSolution(scaling.L @ x, time.perf_counter() - start, "solved", by_our_solver=True)
 
 
@@ -325,18 +327,21 @@ def certified_solution(M: Array, r: Array, block_orders: tuple[int, ...]) -> Arr
     return x if gap <= OPTIMALITY_TOLERANCE + COST_ROUNDING * cost else None
 
 
-def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
+def solve_by_reference(
+    constraint: Constraint, regression: Regression, weighted_prior: WeightedPrior
+) -> PriorSolution:
     """Minimise |A pi - y|^2 + |B x - c|^2 by a library: LAPACK for least squares, Clarabel for GCO.
 
     Args:
         constraint: "none" for least squares, "psd" for GCO.
-        case: The weighted equations A pi = y and the prior's equations B x = c.
+        regression: The weighted equations A pi = y.
+        weighted_prior: The prior of pi, with the equations B x = c.
 
     Returns:
         The parameters and the status of the solver.
     """
-    start, scaling = time.perf_counter(), case.prior.scaling
-    M, r = rows_with_prior(case.regression, scaling, case.prior.uncertainty)
+    start, scaling = time.perf_counter(), weighted_prior.scaling
+    M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
     if constraint == "none":
         pi = scaling.L @ np.linalg.lstsq(M, r, rcond=None)[0]
         return PriorSolution(pi, time.perf_counter() - start, "solved", by_our_solver=False)
@@ -473,7 +478,7 @@ def robust_residuals(
         if weighted_prior is None:
             pi = minimum_norm(weighted).pi
         else:
-            prior_solution = solve_with_prior(constraint, RegressionWithPrior(weighted, weighted_prior))
+            prior_solution = solve_with_prior(constraint, weighted, weighted_prior)
             pi, status = prior_solution.pi, prior_solution.status
         before, length = length, np.linalg.norm(readings.y - readings.A @ pi, axis=1)
         if np.abs(length - before).max() < CONVERGED_CHANGE:

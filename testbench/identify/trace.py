@@ -58,7 +58,7 @@ class Fold:
     @cached_property
     def fitted(self) -> Regression:
         """Return the equations that are fitted, reduced to one regression."""
-        return self.fitted_equations.joined()
+        return self.fitted_equations.to_regression()
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def folds(equations: GroupedRegression) -> list[Fold]:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
     held = [labels == k for labels in (pose, load) for k in np.unique(labels)]
     pairs = [(numbers[~labels], numbers[labels]) for labels in held if not labels.all()]
-    return [Fold(kept, equations.select_groups(kept), equations.joined(out)) for kept, out in pairs]
+    return [Fold(kept, equations.select_groups(kept), equations.to_regression(out)) for kept, out in pairs]
 
 
 @dataclass(frozen=True)

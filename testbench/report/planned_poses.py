@@ -189,11 +189,11 @@ def seen(made: Planned, f: Row) -> PageContent:
     charts = [_chart(0, f.plan)]
     if isinstance(made.plan, Plan):
         every = made.plan.specification.tasks.q
-        some = largest_and_even(made.forecast.error, np.arange(len(every)))
+        some = largest_and_even(made.forecast.rms_error, np.arange(len(every)))
         rows, q = [tasks[k] for k in some], every[some]
         named = {f"Task {row.task}": _said(cell, row, own) for row, own in zip(rows, q, strict=True)}
         pulls = world.pulled(q, np.array([row.force_N for row in rows]))
-        groups.append(world.poses("Tasks", named, q, pulls, int(made.forecast.error[some].argmax())))
+        groups.append(world.poses("Tasks", named, q, pulls, int(made.forecast.rms_error[some].argmax())))
         note = of_all(len(some), len(every), "tasks")
         charts.insert(0, _chart(1, rows, note))
     errors = {name: f.map.errors(name) for name in f.map.compared}

@@ -21,7 +21,7 @@ from testbench.correct.newton import Aim
 from testbench.data.dataset import Dataset, select_rows
 from testbench.design.exchange import Feasibility
 from testbench.design.planning import make_plan
-from testbench.design.rows import MeasurementSetup, Specification, Tasks
+from testbench.design.rows import MeasurementSetup, PlanSpecification, Tasks
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.files.write import csv_text
 from testbench.identify.absolute.state import ArmState
@@ -225,23 +225,27 @@ def _plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list
         spec = _specify(cell, asked, name, poses)
         best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
         found.append(
-            [CompensationPlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load.tolist()))]
+            [
+                CompensationPlanRow(
+                    name, poses, tuple(best.q.ravel().tolist()), tuple(best.load_index.tolist())
+                )
+            ]
         )
     return found
 
 
-def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> Specification:
+def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> PlanSpecification:
     """Specify what a plan is for: the points of both jobs under forces of the middle of their range."""
     scaling = scale_by_prior(
         wrong_prior(cell, asked.seed), cell.vjm, named_models(cell, ("ALL153",))[0].structure
     )
-    return Specification(
+    return PlanSpecification(
         setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, SIGMA),
         loads=loads(cell)[: 1 if name == WEIGHT else 2],
         tasks=tasks(np.array(asked.scene.program), [np.mean(FORCE_RANGE) * job.typical for job in jobs()]),
-        workspace=np.array(asked.scene.candidates[:AROUND]),
-        uncertainty=UNCERTAINTY,
-        poses=poses,
+        workspace_poses=np.array(asked.scene.candidates[:AROUND]),
+        prior_uncertainty=UNCERTAINTY,
+        n_poses=poses,
     )
 
 

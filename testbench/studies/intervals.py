@@ -35,7 +35,6 @@ from testbench.identify.posterior import Intervals, check_confidence, posterior_
 from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
-    RegressionWithPrior,
     WeightedPrior,
     rows_in_prior_units,
 )
@@ -71,31 +70,39 @@ def gco_stein(regression: Regression, scaling: PriorScaling, uncertainty: PriorU
     Returns:
         The estimate.
     """
-    case = RegressionWithPrior(regression, WeightedPrior(scaling, uncertainty))
-    pi, left = _minimum(case)
+    weighted_prior = WeightedPrior(scaling, uncertainty)
+    pi, left = _minimum(regression, weighted_prior)
     estimate = make_estimate(regression, pi, method="GCO with log-det prior", constraint="psd")
-    return replace(
-        estimate, weighted_prior=case.prior, status="solved" if left <= LEFT else f"not solved: {left:.1g}"
-    )
+    status = "solved" if left <= LEFT else f"not solved: {left:.1g}"
+    return replace(estimate, weighted_prior=weighted_prior, status=status)
 
 
-def stein_parameters(case: RegressionWithPrior) -> Array:
-    """Compute the parameters that `gco_stein` finds, (n,)."""
-    return _minimum(case)[0]
+def stein_parameters(regression: Regression, weighted_prior: WeightedPrior) -> Array:
+    """Compute the parameters that `gco_stein` finds.
+
+    Args:
+        regression: The reduced dataset.
+        weighted_prior: The prior with its uncertainty.
+
+    Returns:
+        Parameters, (n,) [m/N, rad/(N m), rad/N].
+    """
+    return _minimum(regression, weighted_prior)[0]
 
 
-def _minimum(case: RegressionWithPrior) -> tuple[Array, float]:
+def _minimum(regression: Regression, weighted_prior: WeightedPrior) -> tuple[Array, float]:
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
-    scaling, n = case.prior.scaling, case.prior.scaling.structure.n_parameters
-    e, (A, y) = scaling.expected_x, rows_in_prior_units(case.regression, scaling)
-    scale = max(1e-6, float(np.linalg.solve(scaling.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
+    scaling, n = weighted_prior.scaling, regression.structure.n_parameters
+    e, (A, y) = scaling.expected_x, rows_in_prior_units(regression, scaling)
+    gaussian = np.linalg.solve(scaling.L, solve_with_prior("psd", regression, weighted_prior).pi)
+    scale = max(1e-6, float(gaussian @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
     T: Array = np.asarray(np.linalg.qr(np.c_[scale * A, y], mode="r"))[:n]
     size = float(T[:, n] @ T[:, n])
     R, z = T[None, :, :n] / math.sqrt(size), T[None, :, n] / math.sqrt(size)
-    weight = 1 / (size * case.prior.uncertainty.relative**2)
+    weight = 1 / (size * weighted_prior.uncertainty.relative**2)
     program = BlockProgram(
-        R, z, np.zeros(1), weight * e, scaling.block_orders, sum_of_squares=True, barrier=weight
+        R, z, np.zeros(1), weight * e, scaling.block_orders, sum_of_squares=True, barrier_weight=weight
     )
     iterate = solve_program(program)
     return np.asarray(scale * scaling.L @ iterate.x), iterate.distance_from_optimum(program)
@@ -157,24 +164,22 @@ def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
 
 
 def choose_strength(
-    held: Sequence[Fold], scaling: PriorScaling, fit: Callable[[RegressionWithPrior], Array]
+    held: Sequence[Fold], scaling: PriorScaling, fit: Callable[[Regression, WeightedPrior], Array]
 ) -> PriorUncertainty:
     """Choose the uncertainty of a prior that predicts held-out poses best.
 
     Args:
         held: The folds.
         scaling: Units of the prior.
-        fit: Fits a case.
+        fit: Function of a reduced dataset and its prior to the parameters, (n,).
 
     Returns:
         The strength, its scale left to the data.
     """
 
     def error(uncertainty: PriorUncertainty) -> float:
-        cases = (
-            (fold, RegressionWithPrior(fold.fitted, WeightedPrior(scaling, uncertainty))) for fold in held
-        )
-        return float(np.mean([f_m(fold.held_out, fit(case)) for fold, case in cases]))
+        weighted_prior = WeightedPrior(scaling, uncertainty)
+        return float(np.mean([f_m(fold.held_out, fit(fold.fitted, weighted_prior)) for fold in held]))
 
     return min(map(PriorUncertainty, UNCERTAINTIES), key=error)
 

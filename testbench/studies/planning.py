@@ -19,7 +19,7 @@ from testbench.data.dataset import Dataset
 from testbench.design.exchange import Feasibility
 from testbench.design.forecast import forecast_fit, inflate_intervals
 from testbench.design.planning import Observability, forecast_errors, make_plan, observability
-from testbench.design.rows import MeasurementSetup, Specification, Tasks, measured_rows, task_rows
+from testbench.design.rows import MeasurementSetup, PlanSpecification, Tasks, task_rows, whitened_rows_by_load
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, deflections_of_models
@@ -368,7 +368,9 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
     prior, tasks = prior_of(cell, name, seed), bench.tasks
     whole, models = _specify(cell, settings, prior, WHOLE), _fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
-        after = linear_fit_after(spec, prior, partial(measured_rows, q=q, load=np.zeros(len(q), dtype=int)))
+        after = linear_fit_after(
+            spec, prior, partial(whitened_rows_by_load, q=q, load_index=np.zeros(len(q), dtype=int))
+        )
         promise = forecast_fit(after, whole.tasks.q, whole.tasks.load)
         [off] = bench.off([fit_model(cell, models[fit], data)], tasks)
         along_tool = off @ evaluate_chain(cell.vjm, tasks.q).tool_rotation
@@ -430,7 +432,7 @@ def _setup_of(asked: PlanningSettings) -> Setup:
     return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
 
-def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Specification:
+def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> PlanSpecification:
     """Specify the featured number of poses under one weight, with the arm's markers, planned for a fit.
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
@@ -439,13 +441,13 @@ def _specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str) -> Spe
     scene = asked.scene
     load = weight(cell.vjm, asked.scope.payload)
     scaling = scale_by_prior(prior, cell.vjm, remove_law_parameters(_fits(cell, prior)[fit].structure))
-    return Specification(
+    return PlanSpecification(
         setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),
         loads=(load,),
         tasks=Tasks(np.array(scene.tasks), load),
-        workspace=np.array(scene.workspace),
-        uncertainty=UNCERTAINTY if fit.endswith(FILLED) else None,
-        poses=scope.featured,
+        workspace_poses=np.array(scene.workspace),
+        prior_uncertainty=UNCERTAINTY if fit.endswith(FILLED) else None,
+        n_poses=scope.featured,
     )
 
 
@@ -522,7 +524,7 @@ def _plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[Pla
 
 def _plan_row(cell: Cell, job: Job) -> PlannedRow:
     there, fit, criterion, poses = job
-    spec = replace(_specify(cell, there, wrong_prior(cell, there.seed), fit), poses=poses)
+    spec = replace(_specify(cell, there, wrong_prior(cell, there.seed), fit), n_poses=poses)
     start, checks = time.perf_counter(), build_checks(cell, _conditions(there.scope))
     reach, q = Feasibility(lambda q: feasible(checks, q)), np.array(there.scene.candidates)
     best = make_plan(spec, criterion, q, reach, trial_rng(there.seed, 2))
@@ -535,7 +537,7 @@ def _plan_row(cell: Cell, job: Job) -> PlannedRow:
         seconds=time.perf_counter() - start,
         efficiency_percent=100 * best.efficiency,
         expected_tasks_mm=forecast_summary(forecast_errors(best, task_rows(spec))).expected,
-        observability=observability(best.examined.problem, best.chosen),
+        observability=observability(best.candidates.problem, best.chosen_indices),
     )
 
 

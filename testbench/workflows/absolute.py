@@ -50,13 +50,13 @@ from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.observability import (
-    ObservedQuantity,
+    NamedQuantity,
     UndeterminedQuantity,
     undetermined_quantities,
 )
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registration import MIN_POSES, NOMINAL_TARGET_DEVIATION, READING_LOSS
+from testbench.identify.registration import MIN_REGISTRATION_POSES, NOMINAL_TARGET_DEVIATION, READING_LOSS
 from testbench.model.load import read_body_masses
 from testbench.model.structure import BEAM_ENTRIES
 from testbench.model.vjm import Vjm
@@ -361,10 +361,10 @@ def evenly_spaced_rows(series: Series, poses: int) -> Ids:
     seen = np.flatnonzero(series.is_measured.any(axis=1))
     pose = series.pose_id[seen]
     every = pose[np.sort(np.unique(pose, return_index=True)[1])]  # in the order in which they came
-    if len(every) < poses or poses < MIN_POSES:
+    if len(every) < poses or poses < MIN_REGISTRATION_POSES:
         raise BenchError(
-            f"{series.name}: expected at least {max(MIN_POSES, poses)} poses for its frame and target, got "
-            f"{min(len(every), poses)}"
+            f"{series.name}: expected at least {max(MIN_REGISTRATION_POSES, poses)} poses for its frame and "
+            f"target, got {min(len(every), poses)}"
         )
     kept = every[np.unique(np.linspace(0, len(every) - 1, poses).round().astype(int))]
     return np.asarray(seen[np.isin(pose, kept)])
@@ -431,7 +431,9 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
                 )
             placed = register_with_known_frame(model, one)
         else:
-            some = frame_poses or min(FRAME_POSES, max(MIN_POSES, len(np.unique(one.pose_id)) // 2))
+            some = frame_poses or min(
+                FRAME_POSES, max(MIN_REGISTRATION_POSES, len(np.unique(one.pose_id)) // 2)
+            )
             with raise_explanation(model.state.vjm):
                 placed = fit_frame_and_mount(with_drift(model), one, evenly_spaced_rows(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.n_rows), placed.frame_rows))
@@ -557,7 +559,7 @@ def sentences(found: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> t
 
 
 def _words(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
-    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remains"
+    left = f"{100 * hidden_quantity.remaining_variance_share:.0f} % of its prior variance remains"
     if not hidden_quantity.confounded_with:
         return f"{hidden_quantity.name} is not determined ({left}){_advice(hidden_quantity, joints)}"
     behind = " and ".join(
@@ -633,21 +635,24 @@ def _unseen(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
 
 
 def _left(own: Sequence[UndeterminedQuantity]) -> str:
-    shares = [f"{100 * share:.0f}" for share in sorted(hidden_quantity.share for hidden_quantity in own)]
+    shares = [
+        f"{100 * share:.0f}"
+        for share in sorted(hidden_quantity.remaining_variance_share for hidden_quantity in own)
+    ]
     return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
 
 
-def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:
+def quantities(unknowns: Unknowns) -> tuple[NamedQuantity, ...]:
     """List all quantities, in the order of the columns."""
     return (*_set_ups(unknowns), *_lengths(unknowns), *_bands(unknowns), *_springs(unknowns))
 
 
-def _of(unknowns: Unknowns, name: str, columns: Ids) -> ObservedQuantity:
+def _of(unknowns: Unknowns, name: str, columns: Ids) -> NamedQuantity:
     """One whose numbers are columns themselves."""
-    return ObservedQuantity(name, np.eye(unknowns.size)[columns])
+    return NamedQuantity(name, np.eye(unknowns.size)[columns])
 
 
-def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+def _set_ups(unknowns: Unknowns) -> Iterator[NamedQuantity]:
     every = np.eye(unknowns.size)
     keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
     for kind, name in keys:
@@ -661,7 +666,7 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
             rows = np.concatenate([_span(normals) @ rows[:3], _span(across) @ rows[3:]])
         elif kind == "frame" and name in unknowns.frame_deviations:
             words = f"the fixed point of {name}"
-        yield ObservedQuantity(words, rows, belongs_to_arm=False)
+        yield NamedQuantity(words, rows, belongs_to_arm=False)
 
 
 def _span(vectors: Array) -> Array:
@@ -670,7 +675,7 @@ def _span(vectors: Array) -> Array:
     return np.asarray(basis[: int((size > 1e-6).sum())])  # of unit vectors; a turn of 1e-6 rad is none
 
 
-def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+def _lengths(unknowns: Unknowns) -> Iterator[NamedQuantity]:
     """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
     arm, first = unknowns.vjm.arm, unknowns.first_columns["geometry"]
     for k in range(1, arm.n_joints):
@@ -682,12 +687,12 @@ def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
         across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's
         along, other = (shift, turn) if joint.prismatic else (turn, shift)
         kinds = ("shift", "turn") if joint.prismatic else ("turn", "shift")
-        yield ObservedQuantity(f"{joint.name}'s offset", axis[None] @ along)
-        yield ObservedQuantity(f"{link}'s {kinds[0]}", across @ along)
-        yield ObservedQuantity(f"{link}'s {kinds[1]}", other)
+        yield NamedQuantity(f"{joint.name}'s offset", axis[None] @ along)
+        yield NamedQuantity(f"{link}'s {kinds[0]}", across @ along)
+        yield NamedQuantity(f"{link}'s {kinds[1]}", other)
 
 
-def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+def _bands(unknowns: Unknowns) -> Iterator[NamedQuantity]:
     errors, first = unknowns.error_terms, unknowns.first_columns["errors"]
     orders = np.tile(errors.orders, 2)
     kinds, bands = np.array(errors.coefficient_kinds), errors.coefficient_bands
@@ -703,7 +708,7 @@ def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
             yield _of(unknowns, name, own + np.flatnonzero(kinds == kind))
 
 
-def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+def _springs(unknowns: Unknowns) -> Iterator[NamedQuantity]:
     arm = unknowns.vjm.arm
     structure = unknowns.structure
     first = unknowns.first_columns["elastic"]

@@ -12,10 +12,10 @@ from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import trace_units
 from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors_p_value
 from testbench.identify.observability import (
-    DECIDED,
+    PRIOR_DECIDES_SHARE,
     Identifiability,
+    describe_identifiability,
     explained_variance,
-    of_regression,
     scale_any_structure,
 )
 from testbench.identify.posterior import CONFIDENCE, posterior_of_estimate
@@ -464,18 +464,23 @@ def identifiability(cell: Cell, identified: IdentifyResult) -> Row:
         that the runs do not show.
     """
     data, regression = identified.runs.used, identified.taken.compliance_regression
-    own: Identifiability = of_regression(cell.vjm, regression, data, cad_prior(cell.arm), USUAL)
+    own: Identifiability = describe_identifiability(cell.vjm, regression, data, cad_prior(cell.arm), USUAL)
     return Row(
         structure=own.structure.name,
-        equations=own.equations,
-        expected_error_mm=finite(MM * own.error),
-        expected_deflection_mm=finite(MM * own.deflection),
+        equations=own.max_independent_equations,
+        expected_error_mm=finite(MM * own.expected_error),
+        expected_deflection_mm=finite(MM * own.expected_deflection),
         lost_to_structure=len(own.lost_to_structure),
         lost_to_loads=len(own.lost_to_loads),
         lost_to_poses=own.lost_to_poses,
-        prior_decides=int((own.share < DECIDED).sum()),
+        prior_decides=int((own.explained_share < PRIOR_DECIDES_SHARE).sum()),
         help=[
-            Row(place=p.place, measure=p.words, rank=p.rank, expected_error_mm=finite(MM * p.error))
+            Row(
+                place=p.ranking,
+                measure=p.description,
+                rank=p.rank,
+                expected_error_mm=finite(MM * p.expected_error),
+            )
             for p in own.proposals
         ],
         unseen=unseen_poses(own),
@@ -611,7 +616,7 @@ def _seen(cell: Cell, identified: IdentifyResult) -> Row:
                 part=name,
                 parameters=len(shares),
                 told_percent=100 * float(shares.mean()),
-                decided_by_prior=int((shares < DECIDED).sum()),
+                decided_by_prior=int((shares < PRIOR_DECIDES_SHARE).sum()),
             )
             for name, shares in own.items()
         ],
@@ -691,7 +696,12 @@ def _certainty(half: Array) -> Mapping[str, float | None]:
     """Summarise half widths (n,) [mm]: least, median, 95 %, and how many have no bound."""
     known = half[np.isfinite(half)]
     low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
-    return {"without_bound": len(half) - known.size, "least_mm": low, "median_mm": middle, "p95_mm": most}
+    return {
+        "without_bound": len(half) - known.size,
+        "least_mm": low,
+        "median_mm": middle,
+        "p95_mm": most,
+    }
 
 
 def _noise_limit(data: Dataset) -> float:
@@ -720,13 +730,14 @@ def unseen_poses(identifiability: Identifiability) -> list[Row]:
     ):
         for direction in lost:
             every = [*direction.parameters, *direction.minor_parameters]
-            parts = tuple(dict.fromkeys(identifiability.component[k] for k in sorted(every)))
+            parts = tuple(dict.fromkeys(identifiability.parameter_components[k] for k in sorted(every)))
             names = ", ".join(_name(identifiability, k) for k in every)
             start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
             rows.setdefault((why, parts), start)["directions"] += 1
     if identifiability.lost_to_poses:
         most = sorted(
-            dict.fromkeys(identifiability.component), key=lambda name: -_spread(identifiability, name)
+            dict.fromkeys(identifiability.parameter_components),
+            key=lambda name: -_spread(identifiability, name),
         )[:NAMED]
         last = Row(
             why="poses", parts=", ".join(most), directions=identifiability.lost_to_poses, parameters=""
@@ -737,12 +748,17 @@ def unseen_poses(identifiability: Identifiability) -> list[Row]:
 
 def _spread(identifiability: Identifiability, part: str) -> float:
     """How many of the directions lost to too few poses a link or joint holds."""
-    return float(identifiability.spread[np.array(identifiability.component) == part].sum())
+    return float(
+        identifiability.missing_directions[np.array(identifiability.parameter_components) == part].sum()
+    )
 
 
 def _name(identifiability: Identifiability, parameter: int) -> str:
     """Name a parameter: its joint, or its link and axes."""
-    part, (a, b) = identifiability.component[parameter], identifiability.entry[parameter].tolist()
+    part, (a, b) = (
+        identifiability.parameter_components[parameter],
+        identifiability.parameter_entries[parameter].tolist(),
+    )
     if a < 0:
         return part
     return f"{part} {AXES[a]}" if a == b else f"{part} {AXES[min(a, b)]} with {AXES[max(a, b)]}"

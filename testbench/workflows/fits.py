@@ -22,12 +22,12 @@ from testbench.identify.hierarchy import (
     undetermined_compliances,
 )
 from testbench.identify.method import Method
-from testbench.identify.observability import set_aside
+from testbench.identify.observability import joints_without_parameters
 from testbench.identify.posterior import intervals
 from testbench.identify.prior import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.regression import (
     RUNS_PER_BATCH,
-    ZERO_COLUMN,
+    ZERO_COLUMN_TOLERANCE,
     GroupedRegression,
     Regression,
     with_rows_by_pose,
@@ -208,7 +208,7 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
         generalised_load(evaluate_chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks
     )
     u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
-    acts = u > ZERO_COLUMN * u.max()
+    acts = u > ZERO_COLUMN_TOLERANCE * u.max()
     entries = [np.concatenate([m.structure.rows, m.structure.columns]) for m in models]
     moved = [m for m, own in zip(models, entries, strict=True) if acts[own[own < len(acts)]].any()]
     still = [m.name for m in models if m not in moved]
@@ -257,7 +257,7 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clo
         if plain := _plain(model):
             readings: GroupedRegression | Regression = reduced.parts[model.structure.name]
             if isinstance(readings, GroupedRegression) and not plain.learns_trace_weight:
-                readings = with_rows_by_pose(cell.vjm, readings.joined(), runs.used)
+                readings = with_rows_by_pose(cell.vjm, readings.to_regression(), runs.used)
             estimate = plain.fit_reduced(cell.vjm, readings)
             spent = clock() - start
         else:
@@ -328,7 +328,7 @@ def _fit(cell: Cell, fitted_models: FittedModels, k: int, widest: Dataset | None
 def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
     """Compliance of every joint; None where it is aggregated into the link before it."""
     own = np.diag(estimate.C_theta)[6 * len(cell.arm.links) : cell.arm.n_theta].tolist()
-    inside = set_aside(cell.vjm, estimate.structure)
+    inside = joints_without_parameters(cell.vjm, estimate.structure)
     pairs = zip(cell.arm.joints, own, strict=True)
     return {joint.name: None if joint.name in inside else compliance for joint, compliance in pairs}
 

@@ -14,14 +14,14 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import AbsoluteSetup
-from testbench.design.criteria import criterion_of
-from testbench.design.exchange import Feasibility, Gauges, PoseSearch, greedy
+from testbench.design.criteria import criterion_by_name
+from testbench.design.exchange import Feasibility, Gauges, PoseSearch, greedy_plan
 from testbench.design.forecast import (
     Forecast,
     forecast_fit,
     inflate_intervals,
     unbounded_predictions,
-    without_bound,
+    with_infinite_errors,
 )
 from testbench.design.planning import (
     ChosenPoses,
@@ -37,7 +37,7 @@ from testbench.design.planning import (
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.rows import (
     MeasurementSetup,
-    Specification,
+    PlanSpecification,
     Tasks,
     select_loads,
     task_rows,
@@ -55,7 +55,7 @@ from testbench.identify.absolute.state import (
 )
 from testbench.identify.posterior import ArmModel
 from testbench.identify.prior import cad_prior, scale_by_prior
-from testbench.identify.registration import MIN_POSES, Frame
+from testbench.identify.registration import MIN_REGISTRATION_POSES, Frame
 from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.vjm import Vjm, marker_positions, tool_points
@@ -106,7 +106,7 @@ class Planned(Displayed):
             "poses": len(self.plan.q),
             "criterion": self.settings.criterion,
             "model": self.settings.model,
-            "expected_rms_mm": f"{1e3 * self.forecast.overall:.3g}",
+            "expected_rms_mm": f"{1e3 * self.forecast.overall_rms_error:.3g}",
         }
 
 
@@ -162,8 +162,8 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     candidates = search(cell, settings)
     best = choose(cell, settings, tasks, candidates)
     spec = best.specification
-    indices = observability(best.examined.problem, best.chosen)
-    if spec.uncertainty is None and indices.seen < indices.of:
+    indices = observability(best.candidates.problem, best.chosen_indices)
+    if spec.prior_uncertainty is None and indices.seen < indices.of:
         raise BenchError(
             f"poses: {settings.poses} poses determine {indices.seen} of the {indices.of} directions "
             f"that these "
@@ -173,12 +173,14 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     poses, forecast, around = (
         inflate_intervals(forecast_fit(fit, at, load))
         for at, load in (
-            (best.q, select_loads(spec, best.load)),
+            (best.q, select_loads(spec, best.load_index)),
             (tasks.q, tasks.load),
-            (spec.workspace, spec.loads[0]),
+            (spec.workspace_poses, spec.loads[0]),
         )
     )
-    around = without_bound(around, unbounded_predictions(best.examined.problem, workspace_rows(spec)))
+    around = with_infinite_errors(
+        around, unbounded_predictions(best.candidates.problem, workspace_rows(spec))
+    )
     return Planned(cell, settings, candidates, best, poses, forecast, around)
 
 
@@ -256,18 +258,18 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candida
     """
     scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
     percent = settings.uncertainty_percent
-    spec = Specification(
+    spec = PlanSpecification(
         setup=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, settings.sigma_um / UM),
         loads=(
             *(weight(cell.vjm, mass) for mass in settings.loads_kg),
             *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load_point) for force in settings.pulls_n),
         ),
         tasks=tasks,
-        workspace=workspace_poses(cell, settings),
-        uncertainty=None if percent is None else percent / 100,
-        poses=settings.poses,
+        workspace_poses=workspace_poses(cell, settings),
+        prior_uncertainty=None if percent is None else percent / 100,
+        n_poses=settings.poses,
     )
-    if spec.uncertainty is None:
+    if spec.prior_uncertainty is None:
         _check_without_prior(spec, candidates.q)
     rng, reach = trial_rng(settings.seed, 1), build_feasibility(cell, settings)
     best = make_plan(spec, settings.criterion, candidates.q, reach, rng)
@@ -298,7 +300,7 @@ def build_path_check(cell: Cell, station: Station | None) -> Callable[[Array, Ar
     return clear
 
 
-def _check_without_prior(spec: Specification, q: Array) -> None:
+def _check_without_prior(spec: PlanSpecification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
     problem = candidate_set(spec, q).problem
     rows = task_rows(spec)
@@ -334,8 +336,11 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     instruments, q = settings.mounted, workspace_poses(cell, settings)
     planes = [own for own in instruments if isinstance(own.instrument, PlaneProbe)]
     reach = build_feasibility(cell, settings)
-    if settings.poses < MIN_POSES * len(planes):
-        raise BenchError(f"--poses: expected at least {MIN_POSES * len(planes)}, {MIN_POSES} for each plane")
+    if settings.poses < MIN_REGISTRATION_POSES * len(planes):
+        raise BenchError(
+            f"--poses: expected at least {MIN_REGISTRATION_POSES * len(planes)}, "
+            f"{MIN_REGISTRATION_POSES} for each plane"
+        )
     if planes:
         candidates, kind = _touching(cell, settings, planes)
     else:
@@ -348,16 +353,16 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     wanted = absolute.position_rows(union, q)
     examined = absolute.candidate_set(union, candidates.q, settings.poses, kind)
     asked = PoseSearch(
-        whitened_rows=lambda q, kind, lift: absolute.measured_rows(union, q, lift, kind),
-        poses=settings.poses,
-        limits=cell.arm.limits,
+        whitened_rows=lambda q, kind, lift: absolute.whitened_rows(union, q, lift, kind),
+        n_poses=settings.poses,
+        joint_limits=cell.arm.limits,
         feasibility=reach,
         rng=trial_rng(settings.seed, 1),
         with_dependent_joints=cell.arm.with_dependent_joints,
     )
-    criterion = criterion_of(settings.criterion, examined.problem, wanted)
+    criterion = criterion_by_name(settings.criterion, examined.problem, wanted)
     if planes:  # a pose that touches a plane would leave it by a step of its joints
-        best = choose_greedily(asked, criterion, examined, MIN_POSES)
+        best = choose_greedily(asked, criterion, examined, MIN_REGISTRATION_POSES)
     else:
         best_of = search_best if given is None else choose_greedily
         best = best_of(asked, criterion, examined)
@@ -368,18 +373,20 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
 def _touching(cell: Cell, settings: PlanSettings, planes: Sequence[Mounted]) -> tuple[Candidates, Ids]:
     """Find feasible poses that touch planes, and which plane each of them touches, (poses,)."""
     rng, count = trial_rng(settings.seed, 0), -(-settings.candidates_wanted // len(planes))
-    parts = [touch(cell, own, count, rng, MIN_POSES) for own in stepwise(planes, "finding touches")]
+    parts = [
+        touch(cell, own, count, rng, MIN_REGISTRATION_POSES) for own in stepwise(planes, "finding touches")
+    ]
     q, kind = np.concatenate(parts), np.repeat(np.arange(len(planes)), [*map(len, parts)])
     why, names = refusal_reasons(build_checks(cell, settings.conditions), q), names_of(settings.mounted)
     names = [name for own, name in zip(settings.mounted, names, strict=True) if own.direction is not None]
     clear = np.array([reason is None for reason in why], dtype=bool)
     for k, count in enumerate(np.bincount(kind[clear], minlength=len(planes)).tolist()):
-        if count < MIN_POSES:
+        if count < MIN_REGISTRATION_POSES:
             reasons = Counter(reason for reason, own in zip(why, kind, strict=True) if reason and own == k)
             most = next((f": {name}" for name, _ in reasons.most_common(1)), "")
             raise PoseError(
-                f"--instrument: {count} candidate poses touch {names[k]}, expected at least {MIN_POSES}"
-                f"{most}; move the face, or draw more candidates"
+                f"--instrument: {count} candidate poses touch {names[k]}, "
+                f"expected at least {MIN_REGISTRATION_POSES}{most}; move the face, or draw more candidates"
             )
     found = Candidates(nearest_turn(q, cell.arm), len(q), {name: why.count(name) for name in REASONS})
     return _within(found, kind, clear, settings.poses)
@@ -444,7 +451,7 @@ def choose_further_poses(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple
         Indices of the poses, and the error [m].
     """
     problem = absolute.candidate_set(union, q, FURTHER).problem
-    chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, FURTHER)
+    chosen = greedy_plan(problem, criterion_by_name("I", problem, wanted), problem.rows, FURTHER)
     return chosen.tolist(), error_function(problem, wanted)(chosen)
 
 
@@ -478,12 +485,12 @@ def absolute_setup(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
         unknowns,
         scale_by_prior(prior, vjm, unknowns.structure),
         settings.uncertainty_percent / 100,
-        geometry=settings.geometry_mm / MM,
-        error=settings.gear_urad / UM,
+        geometry_deviation=settings.geometry_mm / MM,
+        joint_error_deviation=settings.gear_urad / UM,
     )
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
-    return AbsoluteSetup(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), kinds=kinds)
+    return AbsoluteSetup(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), readings_by_kind=kinds)
 
 
 def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series, ...], ...]:
@@ -530,7 +537,7 @@ def absolute_setup_after_readings(given: ArmModel, settings: PlanSettings) -> Ab
     L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
     L[first + given.uncertain_columns, first:] = root.T
     return AbsoluteSetup(
-        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.MIN_INFORMATION_LATER
+        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.MIN_FOLLOW_UP_INFORMATION
     )
 
 
@@ -569,7 +576,7 @@ def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
     Returns:
         Sentences.
     """
-    once = absolute.series_in_poses(select_rows(union.pose, np.arange(1)), q)
+    once = absolute.series_in_poses(select_rows(union.pose_readings, np.arange(1)), q)
     further = further_information(
         union.unknowns, union.state, (once,), lambda series: absolute.position_information(union, series.q)
     )
@@ -597,7 +604,7 @@ def scale_forecast(made: AbsolutePlanned) -> ScaleForecast:
     Returns:
         Its standard deviations.
     """
-    problem = made.plan.examined.problem
+    problem = made.plan.candidates.problem
     h, far = absolute.scale_sensitivity(made.union, made.wanted, made.q)
     known = h @ problem.lift @ np.linalg.solve(made.plan.information, problem.lift.T @ h)
     after = math.sqrt(known + float(h @ problem.remaining_covariance @ h))

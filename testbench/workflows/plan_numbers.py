@@ -13,11 +13,11 @@ import numpy as np
 from testbench.arm.folder import Arm, ArmJoint
 from testbench.data.dataset import Series
 from testbench.design import absolute
-from testbench.design.criteria import LinearCriterion, mean_square
-from testbench.design.exchange import greedy
+from testbench.design.criteria import LinearCriterion, mean_square_weight
+from testbench.design.exchange import greedy_plan
 from testbench.design.forecast import Forecast, fit_error, forecast_fit, inflate_intervals
 from testbench.design.planning import (
-    RANDOM_PLANS,
+    N_RANDOM_PLANS,
     Plan,
     PriorInfluence,
     baselines,
@@ -78,9 +78,9 @@ def numbers(made: Planned) -> Row:
         error_mm=forecast_summary(made.forecast),
         certificate=Row(
             efficiency=efficiency,
-            phi=plan.value,
-            phi_bound=plan.relaxed.bound,
-            examined=len(plan.examined.q),
+            phi=plan.criterion_value,
+            phi_bound=plan.relaxed_design.bound,
+            examined=len(plan.candidates.q),
         ),
         candidates=Row(found=len(made.found.q), drawn=made.found.drawn, rejected=made.found.rejected),
     )
@@ -175,39 +175,43 @@ def _pairs(made: Planned) -> Row:
     scaling, influence = spec.setup.scaling, prior_influence(plan, rows)
     alone = linear_fit_after(joints_alone(spec, prior), prior, plan.whitened_rows)
     drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
-    others = baselines(plan, rows, random_candidates=drawn, rng=rng)
-    around, chance = made.workspace, others.random[made.settings.poses]
-    hidden = MM * math.sqrt(influence.unseen_mean_square)
+    others = baselines(plan, rows, n_random_candidates=drawn, rng=rng)
+    around, chance = made.workspace, others.random_errors[made.settings.poses]
+    hidden = MM * math.sqrt(influence.unobservable_mean_square)
     return Row(
         model=scaling.structure.name,
         whole_arm=scaling.structure.n_parameters == all153(cell.arm).n_parameters,
-        prior=None if spec.uncertainty is None else scaling.prior_name,
+        prior=None if spec.prior_uncertainty is None else scaling.prior_name,
         within_percent=100 * prior_uncertainty(spec),
         half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
         joints_alone_mm=MM
         * float(np.sqrt(np.square(fit_error(alone, spec.tasks.q, spec.tasks.load)).mean())),
-        workspace_error_mm=forecast_summary(around) if math.isfinite(around.overall) else None,
+        workspace_error_mm=forecast_summary(around) if math.isfinite(around.overall_rms_error) else None,
         error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
         random_plans=Row(
-            plans=RANDOM_PLANS,
-            planned_mm=MM * forecast_errors(plan, rows).overall,
+            plans=N_RANDOM_PLANS,
+            planned_mm=MM * forecast_errors(plan, rows).overall_rms_error,
             median_mm=finite(MM * float(np.median(chance))),
             best_tenth_mm=_percentile(chance, 10),
         ),
         plan=_runs(made, plan),
         tracker_mm=_by_tracker(plan, prior),
         tasks=_tasks(made, plan, rms(rows @ scaling.expected_x)),
-        observability=observability(plan.examined.problem, plan.chosen),
+        observability=observability(plan.candidates.problem, plan.chosen_indices),
         directions=_directions(plan, influence),
         curve=[
-            _count(poses, finite(MM * others.greedy[poses - 1]), [_percentile(own, p) for p in (50, 10, 90)])
-            for poses, own in others.random.items()
+            _count(
+                poses,
+                finite(MM * others.greedy_errors[poses - 1]),
+                [_percentile(own, p) for p in (50, 10, 90)],
+            )
+            for poses, own in others.random_errors.items()
         ],
-        greedy_mm=[finite(MM * error) for error in others.greedy],
-        advice=_advice(MM * others.greedy),
+        greedy_mm=[finite(MM * error) for error in others.greedy_errors],
+        advice=_advice(MM * others.greedy_errors),
         map=error_map(cell, plan, around),
         open_laws=open_laws(plan, prior),
-        unshown=unobservable_joints(plan, hidden / (MM * made.forecast.overall)),
+        unshown=unobservable_joints(plan, hidden / (MM * made.forecast.overall_rms_error)),
         unloaded=unloaded_joints(plan, prior),
     )
 
@@ -218,15 +222,15 @@ def _by_tracker(plan: Plan, prior: Prior) -> float | None:
         return None
     spec = plan.specification
     fit = linear_fit_after(spec, prior, replace(plan, gauges=None).whitened_rows)
-    return finite(MM * forecast_fit(fit, spec.tasks.q, spec.tasks.load).overall)
+    return finite(MM * forecast_fit(fit, spec.tasks.q, spec.tasks.load).overall_rms_error)
 
 
 def _doubted(made: Planned, plan: Plan) -> Expected | None:
     """The error at the tasks were the prior twice as uncertain; None without one."""
     spec = plan.specification
-    if spec.uncertainty is None:
+    if spec.prior_uncertainty is None:
         return None
-    doubted = replace(spec, uncertainty=2 * spec.uncertainty)
+    doubted = replace(spec, prior_uncertainty=2 * spec.prior_uncertainty)
     fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.whitened_rows)
     return forecast_summary(inflate_intervals(forecast_fit(fit, spec.tasks.q, spec.tasks.load)))
 
@@ -245,9 +249,9 @@ def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple
         Row(
             {f"expected_{name}_mm": float(MM * far[k])},
             q_shown=arm.to_display_units(q[k]).tolist(),
-            expected_error_mm=float(MM * forecast.error[k]),
-            expected_error_p05_mm=float(MM * forecast.low[k]),
-            expected_error_p95_mm=float(MM * forecast.high[k]),
+            expected_error_mm=float(MM * forecast.rms_error[k]),
+            expected_error_p05_mm=float(MM * forecast.percentile_5[k]),
+            expected_error_p95_mm=float(MM * forecast.percentile_95[k]),
             tool_m=tool[k].tolist(),
         )
         for k in range(len(q))
@@ -282,10 +286,10 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
 def _runs(made: Planned, plan: Plan) -> list[Row]:
     """The poses of a plan for tasks, and what hangs or pulls in each."""
     spec, masses = plan.specification, made.settings.loads_kg
-    load = select_loads(spec, plan.load)
+    load = select_loads(spec, plan.load_index)
     moved = rms(deflection_rows(spec.setup, plan.q, load) @ spec.setup.scaling.expected_x)
     rows = _measured(made, ("deflection", moved))
-    for row, index, wrench in zip(rows, plan.load, load.wrench, strict=True):
+    for row, index, wrench in zip(rows, plan.load_index, load.wrench, strict=True):
         pulls = index >= len(masses)  # they come behind all that hangs
         row["load_kg"] = 0.0 if pulls else float(masses[index])
         row["pull_N"] = wrench[:3].tolist() if pulls else None
@@ -311,14 +315,14 @@ def _tasks(made: Planned, plan: Plan, moved: Array) -> list[Row]:
 
 def _directions(plan: Plan, influence: PriorInfluence) -> Row:
     """Unknowns, what loads can show of them, and what rests on the prior."""
-    spec, problem = plan.specification, plan.examined.problem
-    believed = spec.uncertainty is not None
+    spec, problem = plan.specification, plan.candidates.problem
+    believed = spec.prior_uncertainty is not None
     return Row(
         unknowns=spec.setup.scaling.structure.n_parameters,
-        shown=problem.r,
-        seen=observability(problem, plan.chosen).seen,
-        outweighed=influence.directions_from_readings if believed else problem.r,
-        hidden_mm=MM * math.sqrt(influence.unseen_mean_square),
+        shown=problem.n_directions,
+        seen=observability(problem, plan.chosen_indices).seen,
+        outweighed=influence.directions_from_readings if believed else problem.n_directions,
+        hidden_mm=MM * math.sqrt(influence.unobservable_mean_square),
         prior_share_percent=100 * influence.prior_share if believed else 0.0,
     )
 
@@ -363,22 +367,22 @@ def _absolute(made: AbsolutePlanned) -> Row:
     plan = made.plan
     q = made.q
     asked = made.settings.poses
-    rng, problem = trial_rng(made.settings.seed, 3), plan.examined.problem
+    rng, problem = trial_rng(made.settings.seed, 3), plan.candidates.problem
     criterion, error = (
-        LinearCriterion(mean_square(made.wanted @ problem.lift)),
+        LinearCriterion(mean_square_weight(made.wanted @ problem.lift)),
         error_function(problem, made.wanted),
     )
     middle, low, _ = _random(made, error, asked, rng)
-    scale = _scale(made) if union.kinds else None
+    scale = _scale(made) if union.readings_by_kind else None
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
-    order = greedy(problem, criterion, problem.rows, counts[-1])
+    order = greedy_plan(problem, criterion, problem.rows, counts[-1])
     workspace_poses = places_at(arm, q, tool_poses(made.cell.vjm, q)[0], absolute.sag(union, q))
     return Row(
         model=union.unknowns.structure.name,
         prior=cad_prior(arm).name,
-        targets=list(union.pose.markers),
+        targets=list(union.pose_readings.markers),
         unknowns=_counts(made),
-        beyond_mm=MM * float(np.sqrt(np.square(absolute.unmodelled_joint_error(union, q)).mean())),
+        beyond_mm=MM * float(np.sqrt(np.square(absolute.unmodelled_displacement(union, q)).mean())),
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
         before_mm=None
         if made.given is None
@@ -388,7 +392,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         scale=scale,
         hidden=_hidden(made, scale),
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
-        map=error_places(workspace_poses, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
+        map=error_places(workspace_poses, {CALIBRATED: bounded_mm(made.forecast.rms_error)}, means=POSITION),
     )
 
 
@@ -422,7 +426,7 @@ def _counts(made: AbsolutePlanned) -> Row:
     for (name, start), (_, end) in pairwise(made.union.unknowns.first_columns.items()):
         kind = name.split()[0]
         row[kind] = row.get(kind, 0) + end - start
-    return Row(row, seen=made.plan.examined.problem.r)
+    return Row(row, seen=made.plan.candidates.problem.n_directions)
 
 
 def _random(
@@ -561,10 +565,10 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: boo
 
 def face_words(made: Planned) -> list[str] | None:
     """Write the plane that is touched in every pose, such as "plane 2"; None without planes."""
-    kinds = made.union.kinds if isinstance(made, AbsolutePlanned) else ()
+    kinds = made.union.readings_by_kind if isinstance(made, AbsolutePlanned) else ()
     if not kinds or kinds[0][0].normal is None:
         return None
-    return [kinds[k][0].name for k in made.plan.load]
+    return [kinds[k][0].name for k in made.plan.load_index]
 
 
 def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool, faces: bool = False) -> list[str]:

@@ -81,7 +81,7 @@ class PlanSettings:
     seed: int = 1  #: Root of all randomness.
 
     def __post_init__(self) -> None:
-        check_criterion(self.criterion, absolute=self.absolute)
+        check_criterion(self.criterion, for_absolute_readings=self.absolute)
         self._check_loads()
         self._check_instruments()
         doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 
 from testbench.design.forecast import DEVIATION_INFLATION, Forecast, LinearFit, fit_error, linear_fit
 from testbench.design.planning import Plan
-from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, select_loads
+from testbench.design.rows import SCALE_UNCERTAINTY, PlanSpecification, deflection_rows, select_loads
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, prior_rows, scale_by_prior
@@ -58,16 +58,20 @@ class Expected:
 
 def forecast_summary(forecast: Forecast) -> Expected:
     """Summarise what a forecast says of all poses together."""
-    return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
+    return Expected(
+        MM * forecast.overall_rms_error,
+        MM * forecast.overall_percentile_5,
+        MM * forecast.overall_percentile_95,
+    )
 
 
-def prior_uncertainty(spec: Specification) -> float:
+def prior_uncertainty(spec: PlanSpecification) -> float:
     """Return the relative uncertainty of the arm's compliances; a default without a prior [1]."""
-    return DEFAULT_UNCERTAINTY if spec.uncertainty is None else spec.uncertainty
+    return DEFAULT_UNCERTAINTY if spec.prior_uncertainty is None else spec.prior_uncertainty
 
 
 def linear_fit_after(
-    spec: Specification, prior: Prior, whitened_rows: Callable[[Specification], Array]
+    spec: PlanSpecification, prior: Prior, whitened_rows: Callable[[PlanSpecification], Array]
 ) -> LinearFit:
     """Fit a plan's model, as a linear function of its readings, to an arm whose links and joints all yield.
 
@@ -84,7 +88,7 @@ def linear_fit_after(
     return linear_fit(whole, prior_uncertainty(spec), spec, whitened_rows)
 
 
-def joints_alone(spec: Specification, prior: Prior) -> Specification:
+def joints_alone(spec: PlanSpecification, prior: Prior) -> PlanSpecification:
     """Specify the same measurements to identify joint compliances alone, by least squares.
 
     Args:
@@ -97,7 +101,7 @@ def joints_alone(spec: Specification, prior: Prior) -> Specification:
     return least_squares(spec, prior, joints_only(spec.setup.vjm.arm))
 
 
-def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Specification:
+def least_squares(spec: PlanSpecification, prior: Prior, structure: Structure) -> PlanSpecification:
     """Specify the same measurements to identify a structure by least squares.
 
     Args:
@@ -110,12 +114,14 @@ def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Sp
     """
     every = spec.setup
     scaling = scale_by_prior(prior, every.vjm, structure)
-    return replace(spec, setup=replace(every, scaling=scaling), uncertainty=None)
+    return replace(spec, setup=replace(every, scaling=scaling), prior_uncertainty=None)
 
 
 def half_widths(forecast: Forecast) -> Array:
     """Compute half widths of 95 % intervals of every target's deflection, (poses, 3 m) [m]."""
-    return np.asarray(NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * DEVIATION_INFLATION * forecast.deviation)
+    return np.asarray(
+        NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * DEVIATION_INFLATION * forecast.axis_deviation
+    )
 
 
 def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
@@ -132,8 +138,8 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
         The errors by place.
     """
     spec, prior = plan.specification, cad_prior(cell.arm)
-    q, load = spec.workspace, spec.loads[0]
-    name = spec.setup.scaling.structure.name + (FILLED if spec.uncertainty is not None else "")
+    q, load = spec.workspace_poses, spec.loads[0]
+    name = spec.setup.scaling.structure.name + (FILLED if spec.prior_uncertainty is not None else "")
     found = {}
     for other in (arm_model_name(cell, kind) for kind in OTHER_MODELS):
         if other is None or other == name:
@@ -141,7 +147,7 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
         [model] = named_models(cell, [other])
         fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.whitened_rows)
         found[other] = bounded_mm(fit_error(fit, q, load))
-    found[name] = bounded_mm(forecast.error)
+    found[name] = bounded_mm(forecast.rms_error)
     moved = rms(deflection_rows(spec.setup, q, load) @ spec.setup.scaling.expected_x)
     workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], moved)
     return error_places(workspace_poses, found, list(found), EXPECTED)
@@ -171,10 +177,10 @@ def unobservable_joints(plan: Plan, share: float) -> UnshownJoints | None:
     """
     if share <= OPEN_ERROR_SHARE:
         return None
-    spec, examined = plan.specification, plan.examined
+    spec, examined = plan.specification, plan.candidates
     vjm, tasks = spec.setup.vjm, spec.tasks
     needed = _turned(_torques(vjm, tasks.q, tasks.load))
-    shown = _turned(_torques(vjm, examined.q, select_loads(spec, examined.load)))
+    shown = _turned(_torques(vjm, examined.q, select_loads(spec, examined.load_index)))
     closed = np.flatnonzero(needed & ~shown)
     if not len(closed):
         return None
@@ -204,7 +210,7 @@ def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
     """
     spec = plan.specification
     vjm, names = spec.setup.vjm, [joint.name for joint in spec.setup.vjm.arm.joints]
-    closed = np.flatnonzero(~_turned(_torques(vjm, plan.q, select_loads(spec, plan.load))))
+    closed = np.flatnonzero(~_turned(_torques(vjm, plan.q, select_loads(spec, plan.load_index))))
     if not len(closed):
         return None
     _, pull = _pull(plan, closed)
@@ -280,7 +286,7 @@ def open_laws(plan: Plan, prior: Prior) -> list[UndeterminedLaw]:
     spec, vjm = plan.specification, plan.specification.setup.vjm
     plain = all153(vjm.arm)
     linear = spec.setup.scaling.structure.n_parameters < plain.n_parameters or not vjm.arm.joints
-    if spec.uncertainty is None or linear:
+    if spec.prior_uncertainty is None or linear:
         return []
     whole = scale_by_prior(prior, add_joint_laws(vjm), add_law_parameters(plain, vjm.arm))
     B, _ = prior_rows(
@@ -308,7 +314,7 @@ def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> Unde
     return UndeterminedLaw(kind, list(places), by if told[by] else None, told[by], never)
 
 
-def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification]:
+def further_readings(spec: PlanSpecification, plan: Plan) -> dict[str, PlanSpecification]:
     """List what may be read once more in every pose, the easiest first.
 
     Args:
@@ -335,7 +341,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
     }
 
 
-def _information(spec: Specification, plan: Plan) -> Array:
+def _information(spec: PlanSpecification, plan: Plan) -> Array:
     """What the plan's poses tell of all unknowns, (n, n)."""
     A = plan.whitened_rows(spec).reshape(-1, spec.setup.scaling.structure.n_parameters)
     return np.asarray(A.T @ A)

@@ -9,7 +9,7 @@ from testbench.errors import BenchError
 from testbench.identify.cone import nearest_psd
 from testbench.identify.estimate import deflections, deflections_of_models, make_estimate, sensitivity_units
 from testbench.identify.method import completed_least_squares, least_squares, paper_gco, robust, with_prior
-from testbench.identify.observability import without_readings
+from testbench.identify.observability import with_zero_readings
 from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m, reduce
 from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
@@ -85,7 +85,7 @@ def deflected(cell, structure, pi):
     runs = calibrate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 1).identification
     estimate = least_squares(cell.vjm, structure, runs)
     made = replace(estimate, pi=pi, C_theta=structure.matrix(pi))
-    return replace(without_readings(runs), after=deflections(cell.vjm, made, runs))
+    return replace(with_zero_readings(runs), after=deflections(cell.vjm, made, runs))
 
 
 def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):

@@ -10,7 +10,7 @@ from testbench import BenchError, Scenario, simulate
 from testbench.data.dataset import select_rows
 from testbench.identify.conic import gradient_dual
 from testbench.identify.method import gco, least_squares
-from testbench.identify.observability import of_regression, sampled_tasks
+from testbench.identify.observability import describe_identifiability, sample_task_rows
 from testbench.identify.prior import PriorUncertainty, cad_prior, rows_in_prior_units, scale_by_prior
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_observation_matrix, rank, reduce
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mls36, template56
@@ -102,11 +102,13 @@ def full_pose(arm_6r):
 
 
 def report_of(cell, structure, data, uncertainty=STRENGTH):
-    return of_regression(cell.vjm, reduce(cell.vjm, structure, data), data, cad_prior(cell.arm), uncertainty)
+    return describe_identifiability(
+        cell.vjm, reduce(cell.vjm, structure, data), data, cad_prior(cell.arm), uncertainty
+    )
 
 
 def proposal(report, start):
-    return next(p for p in report.proposals if p.words.startswith(start))
+    return next(p for p in report.proposals if p.description.startswith(start))
 
 
 @pytest.mark.parametrize(
@@ -117,12 +119,12 @@ def test_ranks_under_gravity_are_those_of_the_paper(kr500, data, structure, many
     report = report_of(kr500, structure(kr500.arm), data)
     assert report.rank_of_loads in many
     assert report.rank == reduce(kr500.vjm, report.structure, data).rank
-    assert report.rank <= report.equations == 48
+    assert report.rank <= report.max_independent_equations == 48
     lost = len(report.lost_to_structure) + len(report.lost_to_loads) + report.lost_to_poses
     assert report.rank + lost == report.structure.n_parameters
     assert len(report.lost_to_structure) + report.rank_of_structure == report.structure.n_parameters
     # the spread is the diagonal of a projector: its trace is its dimension, up to rounding
-    assert report.spread.sum() == pytest.approx(report.lost_to_poses, abs=1e-9)
+    assert report.missing_directions.sum() == pytest.approx(report.lost_to_poses, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -147,13 +149,13 @@ def test_what_is_named_is_not_seen_joint_1_by_no_weight_and_a_side_load_restores
     s = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])
     report = report_of(kr500, s, data)
     assert (report.rank, report.rank_of_structure) == (1, 2)
-    assert report.share[0] == 0.0
+    assert report.explained_share[0] == 0.0
     [row] = unseen_poses(report)
     assert row == {"why": "loads", "parts": "joint_1", "directions": 1, "parameters": "joint_1"}
     assert proposal(report, "the same force, as a side load along world y").rank == 2
     side = np.zeros_like(data.wrench)
     side[:, 1] = 4500.0
-    assert report_of(kr500, s, replace(data, wrench=side)).not_loaded == ()
+    assert report_of(kr500, s, replace(data, wrench=side)).unloaded_parameters == ()
 
 
 def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, data):
@@ -170,10 +172,10 @@ def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, data):
     y = x @ A.T + rng.standard_normal((draws, len(A)))
     both = np.vstack([A, np.eye(n) / 0.3]), np.vstack([y.T, np.zeros((n, draws))])
     found = np.linalg.lstsq(*both, rcond=None)[0].T
-    wrong = np.einsum("pmin,dn->dpmi", sampled_tasks(kr500.vjm, data, structure) @ m.L, found - x)
+    wrong = np.einsum("pmin,dn->dpmi", sample_task_rows(kr500.vjm, data, structure) @ m.L, found - x)
     rms = np.sqrt(3 * (wrong**2).mean())
     # 2000 draws of at least ten effective directions: relative sd of the RMS below 1 %; 4 sd
-    assert report.error == pytest.approx(rms, rel=0.04)
+    assert report.expected_error == pytest.approx(rms, rel=0.04)
 
 
 def test_data_without_load_are_a_report_not_a_crash(kr500, data):
@@ -186,6 +188,6 @@ def test_data_without_load_are_a_report_not_a_crash(kr500, data):
         assert np.abs(least_squares(kr500.vjm, structure, idle).pi).max() == 0
     report = report_of(kr500, mgco47(kr500.arm), idle)
     assert report.rank == 0
-    assert not report.share.any()
-    assert report.error == np.inf
+    assert not report.explained_share.any()
+    assert report.expected_error == np.inf
     assert sum(row.directions for row in unseen_poses(report)) == report.structure.n_parameters

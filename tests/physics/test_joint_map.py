@@ -126,7 +126,7 @@ def test_plans_are_the_same_poses_in_pendant_joints(both, tmp_path):
         settings = tb.PlanSettings(loads_kg=(8.0,), poses=5, candidates_wanted=40)
         plans.append(tb.plan(cell, q, settings))
     np.testing.assert_allclose(plans[1].plan.q, plans[0].plan.q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(plans[1].forecast.error, plans[0].forecast.error, rtol=1e-6)
+    np.testing.assert_allclose(plans[1].forecast.rms_error, plans[0].forecast.rms_error, rtol=1e-6)
     arm = both[1].arm
     write_poses(numbers(plans[1]), arm.file_joints, tmp_path / "plan.csv")
     found = columns(tmp_path / "plan.csv", RAD)

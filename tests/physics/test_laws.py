@@ -13,7 +13,7 @@ from testbench import Load, deflections, load_model, predict, read_csv, score, s
 from testbench.cli.program import program
 from testbench.correct.newton import assign_rows
 from testbench.data.dataset import select_rows
-from testbench.identify.hierarchy import prior_evidence
+from testbench.identify.hierarchy import prior_evidence_model
 from testbench.identify.method import gco, least_squares, robust, with_prior
 from testbench.identify.posterior import intervals, model_of_estimate
 from testbench.identify.prior import Prior, cad_prior, scale_by_prior
@@ -266,11 +266,11 @@ def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(k
     found = [with_prior(gco, own)(kr500.vjm, s, data) for own in priors]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
     vjm = laws.vjm_for_structure(kr500.vjm, s)
-    own = prior_evidence(reduce(vjm, s, data), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s))
+    own = prior_evidence_model(reduce(vjm, s, data), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s))
     normal, size = own.evidence.hyperpriors[0], math.log(LAW_SIZE_PRIOR[0])
     losses = []
     for steps in (0, 1, 2):
-        h = np.zeros(len(own.medians))
+        h = np.zeros(len(own.hyperparameter_medians))
         h[own.n_scales + 2 : own.n_scales + 5] = size + steps * LAW_SIZE_PRIOR[1] * np.array([1, 0, 0])
         losses.append(normal.neg_log_density(normal.rows @ h - normal.offset)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])

@@ -13,11 +13,11 @@ from testbench import BenchError, Load, PlanSettings, deflections, least_squares
 from testbench.arm.mjcf import GRAVITY
 from testbench.design import absolute
 from testbench.design import rows as plans
-from testbench.design.criteria import CRITERIA, criterion_of
-from testbench.design.exchange import Feasibility, Gauges, PoseSearch, exchange, gauge_rows, greedy
+from testbench.design.criteria import CRITERIA, criterion_by_name
+from testbench.design.exchange import Feasibility, Gauges, PoseSearch, exchange_poses, gauge_rows, greedy_plan
 from testbench.design.forecast import forecast, forecast_fit, linear_fit
 from testbench.design.planning import (
-    COLLISION_DETOUR,
+    COLLISION_SURCHARGE,
     _measuring_order,
     candidate_set,
     choose_greedily,
@@ -76,13 +76,13 @@ def poses(kr500):
 def spec(kr500, poses):
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load_point)
-    return plans.Specification(
+    return plans.PlanSpecification(
         setup=plans.MeasurementSetup(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
         tasks=plans.Tasks(poses[120:130], load),
-        workspace=poses[130:],
-        uncertainty=0.3,
-        poses=9,
+        workspace_poses=poses[130:],
+        prior_uncertainty=0.3,
+        n_poses=9,
     )
 
 
@@ -93,7 +93,9 @@ def plan(kr500, spec, poses):
 
 def promise_of(spec, q, load):
     """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
-    problem = plans.build_design_problem(spec.setup, plans.measured_rows(spec, q, load), spec.uncertainty)
+    problem = plans.build_design_problem(
+        spec.setup, plans.whitened_rows_by_load(spec, q, load), spec.prior_uncertainty
+    )
     return forecast(problem, plans.information(problem, np.arange(len(q))), plans.task_rows(spec))
 
 
@@ -106,8 +108,10 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
 
     def left(poses, loads, spec=whole):
         q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
-        read = partial(plans.measured_rows, q=q, load=load)
-        found = open_laws(SimpleNamespace(specification=spec, q=q, load=load, whitened_rows=read), prior)
+        read = partial(plans.whitened_rows_by_load, q=q, load_index=load)
+        found = open_laws(
+            SimpleNamespace(specification=spec, q=q, load_index=load, whitened_rows=read), prior
+        )
         return {law.kind: law for law in found}
 
     one, two = (left(poses[:11], loads) for loads in (1, 2))
@@ -122,15 +126,15 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     every = left(poses, 2, exact)
     assert {kind: law.joints for kind, law in every.items()} == {kind: ["joint_1"] for kind in one}
     assert all(law.by.startswith("a pull") and law.told == ["joint_1"] for law in every.values())
-    assert left(poses[:11], 1, replace(whole, uncertainty=None)) == left(poses[:11], 1, spec) == {}
+    assert left(poses[:11], 1, replace(whole, prior_uncertainty=None)) == left(poses[:11], 1, spec) == {}
 
 
 def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns(spec, poses, kr500):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
-    rows = plans.reading_rows(spec.setup, poses, spec.loads[0])
+    rows = plans.whitened_rows(spec.setup, poses, spec.loads[0])
     problem = plans.build_design_problem(spec.setup, rows, 0.3)
-    assert problem.r == 49
-    assert plans.build_design_problem(spec.setup, rows, None).unobservable.shape == (68, 19)
+    assert problem.n_directions == 49
+    assert plans.build_design_problem(spec.setup, rows, None).unobservable_directions.shape == (68, 19)
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
     wanted = plans.deflection_rows(spec.setup, poses[120:123], side)
@@ -143,7 +147,7 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
     data = measure_markers(kr500, setup, poses_with_weight(kr500, q, np.arange(7) + 1, 460.3), trial_rng(2))
-    rows = plans.reading_rows(spec.setup, q, spec.loads[0]).reshape(-1, 68)
+    rows = plans.whitened_rows(spec.setup, q, spec.loads[0]).reshape(-1, 68)
     A, _ = rows_in_prior_units(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.setup.scaling)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
@@ -154,16 +158,19 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     lower, upper = kr500.arm.limits
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
-    np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
-    chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(13)]
-    assert forecast_errors(plan, plans.task_rows(spec)).overall < min(chance)
+    np.testing.assert_array_equal(plan.candidates.q[plan.chosen_indices], plan.q)
+    chance = [
+        promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall_rms_error
+        for k in range(13)
+    ]
+    assert forecast_errors(plan, plans.task_rows(spec)).overall_rms_error < min(chance)
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(own, marks=[pytest.mark.study] * (own in "DAEG")) for own in CRITERIA]
 )
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
-    few = replace(spec, poses=3)
+    few = replace(spec, n_poses=3)
     found = make_plan(few, name, poses[:12], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
     assert 0 < found.efficiency <= 1
 
@@ -173,15 +180,15 @@ def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_s
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
     both, reach = replace(spec, loads=(spec.loads[0], side)), Feasibility(lambda q: clear(kr500, q))
     found, again = (make_plan(both, "D", poses[:20], reach, trial_rng(1)) for _ in range(2))
-    assert set(found.load) == {0, 1}
-    assert (np.diff(found.load) >= 0).all()
+    assert set(found.load_index) == {0, 1}
+    assert (np.diff(found.load_index) >= 0).all()
     np.testing.assert_array_equal(again.q, found.q)
 
 
 def test_too_few_poses_without_prior_and_unknown_criteria_are_refused(spec, poses):
     with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
         make_plan(spec, "X", poses, Feasibility(lambda q: q), trial_rng(1))
-    bare = replace(spec, uncertainty=None, poses=6)
+    bare = replace(spec, prior_uncertainty=None, n_poses=6)
     with pytest.raises(BenchError, match=r"at most 36 of the 49 .* 9 poses, or a prior"):
         candidate_set(bare, poses)
 
@@ -196,7 +203,7 @@ def test_order_avoids_a_way_that_collides():
 
     assert _measuring_order(q, load, Feasibility(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
     assert _measuring_order(q, load, Feasibility(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
-    assert COLLISION_DETOUR > 2.1
+    assert COLLISION_SURCHARGE > 2.1
 
 
 def draw(own, uncertainty, rng):
@@ -225,7 +232,7 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
     """Arms of 153 compliances, MuJoCo's first-order deflections: least squares, and MGCO68 with its prior."""
     prior = cad_prior(kr500.arm)
     whole, joints = (scale_by_prior(prior, kr500.vjm, s(kr500.arm)) for s in (all153, joints_only))
-    alone = replace(spec, setup=replace(spec.setup, scaling=joints), uncertainty=None)
+    alone = replace(spec, setup=replace(spec.setup, scaling=joints), prior_uncertainty=None)
     q, load = poses[:9], np.zeros(9, dtype=int)
     links = template56(kr500.arm, name="MLS56")
     fits = {
@@ -243,11 +250,11 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
             off = deflections(kr500.vjm, method(kr500.vjm, structure, runs), true) - true.deflection
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
-        read = partial(plans.measured_rows, q=q, load=load)
+        read = partial(plans.whitened_rows_by_load, q=q, load_index=load)
         fit = linear_fit(replace(spec.setup, scaling=whole), 0.3, model, read)
         promised = forecast_fit(fit, spec.tasks.q, spec.tasks.load)
-        found, errors = promised.overall**2, np.sqrt(squares[name])
-        inside = np.mean((promised.overall_low < errors) & (errors < promised.overall_high))
+        found, errors = promised.overall_rms_error**2, np.sqrt(squares[name])
+        inside = np.mean((promised.overall_percentile_5 < errors) & (errors < promised.overall_percentile_95))
         assert inside == pytest.approx(0.9, abs=0.08), name  # four standard errors of 200 arms
         scatter = np.std(squares[name]) / np.sqrt(200)
         assert np.mean(squares[name]) == pytest.approx(found, abs=5 * scatter), name
@@ -272,22 +279,24 @@ def places(kr500):
 def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
     q, rng = places[:1], np.random.default_rng(0)
-    series, state = absolute.series_in_poses(union.pose_id, q), union.state
-    draws = rng.normal(0, union.unmodelled, (4000, len(union.unmodelled)))
+    series, state = absolute.series_in_poses(union.pose_readings, q), union.state
+    draws = rng.normal(0, union.unmodelled_joint_deviation, (4000, len(union.unmodelled_joint_deviation)))
 
     def targets(moved):
         where = series_equilibrium(state, replace(series, q=series.q + moved)).chain
         return where.tool_points_in_world(state.mount(series).points).ravel()
 
     still = targets(0 * draws[0])
-    J = np.stack([(targets(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.unmodelled))], axis=1)
+    J = np.stack(
+        [(targets(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.unmodelled_joint_deviation))], axis=1
+    )
     V = np.cov((draws @ J.T).T) + series.sigma**2 * np.eye(len(still))
     A = np.linalg.solve(np.linalg.cholesky(V), absolute.position_rows(union, q)[0])
-    ours, drawn = (rows.T @ rows for rows in (absolute.measured_rows(union, q)[0], A))
+    ours, drawn = (rows.T @ rows for rows in (absolute.whitened_rows(union, q)[0], A))
     # 4000 draws: 2 % of a variance, and some more over many entries
     assert np.linalg.norm(ours - drawn) < 0.1 * np.linalg.norm(ours)
     rms = np.sqrt(np.square(draws @ J.T).sum(axis=1).mean() / (2 * len(series.markers)))
-    assert absolute.unmodelled_joint_error(union, q) == pytest.approx(rms, rel=0.03)
+    assert absolute.unmodelled_displacement(union, q) == pytest.approx(rms, rel=0.03)
 
 
 FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
@@ -306,10 +315,10 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
     planes = [*map(mounted, WITH_BAR[:3])]
     q = poses_on_planes(kr500, planes, 6, rng)[kind::3]
     unknowns = union.unknowns
-    rows = absolute.measured_rows(replace(union, L=np.eye(unknowns.size)), q, kind=np.full(2, kind))
-    readers = union.kinds[kind]
+    rows = absolute.whitened_rows(replace(union, L=np.eye(unknowns.size)), q, pose_kind=np.full(2, kind))
+    readers = union.readings_by_kind[kind]
     assert [one.normal is None for one in readers] == [False, True]
-    assert len({one.frame for own in union.kinds for one in own[:1]}) == 1  # a block
+    assert len({one.frame for own in union.readings_by_kind for one in own[:1]}) == 1  # a block
 
     def read(way):
         frames = {
@@ -350,10 +359,10 @@ def test_a_plan_touches_every_face_and_says_if_the_scale_stays_unknown(kr500, in
     made = plan_absolute(kr500, replace(TOUCHED, instruments=instruments))
     f = numbers(made)
     planes = [*map(mounted, instruments)]
-    count = np.bincount(made.plan.load)
+    count = np.bincount(made.plan.load_index)
     assert (count >= 6).all()  # fewer leave a face open to calibrate
     assert len(count) == len(instruments)
-    for q, k, row in zip(made.plan.q, made.plan.load, f.plan, strict=True):
+    for q, k, row in zip(made.plan.q, made.plan.load_index, f.plan, strict=True):
         at = tool_points(kr500.vjm, q[None], marker_positions(kr500.vjm, ("P1",)))[0, 0]
         assert abs(unit_normal(planes[k]) @ (at - planes[k].fixed)) < 1e-6
         assert row.face == f"plane {k + 1}"
@@ -418,8 +427,10 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
     assert "link_4's turn" in said[0]
     assert said[0].endswith("turn joint_5 more")
     problem = absolute.candidate_set(union, places, POSES).problem
-    criterion = criterion_of("I", problem, absolute.position_rows(union, places[-20:]))
-    plan = exchange(problem, criterion, problem.rows, greedy(problem, criterion, problem.rows, POSES))
+    criterion = criterion_by_name("I", problem, absolute.position_rows(union, places[-20:]))
+    plan = exchange_poses(
+        problem, criterion, problem.rows, greedy_plan(problem, criterion, problem.rows, POSES)
+    )
     assert not [words for words in undetermined_by(union, places[plan]) if "offset" in words]
     first, *_ = undetermined_by(union, places[:POSES])
     joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
@@ -435,7 +446,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
         for name in ("joint_3's offset", "joint_6's compliance")
     )
     L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
-    both = sum(i.H[0] @ L / np.linalg.norm(i.H @ union.L) for i in (one, other))
+    both = sum(i.jacobian[0] @ L / np.linalg.norm(i.jacobian @ union.L) for i in (one, other))
     found = undetermined_quantities(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
     assert [(i.name, i.confounded_with) for i in found if i.confounded_with] in (
         [("joint_3's offset", ("joint_6's compliance",))],
@@ -443,7 +454,7 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     )
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
-    series = absolute.series_in_poses(union.pose_id, places[:POSES])
+    series = absolute.series_in_poses(union.pose_readings, places[:POSES])
     pull = further_information(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))
@@ -504,13 +515,13 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     q = np.vstack([places[~other][:40], places[other][:10]])
     wanted = absolute.position_rows(own, places[other][-20:])
     examined = absolute.candidate_set(own, q, 8)
-    problem, criterion = examined.problem, criterion_of("I", examined.problem, wanted)
+    problem, criterion = examined.problem, criterion_by_name("I", examined.problem, wanted)
     search = PoseSearch(
-        partial(absolute.measured_rows, own), 8, kr500.arm.limits, Feasibility(lambda q: q), trial_rng(1)
+        partial(absolute.whitened_rows, own), 8, kr500.arm.limits, Feasibility(lambda q: q), trial_rng(1)
     )
-    plan = choose_greedily(search, criterion, examined).chosen
+    plan = choose_greedily(search, criterion, examined).chosen_indices
     alone = absolute.candidate_set(own, q[:1], 8)  # of one candidate there is one plan, which is its bound
-    criterion = criterion_of("I", alone.problem, wanted)
+    criterion = criterion_by_name("I", alone.problem, wanted)
     assert choose_greedily(search, criterion, alone).efficiency == pytest.approx(1)
     assert (plan >= 40).sum() >= 4
     [row, *_] = joint_coverage(kr500.arm, series, q[plan])
@@ -521,25 +532,28 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
 
 def test_poses_and_gauges_chosen_together_are_the_best_of_all_places(kr500, spec, poses):
     """Of four poses and the nine places of one gauge in each, by trying all pairs of places."""
-    few, nowhere = replace(spec, poses=2), Feasibility(lambda q: np.zeros(len(q), dtype=bool))
+    few, nowhere = replace(spec, n_poses=2), Feasibility(lambda q: np.zeros(len(q), dtype=bool))
     given = make_plan(few, "I", poses[:4], nowhere, trial_rng(1))
     gauges = Gauges(1, 5e-6, 0.01)
     found = plan_with_gauges(given, gauges, nowhere, trial_rng(1))
-    problem, criterion = given.examined.problem, found.criterion
+    problem, criterion = given.candidates.problem, found.criterion
     rows = gauge_rows(spec, poses[:4], np.zeros(4, dtype=int), gauges, problem.lift).reshape(36, 1, -1)
     every = [
-        criterion.phi(plans.add_information(problem.prior, rows[[a, b]]))
+        criterion.phi(plans.add_information(problem.prior_information, rows[[a, b]]))
         for a, b in combinations_with_replacement(range(36), 2)
     ]
-    assert found.value == pytest.approx(max(every), rel=1e-9)
-    assert max(every) <= found.relaxed.bound * (1 + 1e-9)
+    assert found.criterion_value == pytest.approx(max(every), rel=1e-9)
+    assert max(every) <= found.relaxed_design.bound * (1 + 1e-9)
     alone = plan_with_gauges(
-        replace(given, q=given.q[[0, 0]], chosen=given.chosen[[0, 0]]), gauges, nowhere, trial_rng(1)
+        replace(given, q=given.q[[0, 0]], chosen_indices=given.chosen_indices[[0, 0]]),
+        gauges,
+        nowhere,
+        trial_rng(1),
     )
-    assert alone.value == pytest.approx(found.value)  # wherever the tracker would read
+    assert alone.criterion_value == pytest.approx(found.criterion_value)  # wherever the tracker would read
     read = plans.row_products(found.whitened_rows(few), problem.lift)
     np.testing.assert_allclose(
-        read, found.examined.problem.rows[found.chosen], rtol=1e-9, atol=1e-9 * abs(read).max()
+        read, found.candidates.problem.rows[found.chosen_indices], rtol=1e-9, atol=1e-9 * abs(read).max()
     )
 
 
@@ -551,7 +565,7 @@ def test_refined_places_of_gauges_are_better_and_within_their_bound(kr500, spec,
         plan_with_gauges(given, Gauges(3, 5e-6, 0.01), reach, trial_rng(1))
         for reach in (Feasibility(lambda q: clear(kr500, q)), nowhere)
     )
-    assert kept.value < refined.value <= refined.relaxed.bound
+    assert kept.criterion_value < refined.criterion_value <= refined.relaxed_design.bound
     assert clear(kr500, refined.q).all()
     assert (np.diff(refined.gauges.marker, axis=1) > 0).all()
 

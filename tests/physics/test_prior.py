@@ -144,7 +144,7 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     for u in shrinkage.UNCERTAINTIES:
         fits = [solve(fold.fitted, "none", WeightedPrior(own, PriorUncertainty(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
-    chosen = shrinkage.choose_strength(folds, own, lambda case: solve_with_prior("none", case).pi)
+    chosen = shrinkage.choose_strength(folds, own, lambda *case: solve_with_prior("none", *case).pi)
     assert chosen.relative == min(errors, key=errors.get)
 
 
@@ -210,8 +210,8 @@ def tied(arm):
 
 @pytest.mark.parametrize("make", [tied, mgco68])
 def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campaign, make, rng):
-    seen = hierarchy.prior_evidence(*seen_by(kr500, campaign, make(kr500.arm)))
-    h = seen.medians + 0.2 * rng.standard_normal(len(seen.medians))
+    seen = hierarchy.prior_evidence_model(*seen_by(kr500, campaign, make(kr500.arm)))
+    h = seen.hyperparameter_medians + 0.2 * rng.standard_normal(len(seen.hyperparameter_medians))
     own, step = evidence_posterior(seen.evidence, h), 1e-5
     ends = [
         [evidence_posterior(seen.evidence, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
@@ -229,8 +229,8 @@ def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campai
 
 def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, campaign):
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    seen = hierarchy.prior_evidence(regression, own)
-    h, other = seen.medians.copy(), seen.medians.copy()
+    seen = hierarchy.prior_evidence_model(regression, own)
+    h, other = seen.hyperparameter_medians.copy(), seen.hyperparameter_medians.copy()
     h[-3:], other[-3:] = np.log([0.3, 0.2, 1.2]), np.log([0.5, 0.1, 1.0])
     other[-6:-3] = np.log([0.5, 1.0, 2.0])  # of links 0, 2 and 3
 
@@ -246,7 +246,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
 
     def hyper(h):
-        z = (h[-6:] - seen.medians[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
+        z = (h[-6:] - seen.hyperparameter_medians[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
         return z @ z / 2
 
     found = [
@@ -259,7 +259,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
 def shares(seen, h):
     """What u and c of every block are times, (blocks,)."""
     found = np.ones(seen.n_scales)
-    found[seen.link_scales] = np.exp(h[-3 - len(seen.link_scales) : -3])
+    found[seen.link_scale_indices] = np.exp(h[-3 - len(seen.link_scale_indices) : -3])
     return found
 
 
@@ -301,8 +301,11 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
 def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
     """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    weighted_prior, seen = hierarchy.learn_prior(regression, own), hierarchy.prior_evidence(regression, own)
-    h = maximise_evidence(seen.evidence, seen.medians)
+    weighted_prior, seen = (
+        hierarchy.learn_prior(regression, own),
+        hierarchy.prior_evidence_model(regression, own),
+    )
+    h = maximise_evidence(seen.evidence, seen.hyperparameter_medians)
 
     def estimate(h):
         L = seen.scaling.L * seen.entry_scales(h)
@@ -379,8 +382,11 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
 
 def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
-    seen = hierarchy.prior_evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
-    h, A = rng.normal(size=len(seen.medians)), rng.normal(size=(len(seen.medians) - 1,) * 2)
+    seen = hierarchy.prior_evidence_model(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h, A = (
+        rng.normal(size=len(seen.hyperparameter_medians)),
+        rng.normal(size=(len(seen.hyperparameter_medians) - 1,) * 2),
+    )
     C, K = A @ A.T, seen.n_scales
     of = [(k, K + kind) for k, kind in enumerate(seen.scale_kinds)] + [
         (K + 1, K)
@@ -621,11 +627,13 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
 def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(kr500, campaign, make, laws):
     """Of links and joints: the evidence by the prior alone is log 1, the factor of all blocks held."""
     s = add_law_parameters(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
-    seen = hierarchy.prior_evidence(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
+    seen = hierarchy.prior_evidence_model(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
     mute = replace(
-        seen.evidence, gram=0 * seen.evidence.gram, equation_counts=0 * seen.evidence.equation_counts
+        seen.evidence,
+        gram_matrices=0 * seen.evidence.gram_matrices,
+        equation_counts=0 * seen.evidence.equation_counts,
     )
-    h = np.r_[np.zeros(len(seen.medians) - 3), seen.medians[-3:-1], 0.0]
+    h = np.r_[np.zeros(len(seen.hyperparameter_medians) - 3), seen.hyperparameter_medians[-3:-1], 0.0]
     for k in range(2, seen.scale_kinds.max() + 1):  # sizes of laws beside the prior's
         own = math.log(hierarchy._law_sizes(seen.scaling)[k - 2][0])
         h[seen.n_scales + k], h[: seen.n_scales][seen.scale_kinds == k] = own, own
@@ -673,8 +681,8 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     """By the mean of its square over what the readings leave open: so large is an error of the prior."""
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     r = reduce(kr500.vjm, own.structure, campaign.identification)
-    weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.prior_evidence(r, own)
-    h = maximise_evidence(seen.evidence, seen.medians)
+    weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.prior_evidence_model(r, own)
+    h = maximise_evidence(seen.evidence, seen.hyperparameter_medians)
     values, Q = np.linalg.eigh(
         evidence_hessian(seen.evidence, h, evidence_posterior(seen.evidence, h))[0][:-1, :-1]
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from agreement import APART, OFF, WORSE, compared, least_squares_off
-from programs import NASTY, random_regression, with_random_prior
+from programs import NASTY, random_prior, random_regression
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
 from testbench.data.dataset import select_rows
@@ -23,7 +23,6 @@ from testbench.identify.estimate import Dual, make_estimate
 from testbench.identify.method import least_squares, paper_gco
 from testbench.identify.prior import (
     PriorUncertainty,
-    RegressionWithPrior,
     WeightedPrior,
     cad_prior,
     rescale_to_data,
@@ -49,12 +48,12 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
     own = 0
     for uncertainty in STRENGTHS:
         regression = random_regression(kind, rng)
-        case = with_random_prior(regression, uncertainty, rng)
-        found = compared(case)
+        weighted_prior = random_prior(regression.structure, uncertainty, rng)
+        found = compared(regression, weighted_prior)
         own += found.own
         assert found.over <= WORSE
         assert not found.own or found.gap <= APART
-        assert least_squares_off(case) <= OFF
+        assert least_squares_off(regression, weighted_prior) <= OFF
         penalty = tie_break_penalty(regression)
         program = conic.scaled_gco_program(regression, penalty)
         answers = (
@@ -131,7 +130,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
         return replace(found, x=size * found.x)
 
     monkeypatch.setattr(interior, "solve_program", wrongly)
-    assert not solve_with_prior("psd", RegressionWithPrior(regression, weighted_prior)).by_our_solver
+    assert not solve_with_prior("psd", regression, weighted_prior).by_our_solver
     again = solve(regression, "psd", weighted_prior)
     assert again.conservative
     assert again.f_m == pytest.approx(right.f_m, rel=1e-5)

@@ -37,7 +37,7 @@ def made(kr500):
         tracker_m=(4.5, -2.5, 1.6),
     )
     found = plan_for(kr500, asked, read_tasks(TASKS, kr500, weight(kr500.vjm, 460.0)))
-    return replace(found, plan=replace(found.plan, load=np.array([0, 2, 1, 2, 0])))
+    return replace(found, plan=replace(found.plan, load_index=np.array([0, 2, 1, 2, 0])))
 
 
 @pytest.fixture(scope="module")
@@ -57,18 +57,25 @@ def test_a_row_of_the_plan_is_its_pose_load_error_and_way(made, f, kr500):
         [row.tool_m for row in f.plan], evaluate_chain(kr500.vjm, plan.q).tool_position
     )
     for rows, forecast in ((f.plan, made.poses), (f.tasks, made.forecast)):
-        for end, own in (("", forecast.error), ("_p05", forecast.low), ("_p95", forecast.high)):
+        ends = {"": forecast.rms_error, "_p05": forecast.percentile_5, "_p95": forecast.percentile_95}
+        for end, own in ends.items():
             assert [row[f"expected_error{end}_mm"] for row in rows] == mm(own)
     assert f.error_mm == Expected(
-        *mm([made.forecast.overall, made.forecast.overall_low, made.forecast.overall_high])
+        *mm(
+            [
+                made.forecast.overall_rms_error,
+                made.forecast.overall_percentile_5,
+                made.forecast.overall_percentile_95,
+            ]
+        )
     )
     loads = {0: "460 kg", 1: "150.5 kg", 2: "pull -500, 3000, 0 N"}
-    assert [row.load for row in f.plan] == [loads[k] for k in plan.load]
-    assert [row.pull_N for row in f.plan] == [list(PULL) if k == 2 else None for k in plan.load]
-    assert [row.load_kg for row in f.plan] == [(460.0, 150.5, 0.0)[k] for k in plan.load]
+    assert [row.load for row in f.plan] == [loads[k] for k in plan.load_index]
+    assert [row.pull_N for row in f.plan] == [list(PULL) if k == 2 else None for k in plan.load_index]
+    assert [row.load_kg for row in f.plan] == [(460.0, 150.5, 0.0)[k] for k in plan.load_index]
     turned = np.rad2deg(np.abs(np.diff(plan.q, axis=0)).max(axis=1))
     np.testing.assert_allclose([row.travel_deg for row in f.plan], [0, *turned])
-    half = 1.96 * 1.2 * np.median(made.forecast.deviation)  # 1.2: how much wider plans are, see BROAD
+    half = 1.96 * 1.2 * np.median(made.forecast.axis_deviation)  # 1.2: how much wider plans are, see BROAD
     assert f.half_width_95_mm == pytest.approx(1e3 * half, rel=1e-4)
     [level] = [row for row in f.curve if row.poses == POSES]
     assert level.random_p10_mm == f.random_plans.best_tenth_mm < level.random_p90_mm

@@ -27,7 +27,8 @@ APP = app_of_study("compensation")
 
 def first_poses(spec, _criterion, q, *_):
     """A plan that is ready at once: planning is tested elsewhere."""
-    return SimpleNamespace(q=q[: spec.poses], load=np.arange(spec.poses) % len(spec.loads))
+    load_index = np.arange(spec.n_poses) % len(spec.loads)
+    return SimpleNamespace(q=q[: spec.n_poses], load_index=load_index)
 
 
 def undisputed(cell, data, prior):

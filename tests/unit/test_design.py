@@ -10,10 +10,10 @@ from testbench.design.criteria import (
     DeterminantCriterion,
     LinearCriterion,
     candidate_gains,
+    criterion_by_name,
     criterion_e,
     criterion_g,
-    criterion_of,
-    mean_square,
+    mean_square_weight,
     update_gains,
 )
 from testbench.design.exchange import (
@@ -22,12 +22,12 @@ from testbench.design.exchange import (
     PoseSearch,
     choose_gauges,
     choose_poses_and_gauges,
-    exchange,
-    greedy,
+    exchange_poses,
+    greedy_plan,
     improve_single_poses,
     refine_plan,
-    relax,
     sensitivity,
+    solve_relaxed_design,
 )
 from testbench.design.forecast import forecast
 from testbench.design.planning import (
@@ -56,7 +56,7 @@ def random_problem(candidates=40, seed=0, prior=0.1):
 
 
 def criteria():
-    W = mean_square(rng(5).normal(size=(4, 3, R)))
+    W = mean_square_weight(rng(5).normal(size=(4, 3, R)))
     worst = criterion_g(rng(6).normal(size=(7, 3, R)))
     return [DeterminantCriterion(), A_OPTIMAL, criterion_e(), worst, LinearCriterion(W)]
 
@@ -78,11 +78,11 @@ def parabola():
 def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
     # Kiefer and Wolfowitz: quadratic regression on [-1, 1] wants -1, 0 and 1 alone
     x, problem = parabola()
-    relaxed = relax(problem, criterion, 1)
+    relaxed = solve_relaxed_design(problem, criterion, 1)
     mass = [relaxed.weights[np.abs(x[relaxed.support] - at) < 0.06].sum() for at in (-1, 0, 1)]
     np.testing.assert_allclose(mass, weights, atol=0.03)
     rows = problem.rows[relaxed.support]
-    M = problem.prior + np.einsum("p,pkr,pks->rs", relaxed.weights, rows, rows)
+    M = problem.prior_information + np.einsum("p,pkr,pks->rs", relaxed.weights, rows, rows)
     assert relaxed.bound <= 1.002 * criterion.phi(M)
 
 
@@ -108,7 +108,7 @@ def by_trying_everything(problem, criterion, plan, poses):
 def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prior):
     for seed in range(2):
         problem, start = random_problem(50, seed, prior), rng(seed).integers(0, 50, 6)
-        found = exchange(problem, criterion, problem.rows, start)
+        found = exchange_poses(problem, criterion, problem.rows, start)
         assert found.tolist() == by_trying_everything(problem, criterion, start, 6)
 
 
@@ -118,7 +118,7 @@ def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prio
 )
 def test_greedy_takes_the_best_next_one(criterion, prior):
     problem, plan = random_problem(50, 7, prior), []
-    for best in greedy(problem, criterion, problem.rows, 12):
+    for best in greedy_plan(problem, criterion, problem.rows, 12):
         phi = [criterion.phi(information(problem, [*plan, j])) for j in range(50)]
         assert phi[best] == pytest.approx(max(phi), rel=1e-9)
         plan.append(best)
@@ -132,7 +132,7 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
         criteria()[4].W,
         rng(1).integers(0, 30, (2, 8)),
     )
-    gains, plan, one = candidate_gains(problem.prior, problem.rows, W), [], np.ones(K)
+    gains, plan, one = candidate_gains(problem.prior_information, problem.rows, W), [], np.ones(K)
     steps = [*(([j], []) for j in first), *(([j], [i]) for i, j in zip(first, second, strict=True))]
     for added, removed in [*steps, *(([], [j]) for j in second[:5])]:
         plan = [*plan, *added]
@@ -143,7 +143,7 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
         gains = update_gains(gains, M, rows, np.r_[np.tile(one, len(added)), np.tile(-one, len(removed))])
         if len(plan) >= 3:  # fewer do not show all directions: rounding of the direct sum shows
             left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
-            np.testing.assert_allclose(gains.with_candidate(), 1 / np.array(left), rtol=1e-8)
+            np.testing.assert_allclose(gains.phi_with_candidate(), 1 / np.array(left), rtol=1e-8)
 
 
 def test_candidates_in_several_blocks_are_judged_as_each_alone():
@@ -152,7 +152,9 @@ def test_candidates_in_several_blocks_are_judged_as_each_alone():
     M, W = np.eye(4) + root.T @ root, np.diag([1.0, 2.0, 3.0, 4.0])
     cost = np.trace(np.linalg.solve(M, W))
     gains = [cost - np.trace(np.linalg.solve(M + F.T @ F, W)) for F in rows]
-    assert candidate_gains(M, rows, W).reductions() == pytest.approx(np.array(gains), rel=1e-9)  # rounding
+    assert candidate_gains(M, rows, W).trace_reductions() == pytest.approx(
+        np.array(gains), rel=1e-9
+    )  # rounding
     assert sensitivity(rows, W) == pytest.approx(np.array([np.trace(W @ F.T @ F) for F in rows]), rel=1e-12)
 
 
@@ -164,14 +166,14 @@ def test_forecast_is_the_spread_of_least_squares():
     noise = rng(5).normal(size=(4000, len(A)))
     errors = np.einsum("pkr,nr->npk", targets, noise @ np.linalg.pinv(A).T)
     square = np.square(errors).sum(axis=2)
-    np.testing.assert_allclose(promised.error, np.sqrt(square.mean(axis=0)), rtol=0.05)
-    assert promised.overall == pytest.approx(np.sqrt(square.mean()), rel=0.04)
+    np.testing.assert_allclose(promised.rms_error, np.sqrt(square.mean(axis=0)), rtol=0.05)
+    assert promised.overall_rms_error == pytest.approx(np.sqrt(square.mean()), rel=0.04)
     whole = np.sqrt(square.mean(axis=1))
-    ends = promised.overall_low, promised.overall_high
+    ends = promised.overall_percentile_5, promised.overall_percentile_95
     np.testing.assert_allclose(ends, np.percentile(whole, [5, 95]), rtol=0.08)
     low, high = np.percentile(np.sqrt(square), [5, 95], axis=0)
-    np.testing.assert_allclose(promised.low, low, rtol=0.15)
-    np.testing.assert_allclose(promised.high, high, rtol=0.08)
+    np.testing.assert_allclose(promised.percentile_5, low, rtol=0.15)
+    np.testing.assert_allclose(promised.percentile_95, high, rtol=0.08)
 
 
 def test_observability_indices_are_those_of_the_definitions():
@@ -268,20 +270,20 @@ def test_i_and_g_judge_the_workspace_and_the_test_criterion_the_tasks(name):
     cost = np.einsum("pkr,rs,pks->p", wanted, np.linalg.inv(M), wanted) / 2  # of two targets
     expected = cost.max() if name == "G" else cost.mean()
     for given in ((workspace, tasks), *([(workspace,)] if name != "test" else [])):
-        assert criterion_of(name, problem, *given).phi(M) == pytest.approx(1 / expected)
+        assert criterion_by_name(name, problem, *given).phi(M) == pytest.approx(1 / expected)
 
 
 def test_what_rests_on_the_prior_is_its_share_of_the_error_and_the_directions_that_it_holds():
     """The error of x is M^-1 (readings' noise) + M^-1 prior (what the prior leaves open): by hand."""
     prior, M, hidden = np.diag([4.0, 4.0, 4.0]), np.diag([16.0, 7.9, 5.0]), np.diag([0, 0, 0, 0.5])
     problem = DesignProblem(np.zeros((1, 1, 3)), prior, np.eye(4, 3), hidden, np.zeros((4, 0)))
-    plan = SimpleNamespace(examined=SimpleNamespace(problem=problem), information=M)
+    plan = SimpleNamespace(candidates=SimpleNamespace(problem=problem), information=M)
     rows = np.zeros((1, 3, 4))
     rows[0, 0, 0] = rows[0, 1, 2] = rows[0, 2, 3] = 1.0
     found = prior_influence(plan, rows)
     assert found.directions_from_readings == 1
     noise, kept = 12 / 16**2 + 1 / 5**2, 4 / 16**2 + 4 / 5**2
-    assert found.unseen_mean_square == pytest.approx(0.5)
+    assert found.unobservable_mean_square == pytest.approx(0.5)
     assert found.prior_share == pytest.approx((kept + 0.5) / (noise + kept + 0.5))
 
 
@@ -295,9 +297,11 @@ def test_the_bound_of_a_greedy_plan_is_that_of_its_tangent_above_every_plan(crit
     found = choose_greedily(search, criterion, examined)
     every = [information(problem, plan) for plan in itertools.combinations_with_replacement(range(8), 3)]
     best = max(map(criterion.phi, every))
-    assert best <= found.relaxed.bound * (1 + 1e-9)
-    assert found.relaxed.bound == pytest.approx(max((found.relaxed.dual * M).sum() for M in every))
-    assert found.efficiency == pytest.approx(criterion.phi(found.information) / found.relaxed.bound)
+    assert best <= found.relaxed_design.bound * (1 + 1e-9)
+    assert found.relaxed_design.bound == pytest.approx(
+        max((found.relaxed_design.dual * M).sum() for M in every)
+    )
+    assert found.efficiency == pytest.approx(criterion.phi(found.information) / found.relaxed_design.bound)
 
 
 GAUGES = Gauges(2, 5e-6, 0.01)
@@ -315,7 +319,7 @@ def gauge_problem(seed):
 def phi_of(rows, problem, criterion, places):
     """Phi of gauges by pose, marker and axis."""
     A = np.array([rows[p, m, a] for p, m, a in places])
-    return criterion.phi(problem.prior + A.T @ A)
+    return criterion.phi(problem.prior_information + A.T @ A)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.identify.observability import ObservedQuantity, undetermined_quantities
+from testbench.identify.observability import NamedQuantity, undetermined_quantities
 
 SHARE = 0.53
 """Of every prior variance below left by the readings."""
@@ -15,7 +15,7 @@ def left_open(shares):
     correlation = np.eye(n)
     correlation[0, 1:] = correlation[1:, 0] = np.sqrt(shares)
     quantities = [
-        ObservedQuantity("x" if k == 0 else f"y{k}", np.eye(n)[[k]], belongs_to_arm=k == 0) for k in range(n)
+        NamedQuantity("x" if k == 0 else f"y{k}", np.eye(n)[[k]], belongs_to_arm=k == 0) for k in range(n)
     ]
     M = np.linalg.inv(SHARE * correlation) - np.eye(n)
     return undetermined_quantities(quantities, np.eye(n), M, np.zeros((n, 0)))
@@ -34,7 +34,7 @@ def left_open(shares):
 def test_a_quantity_hides_behind_those_that_explain_most_of_it_together(shares, behind):
     [found] = left_open(shares)
     assert found.name == "x"
-    assert found.share == pytest.approx(SHARE)
+    assert found.remaining_variance_share == pytest.approx(SHARE)
     assert found.confounded_with == behind
     explained = sum(sorted(shares)[::-1][: len(behind)])
     assert found.correlation == pytest.approx(np.sqrt(explained))
@@ -52,7 +52,7 @@ def test_a_quantity_hides_behind_those_that_explain_most_of_it_together(shares, 
 def test_turning_a_joint_helps_by_what_it_takes_of_what_is_left(each, everywhere, helps):
     """Of a share of 0.6; a fifth of that counts as help."""
     further = [np.array([[1 / share - 1 / 0.6]]) for share in (*each, everywhere)]
-    one = [ObservedQuantity("x", np.eye(1))]
+    one = [NamedQuantity("x", np.eye(1))]
     [found] = undetermined_quantities(one, np.eye(1), np.array([[1 / 0.6 - 1]]), np.zeros((1, 0)), further)
     assert found.joint_to_turn == helps
 
@@ -64,7 +64,7 @@ def test_what_hides_comes_first_and_the_most_open_of_those_alike_and_of_a_pair_t
     for i, j in ((0, 1), (2, 3)):
         K[i, j] = K[j, i] = -0.845 * np.sqrt(left[i] * left[j])
     M = np.linalg.inv(K) - np.eye(6)
-    quantities = [ObservedQuantity(name, row[None]) for name, row in zip(names, np.eye(6), strict=True)]
+    quantities = [NamedQuantity(name, row[None]) for name, row in zip(names, np.eye(6), strict=True)]
     found = undetermined_quantities(quantities, np.eye(6), M, np.zeros((6, 0)))
     assert [(one.name, one.confounded_with) for one in found] == [
         ("d", ("c",)),

@@ -31,7 +31,7 @@ from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.equations import series_residuals
 from testbench.identify.registration import (
     ASSUMED_NOISE,
-    MIN_POSES,
+    MIN_REGISTRATION_POSES,
     NOMINAL_TARGET_DEVIATION,
     READING_LOSS,
     Frame,
@@ -726,9 +726,9 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
     turn = MIN_MOVING_JOINTS_ORIENTED if series.is_oriented.any() else MIN_MOVING_JOINTS
     count = 6 + 3 * len(series.markers) + 3 * bool(series.is_oriented.any())
     numbers = f"the {count} numbers of its frame and mount"
-    if poses < MIN_POSES:
+    if poses < MIN_REGISTRATION_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
-        return f"{few}; expected at least {MIN_POSES}, in which {turn} joints turn"
+        return f"{few}; expected at least {MIN_REGISTRATION_POSES}, in which {turn} joints turn"
     if series.normal is not None and _touches_in_a_row(vjm, series):
         return "its poses touch the plane along a line and do not determine its tilt; spread them all over it"
     if len(joints) < min(turn, vjm.arm.n_joints):

@@ -342,9 +342,9 @@ def _maximise_scales(
     times = MAX_SCALE_FACTOR_UNDETERMINED if active.unknowns.undetermined_frames else MAX_SCALE_FACTOR
     most = [times * DEFAULT_ERROR_SCALES[kind] for kind, _ in groups] + [np.inf] * len(equation_counts)
     problem = EvidenceModel(
-        gram=gram,
+        gram_matrices=gram,
         equation_counts=equation_counts,
-        exact_gram=known,
+        exact_gram_matrix=known,
         log_deviation_rows=drawn,
         expected_over_scale=np.zeros(c),
         log_scale_rows=np.zeros((c, m)),

@@ -40,7 +40,7 @@ from testbench.identify.equations import (
     weighted_readings,
     whiten_deflections,
 )
-from testbench.identify.hierarchy import evidence_posterior, maximise_evidence, prior_evidence
+from testbench.identify.hierarchy import evidence_posterior, maximise_evidence, prior_evidence_model
 from testbench.identify.prior import PriorScaling
 from testbench.identify.regression import reduce
 from testbench.model.kinematics import JointErrorTerms
@@ -212,9 +212,11 @@ def fit_residual_model(loads: LoadedRuns, hyperparameters: Array | None = None) 
     """
     vjm, data, structure = loads.vjm, loads.data, loads.compliance_prior.structure
     reduced = reduce(vjm, structure, data)
-    model = prior_evidence(reduced, loads.compliance_prior, shared_link_uncertainty=True)
+    model = prior_evidence_model(reduced, loads.compliance_prior, shared_link_uncertainty=True)
     hyperparameters = (
-        maximise_evidence(model.evidence, model.medians) if hyperparameters is None else hyperparameters
+        maximise_evidence(model.evidence, model.hyperparameter_medians)
+        if hyperparameters is None
+        else hyperparameters
     )
     read = weighted_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n_parameters) @ model.scaling.L

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.design.criteria import criterion_of
+from testbench.design.criteria import criterion_by_name
 from testbench.design.exchange import Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import candidate_set
-from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
+from testbench.design.rows import MeasurementSetup, PlanSpecification, Tasks, workspace_rows
 from testbench.errors import Array
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.model.load import weight
@@ -101,12 +101,12 @@ def _directions(cell: Cell, q: Array, around: Array, mass: float, count: int) ->
     """
     scaling, hung = scale_by_prior(cad_prior(cell.arm), cell.vjm, all153(cell.arm)), weight(cell.vjm, mass)
     setup = MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, Gauge.sigma)
-    spec = Specification(setup, (hung,), Tasks(around, hung), around, UNCERTAINTY, len(q))
+    spec = PlanSpecification(setup, (hung,), Tasks(around, hung), around, UNCERTAINTY, len(q))
     problem, gauges = candidate_set(spec, q).problem, Gauges(count, Gauge.sigma, Gauge.tilt_sigma)
     rows = gauge_rows(spec, q, np.zeros(len(q), dtype=int), gauges, problem.lift)
-    chosen = choose_gauges(rows, problem, criterion_of("I", problem, workspace_rows(spec)), gauges)
+    chosen = choose_gauges(rows, problem, criterion_by_name("I", problem, workspace_rows(spec)), gauges)
     found = np.zeros((len(q), len(cell.arm.markers), 3))
-    found[chosen.pose[:, None], chosen.marker] = np.eye(3)[chosen.axis]
+    found[chosen.pose_index[:, None], chosen.marker] = np.eye(3)[chosen.axis]
     return found
 
 

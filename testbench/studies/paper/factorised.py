@@ -111,7 +111,7 @@ def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
     rows = np.concatenate(blocks)
     size = np.repeat([len(block) for block in blocks], [len(block) for block in blocks])
     order = np.argsort(rows)
-    scaled = [term.R[:, program.indices] * program.parameter_units for term in regression.terms]
+    scaled = [term.R[:, program.parameter_indices] * program.parameter_units for term in regression.terms]
     terms = tuple(replace(term, R=R) for term, R in zip(regression.terms, scaled, strict=True))
     return Factorised(regression, program, m, rows[order], np.arange(m)[:, None] < size[order], terms)
 
