@@ -8,7 +8,7 @@ import math
 import os
 import shlex
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -98,6 +98,24 @@ def shorten(text: str, max_length: int) -> str:
         The text, unchanged if it is short enough.
     """
     return text if len(text) <= max_length else f"{text[: max_length - 3]}..."
+
+
+MAX_NAMES = 6  #: Most names that a sentence lists.
+
+
+def some_of(names: Iterable[object], between: str = ", ") -> str:
+    """List names in a sentence: a, b, c, d, e, f and 12 more.
+
+    Args:
+        names: The names, or numbers.
+        between: Text between two of them.
+
+    Returns:
+        The first `MAX_NAMES`, and how many more there are; "none" without any.
+    """
+    words = list(map(str, names))
+    more = f" and {len(words) - MAX_NAMES} more" * (len(words) > MAX_NAMES)
+    return (between.join(words[:MAX_NAMES]) or "none") + more
 
 
 class BenchError(Exception):

@@ -25,7 +25,7 @@ sys.path.append(str(ROOT / "tests" / "physics"))
 from mistakes import MISTAKES, named  # noqa: E402
 from sound_sets import PAYLOAD, sound  # noqa: E402
 
-HEADS = ["mistake", "doubt that names it", "sets", "named first, % (95 %)", "no doubt, %", "named instead"]
+HEADS = ["mistake", "name of the warning", "sets", "named first, % (95 %)", "no warning, %", "named instead"]
 OFTEN = 0.98  #: Share of the data sets from which on a mistake has no row of its own.
 
 

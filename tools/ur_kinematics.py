@@ -48,7 +48,7 @@ def find(file: Path, text: str) -> Mapping[str, re.Match[str]]:
         if match["number"] is None:
             above = f"{match['key']}."
         elif (key := above + match["key"]) in found:
-            raise InputError(file, key, "stands twice")
+            raise InputError(file, key, "is there twice")
         else:
             found[key] = match
     for key in KEYS:

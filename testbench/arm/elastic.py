@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from testbench.arm.document import Name, StrictModel, first_finding, parse_toml, toml_place
-from testbench.errors import Array, BenchError, InputError, check_array, read_text
+from testbench.errors import Array, BenchError, InputError, check_array, read_text, some_of
 
 # --- Compliances of links and joints: beam formulas and the check for conservativeness ----------------------
 
@@ -295,11 +295,13 @@ def _check_values(path: Path, elastic: ElasticDocument) -> None:
         raise InputError(path, toml_place(path, ["link"]), problem)
     for key, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
         if len(set(names)) != len(names):
-            raise InputError(path, toml_place(path, [key]), f"expected different names, got {names}")
+            raise InputError(path, toml_place(path, [key]), f"expected different names, got {some_of(names)}")
     points = [elastic.tool, elastic.load, *elastic.markers]
     if unknown := [name for name in elastic.to_confirm if name not in points]:
         raise InputError(
-            path, toml_place(path, ["to_confirm"]), f"expected some of {points}, got {unknown[0]!r}"
+            path,
+            toml_place(path, ["to_confirm"]),
+            f"expected some of {', '.join(points)}, got {unknown[0]!r}",
         )
     if (payload := elastic.payload) is not None:
         _check_range(path, partial(toml_place, path, ["payload"]), payload, PAYLOAD_RANGE)

@@ -47,6 +47,7 @@ from testbench.errors import (
     check_type,
     printable,
     shorten,
+    some_of,
 )
 
 # --- Linear map from file joints to chain joints: q_model = L q_file + q_0 ----------------------------------
@@ -776,7 +777,7 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJo
     elements = find_body(rigid, root, body).findall("joint")
     names = [j.get("name") for j in elements]
     if names != [joint.name]:
-        problem = f"expected exactly the joint {joint.name!r} of elastic.toml, got {names}"
+        problem = f"expected exactly the joint {joint.name!r} of elastic.toml, got {some_of(names)}"
         raise InputError(rigid, f"<body name={body!r}>", problem)
     [element] = elements
     prismatic = element.get("type", "hinge") == "slide"
@@ -817,11 +818,15 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
     for name in (arm.load_point, *arm.markers):
         if name not in children:
             kind = "load point" if name == arm.load_point else "marker"
-            raise InputError(rigid, f"<body name={arm.tool!r}>", f"no {kind} {name!r}; bodies are {children}")
+            raise InputError(
+                rigid, f"<body name={arm.tool!r}>", f"no {kind} {name!r}; bodies are {some_of(children)}"
+            )
         find_body(rigid, root, name)
     expected, names = [j.name for j in arm.joints], [j.get("name") for j in root.iter("joint")]
     if len(names) != len(expected):
-        raise InputError(rigid, "<joint>", f"expected the joints {expected} and no other, got {names}")
+        raise InputError(
+            rigid, "<joint>", f"expected the joints {some_of(expected)} and no other, got {some_of(names)}"
+        )
 
 
 def chain_length(mjcf_path: Path, root: ET.Element, arm: Arm) -> float:

@@ -18,7 +18,7 @@ from testbench.arm.document import (
     read_decimals,
     xml_place,
 )
-from testbench.errors import InputError, read_bytes, read_text
+from testbench.errors import InputError, read_bytes, read_text, some_of
 
 # --- MJCF: allowed elements and attributes, and their values ------------------------------------------------
 
@@ -81,7 +81,7 @@ def _check_elements(path: Path, root: ET.Element) -> None:
     for _ in range(MAX_NESTING + 1):
         for e in level:
             if e.tag not in ALLOWED_ELEMENTS:
-                allowed = f"not allowed in an arm; allowed are {sorted(ALLOWED_ELEMENTS)}"
+                allowed = f"not allowed in an arm; allowed are {', '.join(sorted(ALLOWED_ELEMENTS))}"
                 if e.tag in ("equality", "tendon"):
                     allowed = (
                         "not allowed in rigid.xml; describe dependent joints in [joints] of elastic.toml"
@@ -108,7 +108,7 @@ def _parse_numbers(text: str, count: int, largest: float) -> list[float] | None:
 def _check_values(path: Path, e: ET.Element) -> None:
     known = ALLOWED_ATTRIBUTES.get(e.tag)
     if known is not None and (extra := [key for key in e.attrib if key not in known]):
-        problem = f"{extra[0][:MAX_SHOWN_LENGTH]!r} is not allowed; allowed are {sorted(known)}"
+        problem = f"{extra[0][:MAX_SHOWN_LENGTH]!r} is not allowed; allowed are {', '.join(sorted(known))}"
         raise InputError(path, xml_place(e), problem)
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(
@@ -251,7 +251,7 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
     matches = [b for b in root.iter("body") if b.get("name") == name]
     if len(matches) != 1:
         what = "no body" if not matches else f"{len(matches)} bodies"
-        raise InputError(path, "", f"{what} {name!r}; bodies are {names}")
+        raise InputError(path, "", f"{what} {name!r}; bodies are {some_of(names)}")
     return matches[0]
 
 

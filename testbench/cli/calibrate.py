@@ -71,7 +71,7 @@ class CalibrateOptions:
         ),
     ] = None
     without: Annotated[
-        list[str] | None, typer.Option(metavar="ERROR", help="Error to leave out; a wrong name lists all.")
+        list[str] | None, typer.Option(metavar="ERROR", help="Error to leave out, such as links or backlash.")
     ] = None
     orders: Annotated[
         int, typer.Option(min=1, max=400, metavar="N", help="Highest order of periodic errors.")

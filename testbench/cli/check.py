@@ -58,7 +58,7 @@ def command(asked: CheckOptions) -> None:
             "\nPlease confirm these numbers, each with its contribution to the deflection:",
             *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in listed),
             f"         {len(checked.items) - len(listed)} more contribute less than 1 % each",
-            f"{100 * known_share(checked):5.0f} %  comes from published, measured or inferred numbers",
+            f"{100 * known_share(checked):5.0f} %  in all, from published, measured or inferred numbers",
             "\nRead from the folder:",
             *rest,
             "MuJoCo and Pinocchio agree on the places of links, tool, load point and markers within "

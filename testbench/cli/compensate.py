@@ -58,7 +58,8 @@ class CompensateOptions:
     mapping: MapFile = None
     payload: Payload = None
     asked: Annotated[
-        Meant | None, typer.Option(metavar="HOW", help="Target: pose of the arm unloaded, or as drawn.")
+        Meant | None,
+        typer.Option(metavar="HOW", help="Programmed pose: of the unloaded or the drawn arm."),
     ] = None
     hold: Annotated[
         CorrectedPart, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")
@@ -68,10 +69,10 @@ class CompensateOptions:
     ] = "0,0,0"
     spindle: Annotated[str, typer.Option(metavar="AXIS", help="Spindle axis in the tool's frame.")] = "x"
     start: Annotated[
-        str | None, typer.Option(metavar="Q", help="Joints near those of the first pose, deg or mm.")
+        str | None, typer.Option(metavar="Q", help="Joint angles near the first point, deg or mm.")
     ] = None
     tolerance: Annotated[
-        float | None, typer.Option(min=0, metavar="MM", help="Exit with 1 if an error may exceed it.")
+        float | None, typer.Option(min=0, metavar="MM", help="Exit with 1 if an error may exceed MM.")
     ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Keep unreachable points unchanged.")

@@ -42,7 +42,7 @@ from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File with the joints, if separate.")]
+LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File of the joint angles, if separate.")]
 LoadedReadings = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Loaded readings, if in another file or FILE.xlsx#SHEET.")
 ]

@@ -151,8 +151,8 @@ def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> l
     if draft.drawing_off is not None:
         off, aside = 1e6 * draft.drawing_off, round(1e3 * draft.aside, 6)
         lines.append(
-            f"nominal    URDF and arm differ by up to {off:.3g} um and urad; the tip is {aside:.4g} mm "
-            "from the tool"
+            f"nominal    URDF and arm differ by up to {off:.3g} um and {off:.3g} urad; "
+            f"the tip is {aside:.4g} mm from the tool"
         )
     if draft.loose_meshes:
         lines.append("warning    mesh paths are relative: keep the file beside the robot's URDF")

@@ -74,7 +74,9 @@ class SimulateOptions:
     mapping: MapFile = None
     sigma_um: Annotated[
         float | None,
-        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise (default: 50, or the tracker's own)."),
+        typer.Option(
+            min=0.001, max=10_000, metavar="UM", help="Noise of readings (default: 50 or the tracker's)."
+        ),
     ] = None
     tracker: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type
+from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type, some_of
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from _typeshed import DataclassInstance
@@ -254,7 +254,7 @@ def check_readings(
             )
     markers = have["markers"]
     if not markers or len(set(markers)) != len(markers):
-        raise BenchError(f"markers: expected different names, got {markers}")
+        raise BenchError(f"markers: expected different names, got {some_of(markers)}")
     every: ArrayShapes = {
         "q [rad, m]": (n_rows, None),
         "wrench [N, N m]": (n_rows, 6),
@@ -414,7 +414,7 @@ def split_by_pose(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
     """
     missing = np.setdiff1d(poses, data.pose_id)
     if len(missing):
-        raise BenchError(f"no pose {missing[0]} in the dataset; poses are {np.unique(data.pose_id).tolist()}")
+        raise BenchError(f"no pose {missing[0]} in the dataset; poses are {some_of(np.unique(data.pose_id))}")
     inside = np.isin(data.pose_id, poses)
     if inside.all() or not inside.any():
         raise BenchError(f"split: expected runs on both sides, got {inside.sum()} of {data.n_runs}")

@@ -381,7 +381,7 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
         zero = _deviation(columns, "zero_sigma", ~plane, (0.0, MAX_ZERO), notes)
     column = columns.get(Slot("distance"))
     read = np.full(table.rows, np.nan) if column is None else columns.values(column)
-    problem = "expected more than 0, got {:g} m; a height over a plane needs direction_x, _y and _z"
+    problem = "expected more than 0, got {:g} m; a height over a plane needs a direction (x, y, z)"
     table.refuse(
         np.asarray((read <= 0) & ~plane & (zero == 0)),
         "" if column is None else column.name,

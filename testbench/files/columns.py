@@ -10,7 +10,7 @@ import numpy as np
 from testbench.arm.document import is_integer
 from testbench.arm.folder import Arm, ArmJoint
 from testbench.arm.mjcf import GRAVITY, attribute_numbers, find_body, read_mjcf
-from testbench.errors import Array, Ids, InputError, Mask
+from testbench.errors import Array, Ids, InputError, Mask, some_of
 from testbench.files.mapping import Named, Names
 from testbench.files.names import (
     DEFLECTION,
@@ -38,7 +38,7 @@ from testbench.files.names import (
     unread_column_warnings,
 )
 from testbench.files.rearranged import join_axes, take_apart, with_loaded, with_log
-from testbench.files.table import MAX_LISTED, TableCells, read_table
+from testbench.files.table import TableCells, read_table
 from testbench.files.text import sheets_with_tables
 
 # --- Meaning and unit of every column of a file, and its values in SI units ---------------------------------
@@ -258,11 +258,11 @@ class Columns:
         ignored = ""
         if self.ignored:
             understood = [column.name for column in sorted(self.found.values(), key=lambda c: c.index)]
-            ignored = f"; not understood: {listed(self.ignored)}; understood: {listed(understood)}"
+            ignored = f"; not understood: {some_of(self.ignored)}; understood: {some_of(understood)}"
         readings = Slot("state") in self.names.ours.values()  # a program has no states
         if self.ignored and readings and not hint:
             hint = "; testbench data check proposes a map"
-        problem = f"missing columns {list(missing)}{ignored}{hint}"
+        problem = f"missing columns: {some_of(missing)}{ignored}{hint}"
         return UnknownColumns(self.table, problem, joints=bool(self.all_of("joint")))
 
     def map_error(self, place: str, problem: str) -> InputError:
@@ -312,19 +312,6 @@ def numbered_joints(names: Sequence[str], count: int) -> str:
     return ""
 
 
-def listed(names: Sequence[str]) -> str:
-    """List names of columns for a message.
-
-    Args:
-        names: The names.
-
-    Returns:
-        The first `MAX_LISTED` names, and how many more there are.
-    """
-    more = f" and {len(names) - MAX_LISTED} more" * (len(names) > MAX_LISTED)
-    return f"{list(names[:MAX_LISTED])}{more}"
-
-
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
     """Read a file and find its columns; it raises as `read_table` and `find_columns` do.
 
@@ -366,7 +353,7 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     # Join rows of single axes; the map's names replace our own.
     table, named = join_axes(table, named, names)
     named = _chosen(_without_keys(table, named, names))
-    found = _one_each(table, named, names, arm)
+    found, again = _one_each(table, named, names, arm)
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
@@ -382,14 +369,29 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
     if table.sheet and "" not in names.lost:
         _refuse_blanks(table, [c for c in found.values() if c.index in readings])
-    return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored, settled))
+    columns = Columns(table, names, found, ignored, mark, _warnings(table, names, ignored, settled))
+    _compare_units(columns, again, arm)
+    return columns
+
+
+def _compare_units(columns: Columns, again: Sequence[ReadColumn], arm: Arm) -> None:
+    """Refuse joints that are given in two units, as in plan.csv, if they differ: one of them was edited."""
+    for column in again:
+        joint, first = arm.file_joints[column.slot.index], columns.found[column.slot]
+        values = joint.display_factor * np.array([columns.values(first), columns.values(column)])
+        for row in np.flatnonzero(np.abs(np.diff(values, axis=0)[0]) > UNIT_ROUNDING)[:1]:
+            one, other = values[:, row]
+            got = f"got {one:.4f} and {other:.4f} {joint.display_unit}"
+            place = f"line {columns.table.lines[row]}, columns {first.name} and {column.name}"
+            problem = f"expected the same joint in both units, {got}; remove one of the columns"
+            raise InputError(columns.table.path, place, problem)
 
 
 def _none_known(table: TableCells, arm: Arm) -> UnknownColumns:
     """The error about a table of which no column is known."""
     hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
     hint = hint or "columns with other names, or a file without a header, need a map"
-    wanted = ", ".join(joint.display_column for joint in arm.file_joints) or "mass_kg"
+    wanted = some_of(joint.display_column for joint in arm.file_joints) if arm.joints else "mass_kg"
     got = ", ".join(table.names[:3])
     problem = f"no column name is known: expected {wanted}, got {got} ...; {hint}"
     return UnknownColumns(table, problem, joints=False)
@@ -397,14 +399,18 @@ def _none_known(table: TableCells, arm: Arm) -> UnknownColumns:
 
 def _one_each(
     table: TableCells, named: Mapping[int, Named], names: Names, arm: Arm
-) -> dict[Slot, ReadColumn]:
-    """The column of each quantity, with its unit; InputError if two say the same."""
+) -> tuple[dict[Slot, ReadColumn], list[ReadColumn]]:
+    """The column of each quantity, and joints again in another unit; InputError if two say the same."""
     found: dict[Slot, ReadColumn] = {}
+    again = list[ReadColumn]()
     for k, own in named.items():
         unit = _unit(table, k, own, arm)
         slot = own.slot
         if slot.what == "sigma":
             slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
+        if slot.what == "joint" and slot in found and unit != found[slot].unit:
+            again.append(ReadColumn(k, table.names[k], slot, unit, own.sign))
+            continue
         if slot in found:
             both = " and ".join(map(repr, (found[slot].name, table.names[k])))
             problem = f"expected one column for each quantity, got {both} for the same quantity"
@@ -415,7 +421,7 @@ def _one_each(
             problem = f"{table.names[k]!r} is a value in the map and a column of the file: remove one of them"
             raise names.error(table.path, "values", problem)
         found[slot] = ReadColumn(k, table.names[k], slot, unit, own.sign)
-    return found
+    return found, again
 
 
 def _refuse_blanks(table: TableCells, columns: Sequence[ReadColumn]) -> None:
@@ -454,8 +460,7 @@ def _check_map(table: TableCells, names: Names, named: dict[int, Named]) -> None
     used = {own.mapped for own in named.values()}
     for name, own in names.theirs.items():
         if own.mapped not in used and not own.optional:
-            columns = ", ".join(map(repr, table.names))
-            problem = f"no column like {name!r} in {table.path.name}; columns are {columns}"
+            problem = f"no column {name!r} in {table.path.name}; columns are {some_of(table.names)}"
             raise names.error(table.path, f"columns.{own.mapped}", problem)
 
 
@@ -601,7 +606,11 @@ SAME_POSE = 1e-6
 """Largest difference of joint coordinates in one pose [rad, m]."""
 ROUNDED = 1e-4
 """Excess over a limit that rounding in a file explains; the coordinate is then set to the limit [rad, m]."""
+UNIT_ROUNDING = 1e-3
+"""Difference of a joint in two units that rounding in a file explains [deg, mm]."""
 POSES_BY_ANGLES = "rows of equal joint angles count as one pose"
+MIN_POSES_OF_A_LOAD = 4
+"""Poses from which on a load that acts in one of them only is striking."""
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
 
@@ -654,8 +663,33 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> R
     if pose is None:
         pose = same_poses(q)
         notes.append(f"{POSES_BY_ANGLES}: {len(np.unique(pose))} poses")
+    notes += _odd_loads(columns.table, pose, wrench)
     taken_off = _taken_off(columns)
     return RowConditions(ids["run"], pose, named, ids["station"], taken_off, q, wrench, point, tuple(notes))
+
+
+def _odd_loads(table: TableCells, pose: Ids, wrench: Array) -> list[str]:
+    """Warn of a load that acts in one pose only, if all other poses share another one: a digit too many?"""
+    loaded = np.flatnonzero(wrench.any(axis=1))
+    if len(np.unique(pose[loaded])) < MIN_POSES_OF_A_LOAD:
+        return []
+    load, place = number_rows(wrench[loaded]), number_rows(pose[loaded])
+    first = loaded[first_rows(load)]
+    acts = np.zeros((len(first), place.max() + 1), dtype=bool)
+    acts[load, place] = True
+    words = list[str]()
+    for own in np.flatnonzero(acts.sum(axis=1) == 1):
+        for usual in np.flatnonzero(acts[:, ~acts[own]].all(axis=1))[:1]:
+            here, there = (_load_words(wrench[first[k]]) for k in (own, usual))
+            where = f"pose {pose[first[own]]} (line {table.lines[first[own]]})"
+            words.append(f"warning: only {where} has a load of {here}; all other poses have {there}: a typo?")
+    return words
+
+
+def _load_words(wrench: Array) -> str:
+    """Write a load, (6,) [N, N m]: its mass if it is a weight, else its force."""
+    hangs = wrench[2] < 0 and not np.delete(wrench, 2).any()
+    return f"{-wrench[2] / GRAVITY:.6g} kg" if hangs else f"{np.linalg.norm(wrench[:3]):.6g} N"
 
 
 def _refuse_unclear_states(columns: Columns) -> None:
@@ -785,40 +819,42 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     acts = any(own is not None for own in acting)
     told = columns.names.load if hung is None and not acts else None
     hung = hung if told is None else told
-    if acts == (hung is not None):
-        if not acts and not needed:
+    if not acts and hung is None:
+        if not needed:
             return np.zeros((table.rows, 6)), ["no column gives a load, so only own weight is assumed"]
-        if not acts:
-            hint = "; for one load in the whole file, give --load, or mass_kg = 150 in [values] of a map; "
-            hint += "absolute readings without a load are for `testbench calibrate`"
-            if own := [name for name in columns.ignored if looks_like(name, "loads")]:
-                hint = f"; {', '.join(own[:6])}: name forces in world axes in [columns] of a map, as "
-                hint += 'force_x = "Fx"; for a mass, give --load'
-            raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
-        raise table.header_error("expected a mass or forces, got both")
-    if not acts:
-        kg = _load(columns, hung)
-        name = hung.name if isinstance(hung, ReadColumn) else ""
-        table.refuse(kg < 0, name, lambda row: f"expected a mass of at least 0 kg, got {kg[row]:g}")
-        weight = np.zeros((table.rows, 6))
-        weight[:, 2] = -GRAVITY * kg
-        notes = (
-            [f"no column gives a mass: loaded rows get the {told:g} kg that you stated"]
-            if told is not None
-            else []
-        )
-        return weight, [
-            *notes,
-            "the load is a hung mass: its force is -9.81 m/s2 times the mass along the world's z",
-        ]
+        hint = "; for one load in the whole file, give --load, or mass_kg = 150 in [values] of a map; "
+        hint += "absolute readings without a load are for `testbench calibrate`"
+        if own := [name for name in columns.ignored if looks_like(name, "loads")]:
+            hint = f"; {some_of(own)}: name forces in world axes in [columns] of a map, as "
+            hint += 'force_x = "Fx"; for a mass, give --load'
+        raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
+    # A row states a mass or a force; the cells of the other may be blank.
+    pulls, hangs = _given(columns, acting), _given(columns, [hung])
+    kg = _load(columns, hung, pulls)
+    wrench = np.column_stack([_load(columns, own, hangs) for own in acting])
+    name = hung.name if isinstance(hung, ReadColumn) else ""
+    table.refuse(kg < 0, name, lambda row: f"expected a mass of at least 0 kg, got {kg[row]:g}")
+    both = "expected a mass or a force, got {:g} kg and a force or moment; leave one of them blank"
+    table.refuse((kg != 0) & wrench.any(axis=1), name, lambda row: both.format(kg[row]))
+    wrench[:, 2] -= GRAVITY * kg
+    notes = [f"no column gives a mass: loaded rows get the {told:g} kg that you stated"] * (told is not None)
+    if hung is not None:
+        words = "the load is a hung mass: its force is -9.81 m/s2 times the mass along the world's z"
+        notes.append(words)
     names = [f"{what}_{x}" for what in ("force", "moment") for x in XYZ]
-    zero = [name for name, own in zip(names, acting, strict=True) if own is None]
-    wrench = np.column_stack([_load(columns, own) for own in acting])
-    return wrench, [f"there is no column {', '.join(zero)}: taken as 0"] if zero else []
+    if acts and (zero := [name for name, own in zip(names, acting, strict=True) if own is None]):
+        notes.append(f"there is no column {', '.join(zero)}: taken as 0")
+    return wrench, notes
 
 
-def _load(columns: Columns, own: ReadColumn | float | None) -> Array:
-    """Read a component of the load, (rows,): zero in an unloaded row and for a blank mass."""
+def _given(columns: Columns, sources: Sequence[ReadColumn | float | None]) -> Mask:
+    """Tell in which rows one of some columns has a number, (rows,)."""
+    read = [columns.values(own) for own in sources if isinstance(own, ReadColumn)]
+    return np.asarray(~np.isnan(np.array(read).reshape(len(read), columns.table.rows)).all(axis=0))
+
+
+def _load(columns: Columns, own: ReadColumn | float | None, other: Mask) -> Array:
+    """Read a component of the load, (rows,): zero in an unloaded row, and if blank beside another load."""
     values = columns.values(own) if isinstance(own, ReadColumn) else columns.values_of(own)
     state = columns.get(Slot("state"))
     idle = np.zeros(len(values), dtype=bool)
@@ -834,8 +870,9 @@ def _load(columns: Columns, own: ReadColumn | float | None) -> Array:
         idle = np.isnan(values)  # nothing hangs
     hint = "; write 0 if nothing hangs" if columns.table.sheet else ""
     problem = f"expected a finite number in a loaded row, got ''{hint}"
-    columns.table.refuse(np.isnan(values) & ~idle, own.name if isinstance(own, ReadColumn) else "", problem)
-    return np.where(idle, 0.0, values)
+    blank = np.isnan(values) & ~idle & ~other
+    columns.table.refuse(blank, own.name if isinstance(own, ReadColumn) else "", problem)
+    return np.where(idle | np.isnan(values), 0.0, values)
 
 
 def load_point(arm: Arm) -> Array:
@@ -906,7 +943,9 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
         joint = arm.joints[k]
         low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[i, k]))
         limits = f"expected {low:.4f} to {high:.4f} {joint.display_unit}, got {got:.4f}"
-        problem = f"{joint.name} of the arm, in file joints {arm.joint_map.joint_formula(int(k))}: {limits}"
+        problem = (
+            f"joint {joint.name} of the arm is {arm.joint_map.joint_formula(int(k))} of the file: {limits}"
+        )
         raise columns.table.error(i, "", problem)
 
 

@@ -575,7 +575,7 @@ def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Ma
     part = re.search(form.part, text)
     for match in re.compile(form.line).finditer(text, part.start() if part else 0, part.end() if part else 0):
         if match["key"] in found:
-            raise InputError(file, form.name.format(match["key"]), "stands twice")
+            raise InputError(file, form.name.format(match["key"]), "is there twice")
         found[match["key"]] = match
     for key in keys:
         if key not in found or not math.isfinite(float(found[key]["number"])):

@@ -6,8 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.errors import Array, InputError
-from testbench.files.columns import listed
+from testbench.errors import Array, InputError, some_of
 from testbench.files.guess import (
     MASS,
     PLACE,
@@ -251,7 +250,7 @@ def _unlike(table: TableCells, what: str) -> InputError:
     if what != "a position":
         hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
         hint += f"one that never moves goes into [values], as {what}_deg = 0"
-        return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
+        return table.header_error(f"no column looks like {what}; columns are {some_of(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
     hint = (
         f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" and the words in [words]'
@@ -259,7 +258,7 @@ def _unlike(table: TableCells, what: str) -> InputError:
     for own in KNOWN_EXPORTS["unreadable"]:
         if any(re.fullmatch(own["names"], plain(name)) for name in table.names):
             hint = own["hint"]
-    return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
+    return table.header_error(f"no column looks like {what}; columns are {some_of(table.names)}; {hint}")
 
 
 def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry], str]:
@@ -291,7 +290,7 @@ def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], l
             found.setdefault(at, []).append(k)
     if (hung := _one_load(table, place)) and not mass_columns(table):
         mass, unit = hung
-        why = f"{mass} {unit} is in the names of some columns only"
+        why = f"{mass} {unit} in a name marks a column of loaded readings; the others are unloaded"
         return _by_one_load(table, place, found), [Entry("values", f"mass_{unit}", mass)], why
     numbers = {at.target for at in found if at.target.isdecimal() and not at.when}
     if numbers and len(arm.markers) == 1 and (counted := _counted_states(found)):

@@ -27,6 +27,7 @@ from testbench.files.names import (
 MAX_BYTES = 20_000
 CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma", "tilt", "fixed_sigma", "zero_sigma")
 """Quantities that may be one number for the whole file."""
+PLACES = "names of columns go below [columns], one number for the whole file below [values]"
 IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
@@ -327,6 +328,10 @@ def _read(path: Path) -> Map:
             inner = FileLayout if "table" in keys[:-1] else tables.get(str(keys[0]), FileLayout)
             known = Map.model_fields if len(keys) == 1 else inner.model_fields
             problem = f"unknown key; keys are {', '.join(known)}"
+            problem += f"; {PLACES}" * (len(keys) == 1)
+        if keys[0] in ("columns", "optional") and kind in ("list_type", "string_type"):
+            got = problem.partition(", got ")[2]
+            problem = f"expected the name of a column in quotation marks, got {got}; {PLACES}"
         raise InputError(path, toml_place(path, keys), problem) from err
 
 

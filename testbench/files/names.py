@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
+from testbench.errors import some_of
 
 # --- The quantities of a measurement ------------------------------------------------------------------------
 
@@ -276,6 +277,7 @@ def our_names(arm: Arm) -> dict[str, Slot]:
     """
     single: tuple[What, ...] = ("run", "pose", "marker", "station", "state", "loading", "mass", "sigma")
     found: dict[str, Slot] = {name: Slot(name) for name in single}
+    found |= {"load_kg": Slot("mass")}  # as in plan.csv
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE_NUMBER)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
         found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
@@ -435,7 +437,6 @@ PREFIXED = re.compile(KNOWN_EXPORTS["prefixed"]["joint"])
 OTHER_WORD = re.compile(rf"\b(?:{KNOWN_EXPORTS['prefixed']['other']})\b")
 NUMBER = re.compile(r"\d+")
 NEVER = "(?!)"  #: Matches nothing.
-MAX_LISTED = 9  #: Columns that a warning names.
 
 
 class Place(NamedTuple):
@@ -651,8 +652,7 @@ def unread_column_warnings(names: Sequence[str]) -> list[str]:
         if kind := next((kind for kind in KNOWN_EXPORTS["alone"] if looks_like(name, kind)), ""):
             kinds.setdefault(kind, []).append(name)
     return [
-        f"warning: these columns look like {kind} and are not read: {', '.join(own[:MAX_LISTED])}"
-        + f" and {len(own) - MAX_LISTED} more" * (len(own) > MAX_LISTED)
+        f"warning: these columns look like {kind} and are not read: {some_of(own)}"
         for kind, own in kinds.items()
     ]
 

@@ -5,7 +5,7 @@ Jumps are refused: between two such points the arm would take a path that the pr
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, Ids, InputError, Mask, check_type
+from testbench.errors import Array, Ids, InputError, Mask, check_type, some_of
 from testbench.files.beside import read_rotations
 from testbench.files.columns import (
     ROUNDED,
@@ -154,7 +154,7 @@ def refuse_other_configurations(motions: RobotMotions, *, started: bool) -> None
     unread = turns is not None and not turns.read
     start = text.moves[0].point
     if start.posed and not (started or start.flags or np.isfinite(motions.near[0]).all()):
-        problem = "nothing says in which configuration the arm is there"
+        problem = "it does not state the configuration of the arm"
         if turns is not None and start.same:
             problem = f"the configuration {turns.name} {start.same.strip()!r} is not read"
         problem += "; begin with joints, or give compensate --start"
@@ -275,7 +275,7 @@ def _frame_notes(text: ProgramText, controller: Controller) -> tuple[tuple[str, 
         if getattr(controller, what) or (frame.numbers and np.allclose(R, np.eye(3)) and np.allclose(p, 0)):
             continue
         if what == "base" and frame.numbers:
-            notes.append(f"The base that the program states, {frame.text}, is taken in world axes of the arm")
+            notes.append(f"The program's base, {frame.text}, is taken as a frame in the arm's world")
         else:
             unknown.append(f"{what} {frame.text}")
     if unknown:
@@ -405,8 +405,6 @@ def _near(language: Language, pose: Array, old: Array) -> Array:
 MAX_POINTS = 1_000_000
 CORRECTION = "correction_"
 """Prefix of columns about a correction."""
-MAX_LISTED = 12
-"""Most columns that a sentence names."""
 LOADS: Mapping[What, Sequence[str]] = {
     "force": [*(f"force_{axis}" for axis in XYZ), *ALONG],
     "moment": [f"moment_{axis}" for axis in XYZ],
@@ -415,8 +413,6 @@ LOADS: Mapping[What, Sequence[str]] = {
 """Names of every kind of load."""
 FARTHEST_TURN = math.radians(45)
 """Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
-UNIT_ROUNDING = 1e-3
-"""Difference between a coordinate and the same one in another unit that rounding explains [deg, mm]."""
 FARTHEST_STEP = 1.0
 """Largest motion of a slide, or of the tool, from one point to the next [m]."""
 SLACK = 1 + 1e-9
@@ -518,8 +514,7 @@ def unread_columns(program: Program) -> tuple[str, ...]:
     ]
     own = takewhile(lambda name: not name.startswith(CORRECTION), program.other)
     if rest := [name for name in own if like[name] is None]:
-        more = f" and {len(rest) - MAX_LISTED} more" if len(rest) > MAX_LISTED else ""
-        found.append(f"Not read: {', '.join(rest[:MAX_LISTED])}{more}")
+        found.append(f"These columns are not read: {some_of(rest)}")
     return tuple(found)
 
 
@@ -629,7 +624,7 @@ def _robot_program(path: Path, language: Language, arm: Arm, names: Names) -> Pr
 def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     """Read poses within the arm's limits: one per row, a column for every joint.
 
-    Other columns may be there. A plan has every angle twice, in radians and degrees.
+    Other columns may be there. A plan has every angle twice, in radians and degrees; both must agree.
 
     Args:
         path: The file.
@@ -644,25 +639,9 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     """
     names = read_map(mapping, arm)
     table = read_table(path, names.knows, names.map.file)
-    read_as = {k: named for k, name in enumerate(table.names) if (named := names.find(name))}
-    joints = {k: own for k, own in read_as.items() if own.slot.what == "joint"}
-    first = {own.slot: k for k, own in reversed(joints.items())}
-    again = {k: own for k, own in joints.items() if k != first[own.slot]}
-    once = replace(table, names=tuple("" if k in again else name for k, name in enumerate(table.names)))
-    columns = find_columns(once, names, arm)
-    q = joint_coordinates(columns, arm)
+    q = joint_coordinates(find_columns(table, names, arm), arm)
     if not table.rows:
         raise table.error(0, "", "expected at least one pose")
-    in_file = arm.to_file_joints(q)
-    for k, named in again.items():
-        joint, here = arm.file_joints[named.slot.index], in_file[:, named.slot.index]
-        other = here if named.unit is None else named.unit.scale * table.numbers(k, columns.mark)
-        both = f"{table.names[first[named.slot]]} and {table.names[k]}"
-        for i in np.flatnonzero(~(joint.display_factor * np.abs(here - other) <= UNIT_ROUNDING))[:1]:
-            one, two = joint.display_factor * here[i], joint.display_factor * other[i]
-            got = f"{one:.4f} and {two:g} {joint.display_unit}"
-            place = f"line {table.lines[i]}, columns {both}"  # an edit of one of them counts
-            raise InputError(path, place, f"expected equal values in both columns, got {got}")
     return q
 
 

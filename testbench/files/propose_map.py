@@ -16,7 +16,7 @@ import numpy as np
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Series
-from testbench.errors import InputError, Mask
+from testbench.errors import InputError, Mask, some_of
 from testbench.files.beside import (
     MIN_POSES,
     NOTATIONS,
@@ -26,7 +26,6 @@ from testbench.files.beside import (
     fits_of,
     unclear,
 )
-from testbench.files.columns import listed
 from testbench.files.guess import (
     DIRECTED,
     PLACE,
@@ -261,7 +260,7 @@ def propose(
 def _require_names(table: TableCells) -> None:
     """Refuse a table whose header holds numbers: no line of the file names the columns."""
     if sum("." in name and is_decimal(name) for name in table.names) > 1:
-        got = listed(table.names[:8])
+        got = some_of(table.names)
         hint = "add a line of names above the table, or list them as names in [file] of a map"
         raise table.header_error(f"expected a line with the names of the columns, got {got}; {hint}")
 
@@ -309,7 +308,7 @@ def _joined(
         ) from err
     ordered = read.fits is not None and read.fits.layout.joints is not None
     if not ordered and not any(has_joints(own, arm) for own in (read.table, table)):
-        got = f"got columns {listed(read.table.names)}" if read.table.names else "got none"
+        got = f"got columns {some_of(read.table.names)}" if read.table.names else "got none"
         raise InputError(log, "", f"expected columns of the joints, such as A1 to A6, {got}; {ASKED}")
     try:
         how, alone = find_join(table, read.table, fits, read.fits)

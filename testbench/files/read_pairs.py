@@ -638,10 +638,10 @@ def _notes(table: TableCells, idle: Ids, unloaded: Ids) -> list[str]:
     """Note unloaded readings that serve several runs or none."""
     shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
     alone = np.setdiff1d(np.arange(len(idle)), unloaded)
-    notes = [f"{shared} unloaded readings each serve several loads"] * bool(shared)
+    notes = [f"{shared} unloaded readings count for several loads each"] * bool(shared)
     if len(alone):
         lines = ", ".join(str(table.lines[r]) for r in idle[alone[:5]])
-        notes.append(f"{len(alone)} unloaded readings have no loaded one (lines {lines} ...)")
+        notes.append(f"{len(alone)} unloaded readings have no loaded reading (lines {lines} ...)")
     return notes
 
 
@@ -717,7 +717,9 @@ def not_held(which: str, line: int, by: float) -> str:
     Returns:
         The message.
     """
-    return f"expected the joints of the {which} reading in line {line}, one differs by {by:.2g} rad or m"
+    return (
+        f"expected the same joints as in the {which} reading of line {line}; one differs by {by:.2g} rad or m"
+    )
 
 
 @dataclass(frozen=True)

@@ -269,7 +269,7 @@ def _fitted_notation(
     some = (read.marker == target) & np.isfinite(read.position).all(axis=1) & there[read.row]
     row, position = read.row[some], read.position[some]
     if len(np.unique(number_rows(conditions.q[row]))) < beside.MIN_POSES:
-        problem = f"{NOTATIONS}; it is found from {beside.MIN_POSES} poses or more"
+        problem = f"{NOTATIONS}; testbench can find the notation from {beside.MIN_POSES} poses or more"
         raise UnclearNotation(columns, problem)
     tried = beside.notations(angles[row], by_axis)
     fits = beside.fits_of(arm, conditions.q[row], position, tried)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.document import is_decimal
-from testbench.errors import Array, Ids, InputError
+from testbench.errors import Array, Ids, InputError, some_of
 from testbench.files.languages import FLAGS, Language, PointText, Source, known_languages, read_points
 from testbench.files.mapping import HOLE, FileLayout, Log, Named, Names, without_holes
 from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze
@@ -245,7 +245,7 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     for header, patterns in names.cells.items():
         place, wholes = f"cells.{header}", []
         if header not in table.names:
-            have = ", ".join(map(repr, table.names))
+            have = some_of(table.names)
             raise names.error(table.path, place, f"no such column; columns are {have}")
         if len(patterns) == 1 and (whole := WHOLE_CELL.fullmatch(patterns[0])):
             table, parts = _numbers_apart(table, header, whole, names)
@@ -604,13 +604,13 @@ def keys_of(table: TableCells, columns: Sequence[str]) -> list[str]:
         InputError: If a column is missing.
     """
     if missing := [name for name in columns if name not in table.names]:
-        raise table.header_error(f"no column {missing[0]!r} to join by; columns are {list(table.names)}")
+        raise table.header_error(f"no column {missing[0]!r} to join by; columns are {some_of(table.names)}")
     return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]
 
 
 def _by_part(table: TableCells, log: TableCells, keys: list[str], theirs: list[str]) -> Ids:
     rows = parts_in(keys, theirs)
-    problem = f"expected one name of {log.path.name} in it, got {{!r}}"
+    problem = f"expected one name of {log.path.name} in this cell, got {{!r}}"
     table.refuse(rows < 0, "", lambda row: problem.format(keys[row][:80]))
     return rows
 

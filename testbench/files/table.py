@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.document import DECIMAL_PATTERN, is_integer
-from testbench.errors import Array, Ids, InputError, Mask, printable
+from testbench.errors import Array, Ids, InputError, Mask, printable, some_of
 from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, find_unit, squeeze
 from testbench.files.text import (
@@ -36,7 +36,7 @@ SECTION = "section"  #: Column of what lines of words say of the rows below them
 SHEETS = "sheet"  #: Column of the names of sheets that stand below each other.
 NUMBER_BEFORE = r"[+-]?[0-9][0-9.,']*(?:[eE][+-]?[0-9]+)?"
 WITH_UNIT = re.compile(rf"({NUMBER_BEFORE})\s*([^\d\s.,'+-][^\d\s.,'+-]*)")  #: Such as "12.5 mm".
-MAX_LISTED = 40  #: Names of columns in a message.
+MAX_SEARCHED = 40  #: Cells of a column in which its first text is looked for.
 UNNAMED = re.compile(r"column \d+")  #: What a column without a heading is called, by its place from 1.
 
 
@@ -284,7 +284,7 @@ class TableCells:
             InputError: If a column is missing, or a point has a quantity twice.
         """
         if missing := [name for name in tidy if name not in self.names]:
-            raise self.header_error(f"no column {missing[0]!r}; columns are {list(self.names)}")
+            raise self.header_error(f"no column {missing[0]!r}; columns are {some_of(self.names)}")
         name, value, *unit = (self.names.index(own) for own in tidy)
         every = {k: self.texts(k) for k in range(len(self.names)) if k not in (name, value, *unit)}
         shared = {k: texts for k, texts in every.items() if len({*texts}) < self.rows}
@@ -326,11 +326,11 @@ class TableCells:
         place = {squeeze(own): k for k, own in enumerate(self.names)}
         missing = [own for own in first.names if squeeze(own) not in place]
         if missing or len(place) != len({*map(squeeze, first.names)}):
-            got = ", ".join(map(repr, self.names[:MAX_LISTED]))
-            raise self.header_error(f"expected the columns of {first.path.name}, got {got}")
+            got = some_of(self.names)
+            raise self.header_error(f"expected the same columns as in {first.path.name}, got {got}")
         order = [place[squeeze(own)] for own in first.names]
         if first.units != tuple(self.units[k] for k in order):
-            raise self.header_error(f"expected the units of {first.path.name}")
+            raise self.header_error(f"expected the same units as in {first.path.name}")
         return [self.cells[k] for k in order]
 
     def with_columns_of(self, other: "TableCells", rows: Ids) -> "TableCells":
@@ -624,7 +624,7 @@ def _is_blank(cells: "pa.Array") -> bool:
 
 def _unit_behind(cells: "pa.Array", unit: Unit | None) -> tuple["pa.Array", Unit | None]:
     """The numbers of a column and their unit, if each of its cells has the same one, as "12.5 mm"."""
-    first = next((text for text in cells[:MAX_LISTED].to_pylist() if text), "")
+    first = next((text for text in cells[:MAX_SEARCHED].to_pylist() if text), "")
     found = WITH_UNIT.fullmatch(first)
     word = found[2] if found else ""
     own = find_unit(word) if word else None

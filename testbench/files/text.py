@@ -157,7 +157,7 @@ def _check_extent(sheet: bytes) -> None:
     count = functools.reduce(lambda x, letter: 26 * x + letter - ord("A") + 1, last, 0)
     if rows * count > MAX_CELLS:
         far = f"its cells reach from A1 to column {last.decode()} and row {rows}"
-        raise ValueError(f"{far}, more than {MAX_CELLS} cells: delete what stands far from the table")
+        raise ValueError(f"{far}, more than {MAX_CELLS} cells: delete the cells far from the table")
 
 
 def _line(row: Sequence[Cell], mark: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, Series
-from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type, some_of
 from testbench.files.columns import Columns, load_point, same_poses
 from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.files.program import Program
@@ -98,7 +98,7 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
         joints = [joint.file_column for joint in arm.file_joints]
         q = arm.to_file_joints(q) if q.shape[1] == arm.n_joints else q
     if len(joints) != q.shape[1]:
-        raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
+        raise BenchError(f"joints: expected {q.shape[1]} names, got {some_of(joints)}")
     n = data.n_points
     lost = ~data.is_measured.reshape(-1, 1)
     turned = data.rotation_before is not None
@@ -225,7 +225,8 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
         if s.q.shape[1] != arm.n_joints:
             raise BenchError(f"joints: expected {arm.n_joints} of {arm.name}, got {s.q.shape[1]}")
         if s.markers != series[0].markers:
-            raise BenchError(f"markers: expected {series[0].markers} in all of a file, got {s.markers}")
+            wanted, got = some_of(series[0].markers), some_of(s.markers)
+            raise BenchError(f"markers: expected {wanted} in all series of a file, got {got}")
     silent, scatter = _silent(arm, series, stem), _scatter_columns(series)
     turned = next((s.sigma_rotation for s in series if s.sigma_rotation), None)
     if turned:  # one without orientations among others that have them: all were lost
@@ -360,7 +361,9 @@ def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
         ("zero_sigma_m",): not any(s.distance_offset_sigma for s in series),
     }
     if set(first.markers) - set(arm.markers) and not groups["marker",]:
-        raise BenchError(f"markers: expected some of {arm.name}'s {arm.markers}, got {first.markers}")
+        raise BenchError(
+            f"markers: expected some of {some_of(arm.markers)} of {arm.name}, got {some_of(first.markers)}"
+        )
     return {name for names, silent in groups.items() if silent for name in names}
 
 

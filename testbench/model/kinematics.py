@@ -259,8 +259,6 @@ def _rotation_from_z(z: Array) -> Array:
 
 #: First order of each band of Fourier orders [1]: the orders of a band share one expected size.
 ORDER_BANDS = (1, 2, 3, 5, 8, 12, 16, 20, 24, 28, 32, 40, 50, 60, 75, 95, 120, 150, 190, 240, 300, 400)
-JOINT_ERROR_KINDS = ("harmonics", "ratio", "play", "stiffening")
-"""Kinds of a joint's error: Fourier harmonics, proportional to the angle, backlash, stiffening."""
 BACKLASH_SMOOTHING = 0.1
 """Smoothing of backlash, over a joint's typical torque [1]: the step is tanh(torque / (BACKLASH_SMOOTHING
 typical torque)).
@@ -294,7 +292,7 @@ class JointErrorTerms:
 
     @property
     def coefficient_kinds(self) -> tuple[str, ...]:
-        """Name the kind of every coefficient of a joint, (k,), each one of `JOINT_ERROR_KINDS`."""
+        """Name the kind of every coefficient of a joint, (k,): harmonics, ratio, play or stiffening."""
         single = (("ratio", self.ratio), ("play", self.play), ("stiffening", self.stiffening))
         return ("harmonics",) * (2 * len(self.orders)) + tuple(kind for kind, on in single if on)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type
+from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type, some_of
 
 EntryPairs = tuple[tuple[int, int], ...]
 
@@ -293,7 +293,7 @@ def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -
         if name not in names:
             raise BenchError(f"no {kind} {name!r} in {arm}; {kind}s are {', '.join(names)}")
     if len(set(wanted)) != len(wanted):
-        raise BenchError(f"{kind}s: expected different names, got {wanted}")
+        raise BenchError(f"{kind}s: expected different names, got {some_of(wanted)}")
     return [names.index(name) for name in wanted]
 
 

@@ -105,7 +105,9 @@ class Badge:
         if self.why:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
         if self.factor is None:
-            return Markdown(f"Too few: no {self.each.partition(' ')[0]} compares {winner} with {rival}.")
+            return Markdown(
+                f"Undecided: no {self.each.partition(' ')[0]} has errors of both {winner} and {rival}."
+            )
         least = "at least " if self.exact else ""
         shown = least + ratio(max(self.factor, 1 / self.factor))
         side = "lower" if self.factor >= 1 else "higher"
@@ -116,9 +118,9 @@ class Badge:
         pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
         takes = f"a verdict needs {counted(MIN_PAIRS, 'trial' if self.trials else first)}"
         if self.interval is None and abs(self.factor - 1) < SHOWN_AS_SAME:
-            return Markdown(f"Too few: {winner} and {rival} have the same error in {pairs}; {takes}.")
+            return Markdown(f"Undecided: {winner} and {rival} have the same error in {pairs}; {takes}.")
         if self.interval is None:
-            return Markdown(f"Too few: {times} in {pairs}; {takes}.")
+            return Markdown(f"Undecided: {times} in {pairs}; {takes}.")
         low, high = self.interval
         told = [self._told(name) for name in sorted(self.ties, key=lambda name: name != self.rival)]
         if len(told) > MAX_TIES:

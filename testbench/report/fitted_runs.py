@@ -233,7 +233,10 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
         yield Markdown("No pose was held out; `--check-pose N` holds one out.")
     yield from _of_intervals(f, taken)
     if taken.aggregated:
-        yield say("The compliance of the link before includes: {aggregated:list}.", taken)
+        yield say(
+            "The compliance of these joints is part of the link before them: {aggregated:list}.",
+            taken,
+        )
     further = [text for text in taken.advice if text not in f.why]
     for text in (f"why this model: {f.why}", *f.notes, *further):
         yield say("{text}", text=ended(capital(text)))

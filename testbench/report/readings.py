@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.data.dataset import Dataset, select_rows
-from testbench.errors import Array, Ids
+from testbench.errors import Array, Ids, some_of
 from testbench.identify.absolute.align import deviation_from_stated
 from testbench.identify.base_frame import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
@@ -24,7 +24,6 @@ from testbench.workflows.cell import Cell
 from testbench.workflows.read_runs import farthest_off, nominal_targets, registration_notes, shown_runs
 from testbench.workflows.rows import MM, UM
 
-MAX_LISTED = 6  #: Loads and names that are listed.
 COLUMNS = (
     *columns("quantity file_columns"),
     TableColumn("unit", "unit in the file"),
@@ -74,20 +73,15 @@ def file_lines(f: Row, more: Sequence[str] = ()) -> list[str]:
 
 def _others(f: Row) -> Iterator[tuple[str, str]]:
     """Numbers of the file and its runs, with their units."""
-
-    def few(names: Sequence[str], mark: str = ", ") -> str:
-        more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-        return (mark.join(names[:MAX_LISTED]) or "none") + more
-
     counts = zip(("row", "run", "pose", "station"), (f.rows, f.runs, f.poses, f.stations), strict=True)
     yield "size", ", ".join(with_noun(n, what) for what, n in counts)
-    yield "markers", few(f.markers)
-    yield "lost targets", f"{len(f.lost)} of {f.targets}" + (f": {few(f.lost)}" if f.lost else "")
+    yield "markers", some_of(f.markers)
+    yield "lost targets", f"{len(f.lost)} of {f.targets}" + (f": {some_of(f.lost)}" if f.lost else "")
     if f.without:
-        yield "markers that no instrument reads", few(f.without)
-    yield "loads", few(f.loads, "; ")
+        yield "markers that no instrument reads", some_of(f.without)
+    yield "loads", some_of(f.loads, "; ")
     yield "standard deviation (sigma) of a reading along an axis, um", show(f.sigma_um, "g")
-    yield "columns not read", few(f.ignored)
+    yield "columns not read", some_of(f.ignored)
     if f.farthest:
         yield "largest deflection, mm", f"{f.deflection_mm.most:.3f}, {f.farthest}"
     if f.get("away"):
@@ -373,7 +367,7 @@ def _single_numbers(f: Row) -> Iterator[tuple[str, object]]:
     yield "stated noise of a reading along an axis, um", f.noise.sigma_um
     yield "error of the model at a position, without noise, um", f.noise.open_position_um
     yield "error of the model at an orientation, without noise, urad", f.noise.open_rotation_urad or None
-    yield "scatter of the readings / (noise and model error together)", f.noise.position_factor
+    yield "scatter of the readings divided by noise and model error together", f.noise.position_factor
     yield "positions with less weight, as likely outliers, % (0.7 % expected)", f.less_pull_percent
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm

@@ -124,7 +124,7 @@ def _settle(place: Path) -> None:
             raise InputError(
                 place,
                 "",
-                f"another run is now in {earlier}, which a killed process moved: move one of the two away",
+                f"a killed process moved an earlier run to {earlier}: move one of the two runs away",
             )
         else:
             for guest in guests(earlier, read_manifest(earlier).files):

@@ -27,7 +27,13 @@ from testbench.identify.absolute.align import (
     underdetermined_reason,
 )
 from testbench.identify.absolute.choose import MassFit, fit_link_masses
-from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate, check_row_order
+from testbench.identify.absolute.fit import (
+    SINGLE_ERRORS,
+    Calibration,
+    CalibrationOptions,
+    calibrate,
+    check_row_order,
+)
 from testbench.identify.absolute.posterior import (
     POSES_PER_TURNED_JOINT,
     AddedInformation,
@@ -281,10 +287,10 @@ def of_held(calibration: Calibration) -> list[str]:
                     if series.distance_offset_sigma
                     else ""
                 )
-                unseen = "distances do not show how the base is turned about it"
+                unseen = "distances do not determine the turn of the base about this point"
             else:
                 place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
-                unseen = "heights do not show where the base is along it or how it is turned about its normal"
+                unseen = "heights do not determine the base along this plane, nor its turn about the normal"
                 normals = calibration.active_unknowns.unknowns.plane_normals[series.frame]
                 if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
                     unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
@@ -460,7 +466,7 @@ def distance_statistics(mm: Array) -> Row:
 FREE_DEVIATION = 0.01
 """Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
 and not so much that rounding would hide the rest."""
-SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
+SINGLE = {kind: name for name, kind in SINGLE_ERRORS.items()}
 STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
 ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
 MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.

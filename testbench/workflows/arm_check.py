@@ -539,5 +539,5 @@ def refuse_warnings(folder: str | Path, doubts: Sequence[Doubt]) -> None:
         BenchError: Lists all warnings in one line.
     """
     if said := (*check(folder).doubts, *doubts):
-        count = "1 doubt" if len(said) == 1 else f"{len(said)} doubts"
+        count = "1 warning" if len(said) == 1 else f"{len(said)} warnings"
         raise BenchError(f"--strict: {count}: {'; '.join(doubt.sentence for doubt in said)}")

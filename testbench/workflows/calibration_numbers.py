@@ -38,6 +38,7 @@ from testbench.runs.rows import Row
 from testbench.workflows.absolute import FREE_DEVIATION as LOOSE_FRAME
 from testbench.workflows.absolute import (
     FURTHER,
+    SINGLE,
     Calibrated,
     distance_statistics,
     hidden_geometry,
@@ -128,7 +129,7 @@ def _errors(active: ActiveUnknowns) -> Iterator[Named]:
     errors = active.unknowns.error_terms
     every = np.eye(active.unknowns.size)
     words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
-    words += errors.coefficient_kinds[len(words) :]
+    words += [SINGLE[kind] for kind in errors.coefficient_kinds[len(words) :]]
     places = product(unknowns.vjm.arm.joints, zip(words, errors.coefficient_kinds, strict=True))
     for column, (joint, (word, kind)) in enumerate(places, unknowns.first_columns["errors"]):
         if column in active.columns and not (joint.prismatic and kind == "harmonics"):

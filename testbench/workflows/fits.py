@@ -61,14 +61,11 @@ QUIET, CHANCE = 0.6, 1e-6
 def of_scale(scale: LearntScale) -> Doubt:
     """Doubt a scale of a learnt prior that the readings contradict."""
     low, high = (scale.factor * math.exp(sign * 2 * scale.log_deviation) for sign in (-1, 1))
-    name, others = (
-        ("the joints", "the links") if scale.name == ALL_JOINTS else (scale.name, "the other links or joints")
-    )
-    words = (
-        f"the readings make {name} {scale.factor:.2g} times ({low:.2g} to {high:.2g}) as compliant as the "
-        "prior"
-    )
-    return Doubt("prior", f"relative to {others}, {words}: check the arm's folder")
+    name, verb, others = scale.name, "is", "the other links or joints"
+    if name == ALL_JOINTS:
+        name, verb, others = "the joints", "are", "the links"
+    size = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g}) as compliant as in the prior"
+    return Doubt("prior", f"compared with {others}, {name} {verb} {size}: check the arm's folder")
 
 
 def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:

@@ -411,8 +411,9 @@ def _hidden(made: AbsolutePlanned, scale: Row | None) -> list[str]:
     said = []
     if scale.after_mm_per_m > HIDDEN_SCALE * scale.before_mm_per_m:
         said.append(
-            f"The scale of the arm stays known to {scale.after_mm_per_m:.2f} mm per metre, which alone is an "
-            f"error of {scale.error_mm:.3f} mm. Parallel faces of one block, a bar or positions determine it"
+            f"The scale of the arm remains uncertain by {scale.after_mm_per_m:.2f} mm per metre, "
+            f"which alone causes an error of {scale.error_mm:.3f} mm. Parallel faces of one block, a bar or "
+            "positions determine it"
         )
     normals = made.union.unknowns.plane_normals
     if any(np.linalg.matrix_rank(own) < len(own[0]) for own in normals.values()):

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from testbench.design.criteria import check_criterion
-from testbench.errors import BenchError, in_flags, of_flag
+from testbench.errors import BenchError, in_flags, of_flag, some_of
 from testbench.files.read_pairs import SIGMA_RANGE
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.prior import UNCERTAINTY_RANGE
@@ -120,9 +120,9 @@ class PlanSettings:
                 raise BenchError(f"{name}: expected a tuple, got {type(values).__name__}")
         if len(set(loads)) < len(loads) or not (loads or self.absolute):
             least = "" if self.absolute else "one or more "
-            raise BenchError(f"loads_kg: expected {least}different loads, got {list(loads)}")
+            raise BenchError(f"loads_kg: expected {least}different loads, got {some_of(loads)}")
         if len(set(pulls)) < len(pulls):
-            raise BenchError(f"pulls_n: expected different pulls, got {list(pulls)}")
+            raise BenchError(f"pulls_n: expected different pulls, got {some_of(pulls)}")
         for load in loads:
             _check_range("loads_kg", load, *LOAD_RANGE)
         for pull in pulls:

@@ -413,7 +413,7 @@ def _pose(made: Predicted, k: int, push_half: float) -> Row:
         deflection_mm=float(MM * prediction.deflection_length[k, 0]),
         deflections_mm=(MM * prediction.deflection[k, 0]).tolist(),
         half_mm=half,
-        half_words="not seen" if half is None else f"{half:.3f}",
+        half_words="not determined" if half is None else f"{half:.3f}",
         halves_mm=[finite(x) for x in MM * prediction.half_width[k, 0]],
         turn_mrad=float(1e3 * np.linalg.norm(prediction.rotation_vector[k])),
         stiffness_n_per_um=[finite(x) for x in 1e-6 * made.stiffness.principal_stiffness[k]],

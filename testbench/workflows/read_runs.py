@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 from testbench.arm.document import StrictModel, first_finding, parse_toml, toml_place
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, split_by_pose
-from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word
+from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word, some_of
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.mapping import Map
 from testbench.files.names import What
@@ -310,7 +310,7 @@ def read_runs(
     except BenchError as err:
         raise BenchError(f"--check-pose: {err}") from err
     if not check.is_measured.any():
-        problem = f"expected readings in pose {list(held)}, every target was lost there"
+        problem = f"expected readings in pose {some_of(held)}, but every target was lost there"
         raise BenchError(f"--check-pose: {problem}")
     return cell, replace(runs, used=used, check=check)
 

@@ -88,7 +88,7 @@ def test_a_branch_is_frozen_and_weighs_on_the_part_that_carries_it(arms):
     _, chain, _ = arms[light_urdf]
     assert chain.parts[-1].mass == pytest.approx(2 + 0.7 + 2 * 0.02)
     assert "bodies merged into link_7: hand, finger_1, finger_2" in notes(chain)
-    assert "off the arm, so held at zero: finger_joint_1, finger_joint_2" in notes(chain)
+    assert "not between base and tool, so held at zero: finger_joint_1, finger_joint_2" in notes(chain)
 
 
 def test_what_is_drawn_stands_where_the_file_has_it_in_metres(arms):

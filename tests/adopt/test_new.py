@@ -92,7 +92,7 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     said = fine("new", tmp_path / "mine", "--from", with_rods(tmp_path, flange), "--payload-kg", 300)
     assert f"6 joints, tool at '{flange}'" in said
     names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
-    assert f"off the arm, so held at zero: {names}" in said
+    assert f"not between base and tool, so held at zero: {names}" in said
     still = "held at zero they do not follow the arm, so their collisions do not count"
     assert f"{still}: rod_1, rod_2, rod_3, rod_4" in said
     assert "hulls that touch" not in said
@@ -191,7 +191,7 @@ def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
         file.write_text(text.replace("</robot>", jaw.format(name) + "</robot>"))
         chain = read_chain(file)
         assert (chain.n_joints, chain.tip.name) == found
-        held = "off the arm, so held at zero: jointGripper" in map(sentence, chain.notes)
+        held = "not between base and tool, so held at zero: jointGripper" in map(sentence, chain.notes)
         assert held == (name == "jointGripper")
 
 

@@ -127,7 +127,7 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
     assert "testbench identify pairs.csv --map hand.toml --frame base --out" in words
     assert taken(Path("seen"))["taken"] == {"arm": ARM, "targets": ["P9"], "load": ["460"]}
     NAME.write_text(f'arm = "{ARM}"\nload = [240, 460]\n')
-    assert "missing columns ['mass_kg" in do("data", "check", "pairs.csv").stderr
+    assert "missing columns: mass_kg" in do("data", "check", "pairs.csv").stderr
 
 
 @pytest.mark.parametrize(

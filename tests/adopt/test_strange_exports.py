@@ -657,7 +657,7 @@ REFUSED = {
     "Kawasaki program": (
         points(),
         ".JOINTS\n#p1 1 2 3 4 5 6\n.END\n",
-        r"robot.dat: expected columns of the joints, such as A1 to A6, got columns \['.JOINTS'\]",
+        r"robot.dat: expected columns of the joints, such as A1 to A6, got columns .JOINTS",
     ),
     "YAML": (
         points(),

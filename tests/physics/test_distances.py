@@ -253,7 +253,7 @@ def test_a_block_is_aligned_by_all_of_its_faces(stiff):
 def test_a_face_is_no_repetition_of_others_and_is_not_held_out_as_a_whole(stiff, touched, read):
     """Without a face nothing shows motion along its normal: links were dropped for that on soft arms."""
     options = CalibrationOptions(
-        used_errors=None, excluded_errors=frozenset({"joint errors", "links", "ratio"})
+        used_errors=None, excluded_errors=frozenset({"joint errors", "links", "gear ratio"})
     )
     points, faces = (
         calibrate(stiff.vjm, every, cad_prior(stiff.arm), options).selection.steps[0]
@@ -451,11 +451,11 @@ def in_a_row(q):
         (
             "fixed_x_mm,fixed_y_mm,fixed_z_mm",
             "a,b,c",
-            "missing columns ['fixed_x_m', 'fixed_y_m', 'fixed_z_m']",
+            "missing columns: fixed_x_m, fixed_y_m, fixed_z_m",
         ),
         ("2345.6,2200,0,100", "2345.6,,,", "line 2, column fixed_x_mm: expected the fixed point"),
         ("2345.6", "-2345.6", "line 2, column distance_mm: expected more than 0, got -2.3456 m"),
-        ("distance_mm", "distance_before_mm", "missing columns ['distance_m']"),
+        ("distance_mm", "distance_before_mm", "missing columns: distance_m"),
         ("marker,", "marker,x_mm,y_mm,z_mm,", "expected distances, or positions and orientations, got both"),
     ],
 )

@@ -128,7 +128,7 @@ def test_poses_of_one_arm_are_compared_by_the_ratio_of_the_rms_errors_of_tables(
 
 
 def test_no_pairs_are_not_judged_and_a_reason_is_no_use_whatever_the_numbers():
-    assert decide(("a", []), ("b", [])).words == "Too few: no trial compares a with b."
+    assert decide(("a", []), ("b", [])).words == "Undecided: no trial has errors of both a and b."
     own = decide(("a", NOISE), ("b", 9 * NOISE), why="see the warning")
     assert (own.winner, own.verdict, own.words) == ("a", "do not use", "Do not use a: see the warning.")
     assert decide(("a", [np.inf, np.nan]), ("b", [1.0, 1.0])).n == 0

@@ -53,7 +53,12 @@ def rows(seed):
         for split, series in JUDGED.items():
             own = {"waves": tuple(rng.normal(size=12 * ORDERS)), "joints": tuple(rng.uniform(1, 9, 6) * 1e-6)}
             own |= {"effects": EFFECTS * ((split, model) == ("both", SHARED))}
-            own |= {"kept": ("joint springs",), "declined": ("links", "play"), "left_um": (), "error": None}
+            own |= {
+                "kept": ("joint springs",),
+                "declined": ("links", "backlash"),
+                "left_um": (),
+                "error": None,
+            }
             row = of_one_trial(RealFitRow, rng, name=model, split=split, judged="", conservative=True, **own)
             yield from () if series else (row,)
             for k, judged in enumerate(series, 1):

@@ -135,7 +135,7 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     kept = {step["name"]: step["after_mm"] for step in report["steps"] if step["kept"]}
     assert [*kept] == ["joint springs", "joint errors"]
     assert report["held_out_mm"] == [report["steps"][0]["before_mm"], kept["joint errors"]]
-    assert {step["name"] for step in report["steps"]} - kept.keys() == {"ratio", "play"}
+    assert {step["name"] for step in report["steps"]} - kept.keys() == {"gear ratio", "backlash"}
     unread = next(text for text in report["doubts"] if text.startswith("Extrapolated at joint angles"))
     assert re.search(r": joint_1 (4|5|6)\d to (7|8|9)\d deg\.", unread), unread
     assert (report["outliers"][0]["series"], str(report["outliers"][0]["row"])) in zip(

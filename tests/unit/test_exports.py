@@ -476,7 +476,7 @@ def test_the_sigma_of_file_or_map_counts_more_than_a_flag_and_that_is_said(tmp_p
 BETWEEN = {"spreadsheet": ";", "merged": ";", "rows_of_axes": "\t"}
 WRONG = [
     ("spreadsheet", 6, 3, "12.5", "line 6, column A2 [°]: expected a finite number, got '12.5'; the dec"),
-    ("spreadsheet", 4, 2, "A7 [°]", "line 4: missing columns ['joint_1_deg']; not understood: ['A7"),
+    ("spreadsheet", 4, 2, "A7 [°]", "line 4: missing columns: joint_1_deg; not understood: A7"),
     (
         "spreadsheet",
         4,
@@ -484,7 +484,7 @@ WRONG = [
         "A1 [mm]",
         "line 4, column A1 [mm]: expected a unit of angle, such as _rad, got mm",
     ),
-    ("spreadsheet", 4, 10, "Ziel 1 x", "missing columns ['P1_before_y_m']"),
+    ("spreadsheet", 4, 10, "Ziel 1 x", "missing columns: P1_before_y_m"),
     ("spreadsheet", 7, 2, "", "line 7, column A1 [°]: expected a finite number, got ''; for merged cells"),
     ("spreadsheet", 7, 3, "90", "line 7, column A2 [°]: expected -130.0000 to 20.0000 deg, got 90"),
     ("names_of_points", 6, 0, "P1", "line 6, column Name: expected '*::P{pose}_{mass_kg}kg::{marker}'"),

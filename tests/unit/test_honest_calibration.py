@@ -32,7 +32,9 @@ from testbench.workflows.calibration_numbers import remaining_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 
-FEW = CalibrationOptions(max_order=2, excluded_errors=frozenset({"links", "ratio", "play", "stiffening"}))
+FEW = CalibrationOptions(
+    max_order=2, excluded_errors=frozenset({"links", "gear ratio", "backlash", "stiffening"})
+)
 SPRINGS = CalibrationOptions(used_errors=frozenset({"joint springs"}), max_order=2)
 
 

@@ -102,8 +102,8 @@ WRONG = {
     ),
     "line 2, column feed_N: expected -1e.06 to 1e.06 N, got 2e.06": (FEED, changed(0, 6, 2e6)),
     "line 2, column mass_kg: expected 0 to 100000 kg": (f"{DEG},mass_kg", changed(0, 6, -1)),
-    r"missing columns \['joint_6_deg'\]$": (DEG.removesuffix(",joint_6_deg"), [changed(0, 6, 1)[0][:5]]),
-    r"missing columns \['joint_1_deg', .*or x_mm": ("feed_N,axial_N", [[1, 2]]),
+    r"missing columns: joint_6_deg$": (DEG.removesuffix(",joint_6_deg"), [changed(0, 6, 1)[0][:5]]),
+    r"missing columns: joint_1_deg, .*or x_mm": ("feed_N,axial_N", [[1, 2]]),
     "line 2: expected 1 to 1000000 points, got 0": (DEG, []),
     "line 2, column x_mm: expected -100 to 100 m, got 2000": (POSES, [[2e6, *POSE[1:]]]),
     "line 3, column force_x_N: expected a finite number, got ''; write 0 if none acts$": (
@@ -114,7 +114,7 @@ WRONG = {
     "line 2, column qw: expected an orientation": (POSES, [[*POSE[:3], "", "", "", ""]]),
     f"{JUMP} the tool by 1.5 m": (POSES, [POSE, [POSE[0], 1500, *POSE[2:]]]),
     f"{JUMP} the tool by 90 deg": (POSES, [POSE, [*POSE[:3], 0.70710678, 0.70710678, 0, 0]]),
-    r"missing columns \['quaternion_w'": (PLACE, [POSE[:3]]),
+    r"missing columns: quaternion_w": (PLACE, [POSE[:3]]),
     r"are they joints\? .* \"joint_\{n\}_deg\" = \"A\{n\}": (
         f"{PLACE},{','.join(f'A{k}' for k in range(1, 7))}",
         [[*POSE[:3], *[0] * 6]],

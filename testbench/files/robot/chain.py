@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.errors import Array, InputError, shorten
+from testbench.errors import Array, InputError, shorten, some_of
 from testbench.files.robot.meshes import combined
 from testbench.files.robot.mjcf import read_mjcf
 from testbench.files.robot.robot import (
@@ -131,7 +131,7 @@ def _named(file: Path, robot: Robot, name: str) -> Tip:
     tips = named_tips(robot)
     found = [tip for tip in tips if tip.site.name == name]
     if not found:
-        names = ", ".join(sorted({tip.site.name for tip in tips}))
+        names = some_of(sorted({tip.site.name for tip in tips}))
         raise InputError(file, "", f"no link, body or site {name!r} for the tip; there are {names}")
     return found[0]
 

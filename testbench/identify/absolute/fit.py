@@ -66,7 +66,7 @@ from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.posterior import ArmModel, ModelOrigin, Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
-from testbench.model.kinematics import JOINT_ERROR_KINDS, JointErrorTerms
+from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import BodyMasses, read_body_masses
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
@@ -81,7 +81,9 @@ missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a 
 MAX_SCATTER_RATIO = 0.5
 """Scatter of corrected readings over that of the readings as they are, below which these are rejected [1]."""
 COMMON_PATTERN = "common pattern"  #: Name of the periodic error that several joints share.
-SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *JOINT_ERROR_KINDS[1:])
+SINGLE_ERRORS = {"gear ratio": "ratio", "backlash": "play", "stiffening": "stiffening"}
+"""Terms of `JointErrorTerms` with one coefficient per joint, by the name of the error."""
+SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *SINGLE_ERRORS)
 """Names of the errors that a calibration tries in addition to geometry, in order."""
 
 
@@ -293,9 +295,8 @@ def linearise_readings(
         1, min(options.max_order, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
     )
     orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable_errors else ()
-    errors = JointErrorTerms(
-        orders, **{name: name in options.selectable_errors for name in JOINT_ERROR_KINDS[1:]}
-    )
+    single = {kind: name in options.selectable_errors for name, kind in SINGLE_ERRORS.items()}
+    errors = JointErrorTerms(orders, **single)
     most = all153 if "links" in options.selectable_errors else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = with_error_terms(first, errors)
@@ -429,7 +430,7 @@ def _select_errors(
         "joint errors": ErrorCandidate("joint errors", frozenset({"harmonics"})),
         COMMON_PATTERN: ErrorCandidate(COMMON_PATTERN, frozenset({"pattern"}), searches_pattern=True),
         "links": ErrorCandidate("links", compliance_prior=links),
-    } | {name: ErrorCandidate(name, frozenset({name})) for name in JOINT_ERROR_KINDS[1:]}
+    } | {name: ErrorCandidate(name, frozenset({kind})) for name, kind in SINGLE_ERRORS.items()}
     on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable_errors]
     if options.used_errors is None:
         return select_errors(unknowns, reduced, on, rules)
