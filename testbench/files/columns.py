@@ -837,10 +837,11 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     both = "expected a mass or a force, got {:g} kg and a force or moment; leave one of them blank"
     table.refuse((kg != 0) & wrench.any(axis=1), name, lambda row: both.format(kg[row]))
     wrench[:, 2] -= GRAVITY * kg
-    notes = [f"no column gives a mass: loaded rows get the {told:g} kg that you stated"] * (told is not None)
+    notes = list[str]()
+    if told is not None:
+        notes.append(f"no column gives a mass: loaded rows get the {told:g} kg that you stated")
     if hung is not None:
-        words = "the load is a hung mass: its force is -9.81 m/s2 times the mass along the world's z"
-        notes.append(words)
+        notes.append("the load is a hung mass: its force is -9.81 m/s2 times the mass along the world's z")
     names = [f"{what}_{x}" for what in ("force", "moment") for x in XYZ]
     if acts and (zero := [name for name, own in zip(names, acting, strict=True) if own is None]):
         notes.append(f"there is no column {', '.join(zero)}: taken as 0")

@@ -247,14 +247,13 @@ def ordered_joints(how: Ordered, table: TableCells, arm: Arm) -> list[Entry]:
 
 
 def _unlike(table: TableCells, what: str) -> InputError:
-    if what != "a position":
-        hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
-        hint += f"one that never moves goes into [values], as {what}_deg = 0"
-        return table.header_error(f"no column looks like {what}; columns are {some_of(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
-    hint = (
-        f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" and the words in [words]'
-    )
+    hint += ', or "{marker}_{when}_{axis}" = "{marker} {when} {axis}" and the words in [words]'
+    if what != "a position":
+        hint = (
+            "if another file has the joints, add it by --log; else name all of them in [columns] of a map, "
+        )
+        hint += f'as "joint_{{n}}_deg" = "A{{n}}", or in [values], as {what}_deg = 0, if one never moves'
     for own in KNOWN_EXPORTS["unreadable"]:
         if any(re.fullmatch(own["names"], plain(name)) for name in table.names):
             hint = own["hint"]

@@ -325,9 +325,10 @@ class TableCells:
         """
         place = {squeeze(own): k for k, own in enumerate(self.names)}
         missing = [own for own in first.names if squeeze(own) not in place]
-        if missing or len(place) != len({*map(squeeze, first.names)}):
-            got = some_of(self.names)
-            raise self.header_error(f"expected the same columns as in {first.path.name}, got {got}")
+        further = place.keys() - {*map(squeeze, first.names)}
+        if missing or further:
+            differ = f"missing here: {some_of(missing)}; only here: {len(further)} columns"
+            raise self.header_error(f"expected the same columns as in {first.path.name}; {differ}")
         order = [place[squeeze(own)] for own in first.names]
         if first.units != tuple(self.units[k] for k in order):
             raise self.header_error(f"expected the same units as in {first.path.name}")

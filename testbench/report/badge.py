@@ -76,7 +76,7 @@ POSES = "pose of one arm"  #: What is counted where a run has one trial.
 
 LEAST_SQUARES = ("none", "ridge", "clipped")  #: What methods ask that are incumbents.
 
-Verdict = Literal["holds", "likely", "tie", "too few", "do not use"]
+Verdict = Literal["holds", "likely", "tie", "undecided", "do not use"]
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Badge:
     @property
     def marked(self) -> str:
         """Name what tables mark: the winner; none on a tie, of too few, or where it is not to be used."""
-        return "" if self.why or self.verdict in ("tie", "too few") else self.winner
+        return "" if self.why or self.verdict in ("tie", "undecided") else self.winner
 
     def json(self) -> dict[str, object]:
         """Convert it to JSON data for report.json."""
@@ -181,7 +181,7 @@ def decide(
     a, b = a[known], b[known]
     own = None if trials is None else np.asarray(trials)[known]
     if not len(a):
-        return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "too few", each, why=why)
+        return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "undecided", each, why=why)
     least = max(a.max(), b.max()) / ROUNDING_RATIO or 1.0  # nothing over nothing is 1
     exact = bool(min(a.max(), b.max()) <= least < max(a.max(), b.max()))
     a, b = np.maximum(a, least), np.maximum(b, least)
@@ -189,7 +189,7 @@ def decide(
     if _several(each):
         factor, ends = float(np.median(b / a)), median_interval(b / a, own)
     names = (ours[0], theirs[0])
-    verdict: Verdict = "too few" if ends is None else "tie"
+    verdict: Verdict = "undecided" if ends is None else "tie"
     if ends is None and factor < 1 and not why:
         names, factor = names[::-1], 1 / factor
     if ends is not None and (ends[0] > 1 < factor - ALIKE):

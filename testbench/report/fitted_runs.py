@@ -224,6 +224,8 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     """
     for doubt in sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior"):
         yield say("Warning: {text}", text=ended(doubt["sentence"]))
+    told = [text for text in f.notes if text.startswith("warning: ")]
+    yield from (say("{text}", text=ended(capital(text))) for text in told)
     if taken.get("rejected"):
         yield say("Outliers left out of {name}: {rejected}.", taken)
     yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
@@ -238,7 +240,7 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
             taken,
         )
     further = [text for text in taken.advice if text not in f.why]
-    for text in (f"why this model: {f.why}", *f.notes, *further):
+    for text in (f"why this model: {f.why}", *(note for note in f.notes if note not in told), *further):
         yield say("{text}", text=ended(capital(text)))
 
 

@@ -604,7 +604,7 @@ def _badge(best: Row, board: Sequence[Row], arms: int) -> Badge:
     if factor < 1:
         low, high, names, factor = 1 / high, 1 / low, names[::-1], 1 / factor
     if arms < MIN_PAIRS:
-        return Badge(*names, factor, None, arms, "too few", "arm")
+        return Badge(*names, factor, None, arms, "undecided", "arm")
     return Badge(*names, factor, (low, high), arms, "holds" if low > 1 else "tie", "arm", ties=ties)
 
 

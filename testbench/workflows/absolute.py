@@ -321,7 +321,7 @@ def of_held(calibration: Calibration) -> list[str]:
 def of_outliers(found: Outliers) -> str:
     """Say how many positions are far off."""
     worst = (
-        f"the worst is row {found.worst_row} of {found.worst_series}, by {1e3 * found.worst_distance:.3g} mm"
+        f"the worst is row {found.worst_row} of {found.worst_series}, by {1e3 * found.worst_distance:.4g} mm"
     )
     far = f"{READING_LOSS.threshold / OUTLIER_WEIGHT:g} standard deviations"
     few = f"{found.count} of {found.n_readings} positions"
@@ -432,7 +432,7 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
         if frame_poses is None and seen_before:
             if off := distance_from_known_frame(state, one):
                 raise BenchError(
-                    f"{one.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from frame "
+                    f"{one.name}: three quarters of its readings are {1e3 * off:.4g} mm or more from frame "
                     f"{one.frame!r} of the calibration; --frame-poses fits a frame of its own"
                 )
             placed = register_with_known_frame(model, one)

@@ -495,7 +495,8 @@ def test_unloaded_and_loaded_readings_in_two_files_or_sheets_are_pairs(tmp_path)
     fits(pairs(file, loaded=loaded))
     text = loaded.read_text()
     loaded.write_text(text.replace("T3 Z", "T3 Q"))
-    with pytest.raises(InputError, match=r"loaded.csv: line 1: expected the columns of unloaded.csv, got 'P"):
+    said = "loaded.csv: line 1: expected the same columns as in unloaded.csv; missing here: T3 Z"
+    with pytest.raises(InputError, match=said):
         pairs(file, loaded=loaded)
     loaded.write_text(text.replace(numbers(X[4] + DOWN)[4], "4,5,6", 1))
     with pytest.raises(InputError, match=r"loaded.csv: line 6: expected 16 fields, got 18"):
@@ -898,7 +899,7 @@ def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
         ("<html><table></table></html>", "expected a table, got XML or HTML"),
         ("%PDF-1.7 ...", "expected a table, got a PDF"),
         (log("J{}"), "no column looks like a position"),
-        (good.replace("A1 [°]", "Comment"), r"one that never moves goes into \[values\], as joint_1_deg = 0"),
+        (good.replace("A1 [°]", "Comment"), r"or in \[values\], as joint_1_deg = 0, if one never moves"),
         (deflections, "deflections alone do not show where the targets are"),
         ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
         (table(twice, [["1"] * 12]), "got 'X' again; state"),

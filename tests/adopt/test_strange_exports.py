@@ -394,6 +394,20 @@ def exchanged(header, rows):
 
 PAIRED |= {
     "names with a mass in tonnes": table(["Name", *MM, *DEG], in_names("_", ("0t", "0.1t"))),
+    "SpatialAnalyzer, state and pose in the group": table(
+        ["Collection", "Group", "Target", *MM, *DEG],
+        [
+            ["Cell", f"POSE_{k + 1:02}_{('UNLOADED', 'LOADED')[n]}", f"P{m + 1}", *row[1:]]
+            for (k, n, m), row in zip(np.ndindex(N, 2, 3), in_names("_", ("0", "1")), strict=True)
+        ],
+    ),
+    "SpatialAnalyzer, names of three parts": table(
+        ["Point Name", *MM, *DEG],
+        [
+            [f"Cell::POSE_{k + 1:02}_{('UNLOADED', 'LOADED')[n]}::P{m + 1}", *row[1:]]
+            for (k, n, m), row in zip(np.ndindex(N, 2, 3), in_names("_", ("0", "1")), strict=True)
+        ],
+    ),
     "names with a mass in kg": table(["Name", *MM, *DEG], in_names("-", ("0", "100.0kg"))),
     "a column per point, without a heading": exchanged(["", *MM, *DEG], in_names("_", ("0t", "0.1t"))),
 }
@@ -466,6 +480,74 @@ def test_the_unit_of_positions_is_not_guessed_from_deflections(tmp_path):
     assert {"before_x_mm", "deflection_x_mm"} <= {
         own.key for own in propose(file, ARM, None, tmp_path).entries
     }
+
+
+# --- A plan to which readings were added --------------------------------------------------------------------
+
+PLANNED = [*six("joint_{}_rad"), *six("joint_{}_deg"), "load_kg"]
+READ_BESIDE = [f"P{m}_{when}_{x}_mm" for m in (1, 2, 3) for when in ("before", "after") for x in "xyz"]
+FORCES = ["force_x_N", "force_y_N", "force_z_N"]
+
+
+def planned(degrees=Q, loads=("100",) * N, forces=("", "", "")):
+    """One row per run, as plan.csv: every joint twice, the load, the forecast; then readings and forces."""
+    rows = [
+        [
+            *(str(k + 1), *numbers(RAD[k], 9), *numbers(degrees[k], 4), loads[k], "5.9154", "0.00", "start"),
+            *numbers([[X[k, m], X[k, m] + DOWN] for m in range(3)]),
+            *(forces if not loads[k] else ("", "", "")),
+        ]
+        for k in range(N)
+    ]
+    header = ["run", *PLANNED, "expected_deflection_mm", "travel_deg", "way", *READ_BESIDE, *FORCES]
+    return table(header, rows)
+
+
+def read_plan(text, tmp_path):
+    (file := tmp_path / "plan.csv").write_text(text)
+    return read_export(file, ARM)
+
+
+def test_readings_that_were_added_to_a_plan_are_read_to_the_last_digit(tmp_path):
+    fits(read_plan(planned(), tmp_path).data)
+
+
+def test_a_joint_that_a_plan_gives_in_two_units_must_agree(tmp_path):
+    edited = Q.copy()
+    edited[4, 1] += 0.5
+    with pytest.raises(InputError) as refused:
+        read_plan(planned(edited), tmp_path)
+    got = f"got {Q[4, 1]:.4f} and {edited[4, 1]:.4f} deg"
+    place = "line 6, columns joint_2_rad and joint_2_deg"
+    assert f"{place}: expected the same joint in both units, {got}" in str(refused.value)
+
+
+def test_each_run_of_a_plan_has_a_mass_or_a_force(tmp_path):
+    loads = ["" if k == 3 else "100" for k in range(N)]
+    export = read_plan(planned(loads=loads, forces=("30", "0", "-50")), tmp_path)
+    np.testing.assert_allclose(export.data.wrench[3, :3], [30, 0, -50])
+    np.testing.assert_allclose(export.data.wrench[4, :3], [0, 0, -WEIGHT])
+    text = planned(loads=loads, forces=("30", "0", "-50"))
+    line = text.splitlines()[4]
+    both = text.replace(line, line.replace(",,5.9154", ",100,5.9154"))
+    with pytest.raises(
+        InputError, match="line 5, column load_kg: expected a mass or a force, got 100 kg and"
+    ):
+        read_plan(both, tmp_path)
+    with pytest.raises(InputError, match="line 5, column load_kg: expected a finite number in a loaded row"):
+        read_plan(planned(loads=loads), tmp_path)
+
+
+@pytest.mark.parametrize(("load", "warns"), [("1000", True), ("100", False)])
+def test_a_load_that_only_one_pose_has_raises_a_warning(load, warns, tmp_path):
+    export = read_plan(planned(loads=[load if k == 6 else "100" for k in range(N)]), tmp_path)
+    said = "warning: only pose 7 (line 8) has a load of 1000 kg; all other poses have 100 kg: a typo?"
+    assert (said in export.notes) is warns
+
+
+def test_several_loads_in_many_poses_raise_no_warning(tmp_path):
+    export = read_plan(planned(loads=[("100", "200", "300")[k % 3] for k in range(N)]), tmp_path)
+    assert not [note for note in export.notes if note.startswith("warning: only")]
 
 
 # --- Gauges -------------------------------------------------------------------------------------------------
@@ -628,7 +710,7 @@ REFUSED = {
     "a header of blanks over rows of tabs": (
         table(["Frame", "Tool X", "Tool Y", "Tool Z", *DEG], [["1", "4", "2", "3", *"123456"]] * 3, "\t"),
         None,
-        r"no column looks like a position; columns are \['Frame', 'Tool X'",
+        r"no column looks like a position; columns are Frame, Tool X",
     ),
     "no header": (
         "".join(";".join([*numbers(Q[k]), "0.5", *numbers(X[k, 0])]) + "\n" for k in range(N)),
@@ -638,7 +720,7 @@ REFUSED = {
     "no header, known cells": (
         "".join(";".join([NAMES[k], "ok", *numbers(X[k, 0]), "-", *numbers(Q[k])]) + "\n" for k in range(N)),
         None,
-        "export.csv: no header: no column looks like joint_1; columns are .'Group', 'Point'",
+        "export.csv: no header: no column looks like joint_1; columns are Group, Point",
     ),
     "FANUC, current positions": (
         points(),
@@ -663,6 +745,20 @@ REFUSED = {
         points(),
         "poses:\n" + "".join(f"  - joints: [{', '.join(numbers(Q[k]))}]\n" for k in range(N)),
         "robot.dat: expected columns of the joints",
+    ),
+    "Calypso, characteristics": (
+        "planid\tid\tidsymbol\tactual\tnominal\tuppertol\nA\tP1_X\t\t1.5\t1\t0.1\n",
+        None,
+        "each row is one characteristic of a Calypso plan: export the points",
+    ),
+    "PC-DMIS, a report": (
+        "PART NAME  : ROBOT\n\nDIM LOC1= LOCATION OF POINT PNT1  UNITS=MM\n"
+        + "AX    NOMINAL     MEAS      +TOL     -TOL      DEV    OUTTOL\n"
+        + "".join(
+            f"{x}     1{x2}.000   100.012     0.100    -0.100     0.012     0.000\n" for x, x2 in ("X1", "Y2")
+        ),
+        None,
+        "a report of PC-DMIS is no table: export the points",
     ),
     "a value that stands twice": (
         table(["Point", "variable", "value"], [*TIDY_POINTS, TIDY_POINTS[0]]),

@@ -89,7 +89,7 @@ def test_differences_within_two_percent_are_a_tie_however_sure():
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_few_pairs_cannot_tell_and_the_less_error_is_named_first(n):
     own = decide(("ours", 3 * NOISE[:n]), ("theirs", NOISE[:n]))
-    assert (own.verdict, own.interval, own.winner, own.n) == ("too few", None, "theirs", n)
+    assert (own.verdict, own.interval, own.winner, own.n) == ("undecided", None, "theirs", n)
 
 
 def test_few_errors_are_called_the_same_only_if_their_numbers_are():
@@ -195,7 +195,7 @@ def test_cases_that_share_a_trial_have_an_interval_by_trial_and_too_few_trials_h
     assert own.factor == sure.factor
     assert np.log(own.interval[1] / own.interval[0]) > 3 * np.log(sure.interval[1] / sure.interval[0])
     five = shared.pick(shared[SHARED] < 5)
-    assert badge.of_rivals(five, "a", ["b"], "mm", "case").verdict == "too few"
+    assert badge.of_rivals(five, "a", ["b"], "mm", "case").verdict == "undecided"
     [row] = merged(shared.where(name="a").keep("mm", SHARED))
     assert (row.mm.trials, len(row.mm.values)) == (12, 12)
     assert row.mm.median == np.median(1 / ratio)  # numbers of models do not move
@@ -225,7 +225,7 @@ def test_every_picture_has_the_rival_joint_stiffness_and_on_top_the_winner():
         for k in (0.2, 0.99, 1, 3.7, 1e6)
         for each in ("trial", badge.POSES)
     ]
-    + [Badge("a", "b", None, None, 0, "too few"), decide(("a", [1]), ("b", [2]))],
+    + [Badge("a", "b", None, None, 0, "undecided"), decide(("a", [1]), ("b", [2]))],
 )
 def test_the_words_are_one_short_sentence_that_begins_with_the_verdict(own):
     assert own.words.lower().startswith(own.verdict)

@@ -170,7 +170,7 @@ def test_each_warning_names_its_parts_where_it_holds_and_nowhere_else(f):
         "MLS56 (stalled).": changed(f, "MLS56", status="stalled"),
         "boundary of the cone: ALL153 + prior.": changed(f, TAKEN, intervals=Row(spread, on_boundary=True)),
         "the noise only": Row(f, recommended="MGCO56"),
-        "the link before includes: joint_2.": changed(f, TAKEN, aggregated=["joint_2"]),
+        "is part of the link before them: joint_2.": changed(f, TAKEN, aggregated=["joint_2"]),
         "ALL153 + prior: 3.": changed(f, TAKEN, rejected=3),
         "There is no map": Row(f, no_map="no poses"),
     }

@@ -190,7 +190,7 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     np.testing.assert_allclose(forces, sizes, rtol=5e-3)  # chords are not quite across the spindle
     assert cut.words == "0 to 1,019 N"
     unread, chosen = cut.notes
-    assert unread == "Not read: speed_mm_s"
+    assert unread == "These columns are not read: speed_mm_s"
     assert chosen.startswith("The table has no joints: the configuration nearest to zero is used")
     plan = poses_file(tmp_path / "plan.csv", q, ["250,0.1"] * POSES, head="load_kg,expected_error_mm")
     hung = read_pose_file(plan, found, None, MASS)

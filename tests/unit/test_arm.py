@@ -169,8 +169,8 @@ def hinge(attributes):
 
 WRONG_CHAIN = {
     "a missing body": (r'name="link_2"', 'name="arm"', ["no body 'link_2'; bodies are link_0"]),
-    "a missing joint": (HINGE, "", ["<body name='link_2'>", "exactly the joint 'joint_2'", "got []"]),
-    "a wrong joint name": (r'name="joint_2"', 'name="a"', ["<body name='link_2'>", "'joint_2'", "got ['a']"]),
+    "a missing joint": (HINGE, "", ["<body name='link_2'>", "exactly the joint 'joint_2'", "got none"]),
+    "a wrong joint name": (r'name="joint_2"', 'name="a"', ["<body name='link_2'>", "'joint_2'", "got a"]),
     "a ball joint": (
         HINGE,
         hinge('type="ball" axis="0 1 0" range="-1 1"'),

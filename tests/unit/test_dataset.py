@@ -152,7 +152,7 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path):
         (b'run,pose\n"1,2"\n', "line 2: expected 2 fields, got 1"),
         (b"run," + b"x" * 200_000, "line 1: expected a header of at most 20000 letters, got 200004"),
         (b"\0" * 10, "line 1: expected text, got a zero byte"),
-        (b"run;pose;marker\n1;2;P1\n", "'joint_5_rad', 'joint_6_rad']"),
+        (b"run;pose;marker\n1;2;P1\n", "missing columns: joint_1_rad, "),
     ],
 )
 def test_file_that_is_no_dataset_is_refused(tmp_path, content, expected):
@@ -339,7 +339,7 @@ def test_counts_deflection_and_rotation_follow_from_the_readings():
     [
         ({"run_id": np.array([1, 2, 3])}, r"pose_id: expected 3 integers, got int64 \(4,\)"),
         ({"run_id": np.ones(4)}, r"run_id: expected 4 integers, got float64 \(4,\)"),
-        ({"markers": ()}, r"markers: expected different names, got \(\)"),
+        ({"markers": ()}, r"markers: expected different names, got none"),
         ({"markers": ("P1", "P1", "P3")}, "markers: expected different names, got"),
         ({"markers": ("P1", "P2")}, r"before \[m\]: expected shape \(4, 2, 3\), got \(4, 3, 3\)"),
         ({"q": np.zeros(4)}, r"q \[rad, m\]: expected shape \(4, any\), got \(4,\)"),
@@ -388,7 +388,7 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
     [
         (
             lambda data: split_by_pose(data, np.array([7, 5])),
-            r"no pose 5 in the dataset; poses are \[4, 7, 9\]",
+            r"no pose 5 in the dataset; poses are 4, 7, 9",
         ),
         (
             lambda data: split_by_pose(data, np.array([4, 7, 9])),

@@ -51,16 +51,16 @@ def test_joints_loads_labels_and_other_columns_are_read(kr500, write):
 def test_columns_that_were_not_read_are_said_and_louder_where_they_look_like_loads(kr500, write):
     """What our own corrections stand in is no surprise; a load behind them is."""
     header = (
-        f"speed_mm_s,{DEG},axail_N,torque_Nm,load_kg,comment,correction_joint_1_deg,before_x_mm,pull_N,Fz"
+        f"speed_mm_s,{DEG},axail_N,torque_Nm,payloads_kg,comment,correction_joint_1_deg,before_x_mm,pull_N,Fz"
     )
     rows = [["20", *q, 900, 1, 2, "cut", 0.1, 1, 5, 8] for q in np.degrees(Q)]
     program = read_program(write(header, rows), kr500.arm)
     assert program.corrected
     loud = [
         f"Not used, although it looks like a load: {name}"
-        for name in ("axail_N (axial_N?)", "torque_Nm", "load_kg (payload_kg?)", "pull_N", "Fz")
+        for name in ("axail_N (axial_N?)", "torque_Nm", "payloads_kg (payload_kg?)", "pull_N", "Fz")
     ]
-    assert unread_columns(program) == (*loud, "Not read: speed_mm_s, comment")
+    assert unread_columns(program) == (*loud, "These columns are not read: speed_mm_s, comment")
     plain = read_program(write(f"{DEG},axial_N", [[*q, 9] for q in np.degrees(Q)]), kr500.arm)
     assert unread_columns(plain) == ()
     assert not plain.corrected

@@ -264,10 +264,10 @@ ANGLES = table(["rx", "ry", "rz"], np.rad2deg(R.as_euler("xyz")))
 DEVIATIONS = {f"sigma_{x}_mm": [0.02] * N for x in "xyz"}
 NAMED = '[columns]\n"rotation_{axis}_deg" = "r{axis}"\n'
 FAULTS = {
-    "an axis is missing": ({k: v for k, v in PLAIN.items() if k != "z_mm"}, "", "missing columns .'z_m'"),
+    "an axis is missing": ({k: v for k, v in PLAIN.items() if k != "z_mm"}, "", "missing columns: z_m"),
     "no reading": (PLAIN | {x: [""] * N for x in XYZ}, "", "expected at least one reading"),
     "no unit quaternion": (TURNED | changed("qw", 3), "", "line 4, column .*unit quaternion"),
-    "part of a quaternion": (PLAIN | {k: TURNED[k] for k in ("qx", "qy", "qz")}, "", "'quaternion_w'"),
+    "part of a quaternion": (PLAIN | {k: TURNED[k] for k in ("qx", "qy", "qz")}, "", "columns: quaternion_w"),
     "angles without notation": (PLAIN | ANGLES, NAMED, 'series.rotation: expected "intrinsic xyz"'),
     "angles of no notation": (PLAIN | ANGLES, '[series]\nrotation = "XYZ"', 'rotation: expected "vector"'),
     "angles about one axis": (PLAIN | ANGLES, NAMED + '[series]\nrotation = "intrinsic xxy"', "no Euler"),
@@ -279,8 +279,8 @@ FAULTS = {
     "negative deviation": (PLAIN | DEVIATIONS | {"sigma_y_mm": [-1] * N}, "", "line 2, column sigma_y_mm"),
     "deviations in another unit": (PLAIN | {f"sigma_{x}_m": [0.02] * N for x in "xyz"}, "", "another unit"),
     "sigma twice": (PLAIN | {"sigma_um": [30] * N}, "[values]\nsigma_um = 30", "sigma"),
-    "loaded with nothing": (PLAIN | {"state": ["loaded"] * N}, "", "missing columns .'mass_kg"),
-    "a torque is missing": (PLAIN | {"torque_joint_1_Nm": [1] * N}, "", "'torque_joint_2_Nm'"),
+    "loaded with nothing": (PLAIN | {"state": ["loaded"] * N}, "", "missing columns: mass_kg"),
+    "a torque is missing": (PLAIN | {"torque_joint_1_Nm": [1] * N}, "", "missing columns: torque_joint_2_Nm"),
     "no column to scale": (PLAIN, "scale.sigma_um = 0.5", "scale.sigma_um: expected a key of columns or opt"),
     "unknown key": (PLAIN, '[series]\nmount = "a"', "series.mount: unknown key; keys are frame, target"),
     "a set-up without a name": (PLAIN | {"series": ["a"] * 6 + [""]}, "", "line 8, column series"),

@@ -753,7 +753,7 @@ def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> M
     if placed is not None and placed.near:
         turn = f"{np.degrees(placed.turn):.3g} degrees off (median) for the best mount"
         return Misfit(f"{series.name}: its positions fit this arm, but its orientations are {turn}", series)
-    far = "" if placed is None else f": they are {1e3 * placed.typical:.3g} mm off (median) in the best frame"
+    far = "" if placed is None else f": they are {1e3 * placed.typical:.4g} mm off (median) in the best frame"
     places = series.position[series.is_measured], tool_poses(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
     spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"
@@ -769,7 +769,7 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
         off = distance_from_known_frame(state, readings) if what else 0.0
         if off:
             raise BenchError(
-                f"{readings.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from the "
+                f"{readings.name}: three quarters of its readings are {1e3 * off:.4g} mm or more from the "
                 f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
             )
 
@@ -793,7 +793,7 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
         far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(FITTED_SHARE * len(left)))] ** 2)))
         if far > MAX_FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
             words = (
-                f"{readings.name}: the readings do not fit this arm: {1e3 * far:.3g} mm (RMS of the nearest "
+                f"{readings.name}: the readings do not fit this arm: {1e3 * far:.4g} mm (RMS of the nearest "
             )
             raise Misfit(f"{words}nine tenths) after its geometry and springs are fitted", readings)
 

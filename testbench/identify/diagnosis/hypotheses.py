@@ -903,7 +903,7 @@ def _scale_sentence(issue: Issue, arm: Arm) -> str:
         largest, median = MM * issue.details["largest"], MM * issue.details["median"]
         return (
             f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest "
-            f"is {largest:.3g} mm, {issue.where[0]} in run {issue.where[1]}, the median {median:.3g} mm: "
+            f"is {largest:.4g} mm, {issue.where[0]} in run {issue.where[1]}, the median {median:.4g} mm: "
             "is that reading wrong, or do loaded readings belong to other runs?"
         )
     hint = "forces in another unit, a lighter load, or a folder too soft?"
