@@ -1,8 +1,8 @@
 """Compensation of a program, and inverse kinematics of the rigid arm along a path of the tool.
 
-`compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out. They
-are within the limits, with the remaining error and its interval. A point that cannot be corrected keeps its
-programmed joints and has a reason.
+`compensate` is the last step of the work flow: from a model, programmed joints and loads it computes the
+joints to command, within their limits, with the remaining error and its interval. A point that cannot be
+corrected keeps its programmed joints and has a reason.
 
 `joints_along_path` converts a Cartesian program to joints for `compensate`. `solve_inverse_kinematics` puts
 the tool into all poses at once by damped Newton steps within limits. A path has knots: points about
@@ -44,27 +44,25 @@ from testbench.plant.site import Site, find_collisions
 
 # --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
 
-POSE_TOLERANCE = 1e-9  #: Distance and angle to its pose within which the tool has reached it [m, rad].
-CONVERGED_ERROR = (
-    1e-12  #: Error, rotation times lever included, below which a pose takes no further step [m].
-)
-ROTATION_LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over the arm's reach [1].
-INITIAL_DAMPING = (
-    1e-2  #: Damping of the first step over the squared error [1]: it fades as the tool comes near.
-)
-MIN_DAMPING = 1e-14  #: Damping that stays, over the square of the lever [1].
+POSE_TOLERANCE = 1e-9  #: Distance and angle to its target within which a pose counts as reached [m, rad].
+#: Error below which a pose is not improved further, rotation times lever included [m].
+CONVERGED_ERROR = 1e-12
+ROTATION_LEVER = 0.25  #: Radius that converts an angle of orientation to a length, over the arm's reach [1].
+INITIAL_DAMPING = 1e-2  #: Damping of the first step over the squared error of the pose [1].
+MIN_DAMPING = 1e-14  #: Damping that remains at zero error, over the square of the lever [1].
 MAX_JOINT_STEP = 0.5  #: Largest motion of a joint in one step [rad, m].
 MIN_STEP_GAIN, MAX_STALLED_STEPS = 1e-4, 4
-"""Relative gain below which a step counts as stalled [1], and stalled steps in a row that end a pose."""
-MAX_STEPS = 60  #: Most steps.
+"""Relative gain below which a step counts as stalled [1], and number of stalled steps in a row at which the
+search ends for a pose."""
+MAX_STEPS = 60  #: Largest number of steps per pose.
 
 
 @dataclass(frozen=True)
 class InverseKinematics:
-    """Hold joints, and the remaining distance of the tool from its poses."""
+    """Hold a solution of inverse kinematics: joints, and the remaining error of the tool's pose."""
 
     q: Array  #: Joints within the limits, (poses, n) [rad, m].
-    distance_error: Array  #: Distance of the tool from its target, (poses,) [m].
+    distance_error: Array  #: Distance between the tool's origin and its target, (poses,) [m].
     angle_error: Array  #: Angle between the tool's orientation and its target, (poses,) [rad].
 
     @property
@@ -74,10 +72,11 @@ class InverseKinematics:
 
 
 def solve_inverse_kinematics(vjm: Vjm, target: Target, start: Array) -> InverseKinematics:
-    """Find joints near others that put the tool's origin into poses; where none do, as near as these lead.
+    """Solve the inverse kinematics of the rigid arm within joint limits, from given start joints.
 
-    It minimises the squared error by damped least squares, d = J^T (J J^T + weight 1)^-1 e, whose motion is
-    short. A joint at its limit whose step would leave it stays there.
+    It minimises the squared error of the pose by damped Newton steps d = J^T (J J^T + k 1)^-1 e, with the
+    error e, its Jacobian J and the damping k. A joint at its limit does not move beyond it. Where no joints
+    reach a pose, the last step is returned.
 
     Mathematics: `cor-9`.
 
@@ -99,7 +98,7 @@ def solve_inverse_kinematics(vjm: Vjm, target: Target, start: Array) -> InverseK
         active = np.flatnonzero((cost > CONVERGED_ERROR**2) & (dull < MAX_STALLED_STEPS))
         if not len(active):
             break
-        # Levenberg's damping, in proportion to the squared error
+        # damping in proportion to the squared error (Levenberg)
         weight = damping[active] * cost[active] + MIN_DAMPING * lever**2
         trial = vjm.arm.clip_to_limits(
             q[active] + _step(J[active], e[active], weight, q[active], vjm.arm.limits)
@@ -119,6 +118,7 @@ def solve_inverse_kinematics(vjm: Vjm, target: Target, start: Array) -> InverseK
 
 
 def _square(e: Array) -> Array:
+    """Compute squared lengths of the rows of e, (poses,)."""
     return np.asarray((e * e).sum(axis=1))
 
 
@@ -151,42 +151,46 @@ def _damped(J: Array, e: Array, weight: Array) -> Array:
 
 
 KNOT_DISTANCE, KNOT_ROTATION = 0.1, 0.2
-"""Distance between supports of a path over the arm's reach [1], and the rotation that counts as far [rad]."""
+"""Distance of the tool between knots of a path over the arm's reach [1], and its rotation that counts as much
+[rad]."""
 MAX_CONTINUOUS_MOTION, MAX_MOTION_PER_KNOT_DISTANCE = 0.1, 3.0
-"""Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
-between supports, which counts up to `MAX_MOTION_PER_KNOT_DISTANCE` per stride [rad, m]."""
-MAX_JUMP_REPAIRS = 4  #: Most repairs of a path.
-N_START_CONFIGURATIONS = 256  #: Random configurations from which the first point is solved.
-MAX_TRIED_CONFIGURATIONS = 8  #: Configurations of the first point with which the path is tried.
-MAX_TRIAL_POINTS = 400  #: Most points of the path that such a trial uses.
+"""Limits of a joint's motion between neighbouring points [rad, m]; a larger motion is a jump. It may exceed
+twice the motion of joints interpolated between knots by the first number. Of twice that motion, at most the
+second number per `KNOT_DISTANCE` counts."""
+MAX_JUMP_REPAIRS = 4  #: Largest number of repairs of jumps in a path.
+N_START_CONFIGURATIONS = 256  #: Number of random start joints from which the first point is solved.
+MAX_TRIED_CONFIGURATIONS = 8  #: Largest number of solutions of the first point that are tried.
+MAX_TRIAL_POINTS = 400  #: Largest number of points of the path in such a trial.
 LIMIT_CLEARANCE = 0.05
-"""Distance to the limits that the first point should keep, and between configurations to try [rad, m]."""
-SAME_CONFIGURATION_TOLERANCE = 0.05  #: Largest difference of joints that count as one configuration [rad, m].
-#: Motion of a joint between two supports from which one is added between them [rad, m].
+"""Distance to joint limits that the first point should keep, and least distance between two solutions of the
+first point that are tried [rad, m]."""
+SAME_CONFIGURATION_TOLERANCE = 0.05  #: Largest joint difference of one and the same configuration [rad, m].
+#: Motion of a joint between two knots above which a knot is added between them [rad, m].
 MAX_JOINT_MOTION_BETWEEN_KNOTS = 0.5
-#: Share of its error to which an unreached pose must come for new joints to replace it [1].
+#: Remaining error over the present one below which new joints of an unreached pose are accepted [1].
 MAX_REMAINING_ERROR_SHARE = 0.9
-MAX_KNOT_ROUNDS = 20  #: Most rounds that add supports: more than the points between two supports allow.
+MAX_KNOT_ROUNDS = 20  #: Largest number of rounds that add knots; paths need fewer.
 
 
 def joints_along_path(
     vjm: Vjm, position: Array, rotation: Array, *, start: Array | None = None, point: Array | None = None
 ) -> InverseKinematics:
-    """Find joints that keep a point of the tool on a path, continuous from point to point.
+    """Find joints of the rigid arm that move a point of the tool along a path without jumps.
 
-    Supports are solved one after the other, each from the last one, and all points between them at once.
-    Points that cannot be reached are left as near as the configuration of their neighbours leads.
+    Knots, some of the points, are solved one after the other, each from the joints of the knot before; all
+    points between knots are then solved at once. A point that cannot be reached gets the nearest joints that
+    were found.
 
     Args:
         vjm: Kinematics of the rigid arm.
         position: Positions of the point, world, (points, 3) [m].
         rotation: Orientations, world from tool, (points, 3, 3) [1].
-        start: Joints near the first point, (n,), or near every point, (points, n) [rad, m]. None tries
-            configurations, the nearest to zero first, until one reaches the whole path.
+        start: Joints near the first point, (n,), or near every point, (points, n) [rad, m]. With None several
+            solutions of the first point are tried, the nearest to zero first, until one reaches all points.
         point: The point in the tool's frame, (3,) or (points, 3) [m]; None for its origin.
 
     Returns:
-        Joints, (points, n) [rad, m], and the remaining distance where the tool cannot reach.
+        Joints within the limits, (points, n) [rad, m], and the remaining distance and angle of every point.
 
     Raises:
         BenchError: When an array has another shape or is not finite, or there is no point.
@@ -206,7 +210,7 @@ def joints_along_path(
 
 
 def _best_start(vjm: Vjm, target: Target, tries: Array) -> Array:
-    """Choose the first of some start configurations from which most of the path is reached, (n,) [rad, m]."""
+    """Choose the start joints, (n,) [rad, m], from which most points of the path are reached."""
     if len(tries) == 1:
         return np.asarray(tries[0])
     sample = np.arange(0, len(target.position), math.ceil(len(target.position) / MAX_TRIAL_POINTS))
@@ -219,14 +223,14 @@ def _best_start(vjm: Vjm, target: Target, tries: Array) -> Array:
 
 
 def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Array:
-    """Find joints of the first point, the best first, (tries, n) [rad, m]."""
+    """Find joints that reach the first point, (tries, n) [rad, m], the best first."""
     arm, (lower, upper) = vjm.arm, vjm.arm.limits
     if start is not None:
         start = check_array(start, (arm.n_joints,), "start [rad, m]")
         reached = solve_inverse_kinematics(vjm, target, start[None])
         if reached.converged.all():
             return reached.q
-    # Else from many random configurations, nearest to the start or to zero.
+    # Otherwise solve it from many random joints, and prefer solutions near the start or zero.
     near = arm.clip_to_limits(np.zeros(arm.n_joints) if start is None else start)
     seeds = arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS)
     many = solve_inverse_kinematics(
@@ -234,7 +238,7 @@ def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Arra
     )
     if not many.converged.any():
         return many.q[[np.argmin(many.distance_error + vjm.reach * many.angle_error)]]
-    # Away from the limits first, then the nearest.
+    # First those with clearance to the limits, then by distance.
     q = _unwind(vjm, many.q[many.converged], near)
     away = np.linalg.norm(q - near, axis=1)
     tight = np.minimum(q - lower, upper - q).min(axis=1) < LIMIT_CLEARANCE
@@ -249,7 +253,7 @@ def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Arra
 
 
 def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
-    """Find all joints that put the tool's origin into a pose, whole turns of hinges included.
+    """Find all joints that put the tool's origin into a pose, with hinges turned by 360 degrees too.
 
     Args:
         vjm: Kinematics of the rigid arm.
@@ -257,7 +261,7 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
         rotation: Orientation, world from tool, (3, 3) [1].
 
     Returns:
-        Joints within the limits, (configurations, n) [rad, m].
+        Different solutions within the limits, (solutions, n) [rad, m].
     """
     seeds, (lower, upper) = (
         vjm.arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS),
@@ -276,18 +280,18 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
 
 
 def _unwind(vjm: Vjm, q: Array, near: Array) -> Array:
-    """Take whole turns out of hinges, as far as the limits let them come nearer to given joints."""
+    """Turn hinges by multiples of 360 degrees to the nearest of given joints, within the limits."""
     lower, upper = vjm.arm.limits
     other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * vjm.arm.full_turn_joints
     return np.where((other >= lower) & (other <= upper), other, q)
 
 
 def _follow_path(vjm: Vjm, target: Target, first: Array) -> InverseKinematics:
-    """Follow a path from joints near its first point, and repair jumps.
+    """Find joints along a path from joints near its first point, and repair jumps.
 
-    Where branches of the inverse kinematics nearly meet, a support may lie on another branch than the points
-    before it. Then the rest is solved again from these points. If that leads nowhere, the points before are
-    solved again, backwards from the support.
+    Where branches of the inverse kinematics nearly meet, a knot may be on another branch than the points
+    before it. Then the points after the jump are solved again from these points. If that reaches fewer
+    points, the points before the jump are solved again, backwards from the knot.
     """
     reached, rough = _follow_once(vjm, target, first)
     tried = -1
@@ -316,13 +320,13 @@ def _follow_path(vjm: Vjm, target: Target, first: Array) -> InverseKinematics:
 
 
 def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[InverseKinematics, Ids]:
-    """Find joints along a path once, and the points, (jumps,), behind which they jump."""
+    """Find joints along a path without repairs, and the indices of points after which they jump, (jumps,)."""
     turn = np.linalg.norm(rotation_vectors_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (KNOT_DISTANCE * vjm.reach) + turn / KNOT_ROTATION + 1e-9)])
-    places, q = path_knots(vjm, target, _support_places(way), first)
+    places, q = path_knots(vjm, target, _first_knots(way), first)
     start = np.stack([np.interp(way, way[places], joint) for joint in q.T], axis=1)
-    # a motion well beyond the interpolated one is a jump to another branch
+    # a motion far larger than the interpolated one is a jump to another branch
     steady = MAX_CONTINUOUS_MOTION + np.minimum(
         2 * np.abs(np.diff(start, axis=0)), MAX_MOTION_PER_KNOT_DISTANCE * np.diff(way)[:, None]
     )
@@ -331,8 +335,8 @@ def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[InverseKinemat
     return reached, np.flatnonzero(jumps & reached.converged[1:] & reached.converged[:-1])
 
 
-def _support_places(way: Array) -> Ids:
-    """Select points about one stride apart along the way, the first and the last one among them."""
+def _first_knots(way: Array) -> Ids:
+    """Select points about one unit of `way` apart, the first and the last among them."""
     places = [0]
     while places[-1] < len(way) - 1:
         places.append(max(places[-1] + 1, int(np.searchsorted(way, way[places[-1]] + 1, side="right")) - 1))
@@ -340,7 +344,7 @@ def _support_places(way: Array) -> Ids:
 
 
 def _retry_unreached(vjm: Vjm, target: Target, reached: InverseKinematics) -> InverseKinematics:
-    """Try unreached points once more from the nearest points that were reached."""
+    """Solve unreached points once more, each from the joints of the nearest reached point."""
     there = np.flatnonzero(reached.converged)
     lost = np.flatnonzero(~reached.converged)
     if not len(there) or not len(lost):
@@ -355,19 +359,19 @@ def _retry_unreached(vjm: Vjm, target: Target, reached: InverseKinematics) -> In
 def solve_from_predecessors(
     vjm: Vjm, target: Target, guess: InverseKinematics, unsolved: Ids
 ) -> InverseKinematics:
-    """Solve poses again, each from the one before, until none changes; a reached pose stays reached.
+    """Solve poses of a path again, each from the joints of the pose before it, until none changes.
 
     Args:
         vjm: Kinematics of the rigid arm.
-        target: Poses of the tool's origin.
-        guess: A guess of every pose.
-        unsolved: Indices of the poses to solve first, (k,), the first pose not among them.
+        target: Poses of the tool's origin along the path.
+        guess: Joints and errors of all poses so far.
+        unsolved: Indices of the poses to solve first, (k,), without pose 0.
 
     Returns:
-        Joints and remaining errors of all poses.
+        Joints and remaining errors of all poses; a pose that was reached before is still reached.
     """
     while len(unsolved):
-        # solve from the left neighbour; where that changes a pose, the pose behind it is open again
+        # solve from the pose before; where that changes a pose, the pose after it must be solved again
         reached, old = (
             solve_inverse_kinematics(vjm, select_rows(target, unsolved), guess.q[unsolved - 1]),
             select_rows(guess, unsolved),
@@ -384,72 +388,74 @@ def solve_from_predecessors(
 
 
 def path_knots(vjm: Vjm, target: Target, indices: Ids, first: Array) -> tuple[Ids, Array]:
-    """Choose support points of a path, and find their joints; more points are chosen where joints turn fast.
+    """Solve the knots of a path one after the other, and add knots where joints move far between two.
 
     Args:
         vjm: Kinematics of the rigid arm.
         target: Poses of the tool's origin along the path.
-        indices: Indices of the first supports, (k,).
+        indices: Indices of the knots to begin with, (k,).
         first: Joints near the first point, (n,) [rad, m].
 
     Returns:
-        Indices of all supports, (supports,), and their joints, (supports, n) [rad, m].
+        Indices of all knots, (knots,), and their joints, (knots, n) [rad, m].
     """
-    supports = solve_inverse_kinematics(vjm, select_rows(target, indices), np.tile(first, (len(indices), 1)))
+    knots = solve_inverse_kinematics(vjm, select_rows(target, indices), np.tile(first, (len(indices), 1)))
     open_ = np.arange(1, len(indices))
     for _ in range(MAX_KNOT_ROUNDS):
-        # the supports so far, each from the one before
-        supports = solve_from_predecessors(vjm, select_rows(target, indices), supports, open_)
-        far = np.abs(np.diff(supports.q, axis=0)).max(axis=1, initial=0) > MAX_JOINT_MOTION_BETWEEN_KNOTS
-        wide = np.flatnonzero(far & supports.converged[1:] & supports.converged[:-1] & (np.diff(indices) > 1))
+        # solve the knots so far, each from the one before
+        knots = solve_from_predecessors(vjm, select_rows(target, indices), knots, open_)
+        far = np.abs(np.diff(knots.q, axis=0)).max(axis=1, initial=0) > MAX_JOINT_MOTION_BETWEEN_KNOTS
+        wide = np.flatnonzero(far & knots.converged[1:] & knots.converged[:-1] & (np.diff(indices) > 1))
         if not len(wide):
             break
-        # halfway between supports whose joints are far apart a new one is added
+        # halfway between knots whose joints are far apart a new one is added
         between = (indices[wide] + indices[wide + 1]) // 2
-        reached = solve_inverse_kinematics(vjm, select_rows(target, between), supports.q[wide])
+        reached = solve_inverse_kinematics(vjm, select_rows(target, between), knots.q[wide])
         order = np.argsort(np.concatenate([indices, between]))
         indices = np.concatenate([indices, between])[order]
-        supports = select_rows(concatenate_rows([supports, reached]), order)
+        knots = select_rows(concatenate_rows([knots, reached]), order)
         open_ = np.flatnonzero(np.isin(indices, between)) + 1
-    return indices, supports.q
+    return indices, knots.q
 
 
 # --- Compensation of a program ------------------------------------------------------------------------------
 
 RefusalReason = Literal["reach", "equilibrium", "limit", "collision"]
-"""Reasons to refuse a point: out of reach, no equilibrium, beyond a joint's limit, or a new collision."""
+"""Reasons why a point is not corrected: out of reach, no equilibrium, a joint limit, or a new collision."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """State why a point cannot be corrected."""
+    """Hold the reason why a point of a program is not corrected."""
 
-    reason: RefusalReason  #: The reason.
-    involved_names: tuple[
-        str, ...
-    ] = ()  #: The joint that would pass its limit, or the two parts that would collide.
-    excess: float = 0.0  #: Remaining distance [m], or how far beyond the limit [rad, m].
+    reason: RefusalReason  #: Kind of the reason.
+    #: Name of the joint beyond its limit, or names of the two parts that would collide; else empty.
+    involved_names: tuple[str, ...] = ()
+    excess: float = 0.0  #: Remaining distance [m] if out of reach, or distance beyond the limit [rad, m].
 
 
 @dataclass(frozen=True, repr=False)
 class Compensated(Displayed):
-    """Hold the joints that bring the loaded tool to the poses of the program, and the errors."""
+    """Hold a corrected program: joints that bring the loaded tool to the programmed poses, and its errors.
+
+    Errors are predicted minus programmed position of the tool point.
+    """
 
     q: Array  #: Joints to command, those of the program at refused points, (points, n) [rad, m].
     programmed_q: Array  #: Joints of the program, (points, n) [rad, m].
-    target: Target  #: Poses of the program.
-    error_before: Array  #: Predicted minus programmed position without correction, world, (points, 3) [m].
-    error_after: Array  #: Predicted minus programmed position with it, world, (points, 3) [m].
-    rotation_error: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
-    error_half_width: (
-        Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
-    )
-    at_limit: Mask  #: Joints that a limit stops, (points, n).
-    refusals: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
-    joint_meaning: JointMeaning  #: Meaning that the program's joints were given.
+    target: Target  #: Programmed poses of the tool point.
+    error_before: Array  #: Position error of the tool point without correction, world, (points, 3) [m].
+    error_after: Array  #: Position error of the tool point with correction, world, (points, 3) [m].
+    #: Remaining rotation to the programmed orientation, rotation vectors, world, (points, 3) [rad].
+    rotation_error: Array
+    #: Half width of the 95 % interval of `error_after`, world, (points, 3) [m]; infinite if unobservable.
+    error_half_width: Array
+    at_limit: Mask  #: Whether a joint is fixed at its limit, (points, n).
+    refusals: tuple[Refusal | None, ...]  #: Why a point is not corrected; None for a corrected one.
+    joint_meaning: JointMeaning  #: Meaning of the program's joints that the correction used.
 
     def summary(self) -> dict[str, object]:
-        """Summarise the correction: points, refused points, and errors of position before and after."""
+        """Summarise the correction: numbers of points and refused points, errors before and after it."""
         sizes = (1e3 * np.linalg.norm(error, axis=1) for error in (self.error_before, self.error_after))
         return {
             "points": len(self.q),
@@ -470,7 +476,7 @@ def compensate(
     aim: Aim | None = None,
     site: Site | None = None,
 ) -> Compensated:
-    """Find joints that bring the loaded tool to the poses of a program.
+    """Correct a program: find joints that bring the loaded tool to the programmed poses, within the limits.
 
     Args:
         model: Identified model of the arm, such as `load_model` reads.
@@ -478,7 +484,7 @@ def compensate(
         loads: Loads at the points, each the same at all or with one row per point.
         aim: Tool point, the part of its pose to correct, and the meaning of the program's joints; None for
             the whole pose of the tool's origin.
-        site: Surroundings of the arm, for collisions; None leaves collisions unchecked.
+        site: The arm with its surroundings, to check collisions; None for no check.
 
     Returns:
         Corrected joints inside the limits, remaining errors and their intervals.
@@ -496,13 +502,13 @@ def compensate(
     aim, loads = aim or Aim(), [load.for_poses(len(q)) for load in loads]
     point = np.array(aim.tool_point)
     meant: JointMeaning = aim.joint_meaning or ("drawn" if model.is_absolute else "unloaded")
-    # the target of the program, and how far the uncorrected tool is from it
+    # programmed poses of the tool point, and the error without correction
     target = programmed_target(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).position_of(point) - target.position
     solution, held = solve_within_limits(model, q, loads, target, aim)
     refused = _refused(model.arm, solution, q, site)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
-    # refused points keep their joints, and their error before correction
+    # refused points keep their joints and their error before correction
     left = np.where(bad[:, None], before, -solution.position_error)
     corrected = np.where(bad[:, None], q, solution.q)
     acts = np.asarray(before.any(axis=1))
@@ -519,20 +525,20 @@ def compensate(
 def solve_within_limits(
     model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
 ) -> tuple[InverseStaticsSolution, Mask]:
-    """Solve all points as `solve_inverse_statics` does, with joints kept inside their limits.
+    """Solve the inverse statics of all points, with joints inside their limits.
 
-    A joint that would pass its limit is held there, and the points are solved again with the other joints,
-    until no further joint passes its limit.
+    A joint that would exceed its limit is fixed at it, and the point is solved again with the other joints,
+    until no joint exceeds its limit.
 
     Args:
         model: Identified model of the arm.
         q: Joints to start from, (points, n) [rad, m].
         loads: Loads at the points, each with one row per point.
-        target: Where the tool point has to be.
-        aim: Tool point and the part of its pose to correct.
+        target: Target poses of the tool point.
+        aim: Tool point, and the part of its pose to correct.
 
     Returns:
-        The solution, and which joints a limit at_limit, (points, n).
+        The solution, and whether a joint is fixed at its limit, (points, n).
     """
     arm, (lower, upper) = model.arm, model.arm.limits
     free_joints = True if arm.dependence_matrix is None else arm.dependence_matrix.any(axis=0)
@@ -543,7 +549,7 @@ def solve_within_limits(
         passed = np.flatnonzero(beyond.any(axis=1) & corrected.solved)
         if not len(passed):
             break
-        # hold the joints that passed a limit there, and solve these points again
+        # fix the joints that exceed a limit at it, and solve these points again
         free = points.may_move * ~(beyond & corrected.solved[:, None])
         start = arm.with_dependent_joints(
             np.where(free > 0, points.start, np.clip(corrected.q, lower, upper))
@@ -556,7 +562,7 @@ def solve_within_limits(
 def _refused(
     arm: Arm, corrected: InverseStaticsSolution, q: Array, site: Site | None
 ) -> list[Refusal | None]:
-    """Find why points cannot be corrected: reach, equilibrium, a limit, or a collision that is new."""
+    """Find why a point is not corrected: reach, equilibrium, a limit, or a new collision; None if it is."""
     lower, upper = arm.limits
     reasons: list[Refusal | None] = [None] * len(q)
     for k in np.flatnonzero(~corrected.solved):

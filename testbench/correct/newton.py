@@ -1,14 +1,12 @@
-"""Static equilibrium of the loaded arm, and inverse statics: joints whose loaded tool is on its target.
+"""Static equilibrium of the loaded arm, and inverse statics: joints that put the loaded tool on its target.
 
-All predictions and corrections of this package start from `equilibrium`, in any number of poses at once.
-
-`solve_inverse_statics` is Newton's method in two unknowns together: the virtual joints theta move towards
+`solve_inverse_statics` is Newton's method for two unknowns together: the virtual joints theta move towards
 their equilibrium, and the commanded joints q towards the target. Every step evaluates the deflected arm once.
 It predicts by J_theta how the new theta moves the tool, and moves q by the remaining error. The neglected
-terms are a hundredth on heavy arms, so five steps reach 1e-10 m. All steps use the operator of the first one;
-so the directions that are met or damped depend on the start of a point alone, and neighbours on a path stay
-neighbours. Steps have bounded length, and are halved if they do not converge. Points that still have not
-converged get a new operator in every step.
+terms are a hundredth on heavy arms, so five steps reach 1e-10 m. All steps use the operator (the inverse
+Jacobian) of the first step. So which directions are damped depends on the start of a point alone, and
+corrections of neighbours on a path are near each other. Steps have bounded length, and are halved if they do
+not converge. Points that still have not converged get a new operator in every step.
 
 A step corrects position first, then as much of the rotation as is requested. With d the motion of the joints,
 J_p and J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a basis of the
@@ -16,10 +14,10 @@ motions that leave the position unchanged:
 
     d = J_p^+ b_p + Z z,    z of least norm(J_r Z z - (b_r - J_r J_p^+ b_p))
 
-So the position is met in any pose in which it can be met at all. Near a singular pose of the wrist a rotation
-takes large joint motions. There every direction z of small singular value s is damped: s / (s^2 + l^2)
-replaces 1 / s, with l growing smoothly from zero at s = MIN_SINGULAR_VALUE (Nakamura & Hanafusa 1986); the
-remaining rotation is reported. If joints are redundant, d is the shortest motion.
+So the position is reached in any pose in which it can be reached at all. Near a singular pose of the wrist a
+rotation takes large joint motions. There every direction z of small singular value s is damped: s / (s^2 +
+l^2) replaces 1 / s, with l growing smoothly from zero at s = MIN_SINGULAR_VALUE (Nakamura & Hanafusa 1986);
+the remaining rotation is reported. If joints are redundant, d is the shortest motion.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,18 +46,21 @@ from testbench.model.vjm import (
 )
 from testbench.progress import stepwise
 
-POSES_PER_BATCH = 512  #: Poses computed side by side: enough for numpy, few for its cache.
+POSES_PER_BATCH = 512  #: Number of poses that are computed at once: fast in numpy, small in memory.
 
 
 def pose_slices(n_poses: int) -> Iterator[slice]:
-    """Split poses into slices of at most `POSES_AT_ONCE`, with progress; one empty slice for none."""
+    """Split the indices 0 to n_poses - 1 into slices of at most `POSES_PER_BATCH`, and report progress.
+
+    For no pose it yields one empty slice.
+    """
     return stepwise(
         [slice(k, k + POSES_PER_BATCH) for k in range(0, max(n_poses, 1), POSES_PER_BATCH)], "solving poses"
     )
 
 
 def assign_rows(rows: Rows, indices: Ids, new_rows: Rows) -> None:
-    """Overwrite some rows of arrays that belong together, in place.
+    """Overwrite some rows of all arrays of a dataclass, in place.
 
     Args:
         rows: Dataclass of arrays with one row per pose.
@@ -71,15 +72,12 @@ def assign_rows(rows: Rows, indices: Ids, new_rows: Rows) -> None:
 
 
 def replace_rows(rows: Rows, indices: Ids, new_rows: Rows) -> Rows:
-    """Copy arrays that belong together, with some rows overwritten.
+    """Return a copy of a dataclass of arrays with some rows overwritten.
 
     Args:
-        rows: Dataclass of arrays with one row per pose.
+        rows: Dataclass of arrays with one row per pose; it is not changed.
         indices: Indices of the rows to overwrite, (k,).
         new_rows: Dataclass of the same type with k rows.
-
-    Returns:
-        The copy; the input is unchanged.
     """
     copied = concatenate_rows([rows])
     assign_rows(copied, indices, new_rows)
@@ -88,14 +86,14 @@ def replace_rows(rows: Rows, indices: Ids, new_rows: Rows) -> Rows:
 
 @dataclass(frozen=True)
 class EquilibriumPoses:
-    """Hold the equilibrium: virtual joints, and the tool's pose."""
+    """Hold the static equilibrium of the arm in some poses: virtual joints, and pose of the tool."""
 
     theta: Array  #: Virtual joints, (poses, n_theta) [m, rad].
     position: Array  #: Position of the tool's origin, world, (poses, 3) [m].
     rotation: Array  #: Orientation, world from tool, (poses, 3, 3) [1].
 
     def position_of(self, point: Array) -> Array:
-        """Compute world positions of one point of the tool.
+        """Compute the world position of one point of the tool in every pose.
 
         Args:
             point: Point in the tool's frame, (3,), or one per pose, (poses, 3) [m].
@@ -106,7 +104,7 @@ class EquilibriumPoses:
         return np.asarray(self.position + np.matvec(self.rotation, point))
 
     def positions_of(self, points: Array) -> Array:
-        """Compute world positions of several points of the tool.
+        """Compute the world positions of k points of the tool in every pose.
 
         Args:
             points: Points in the tool's frame, (k, 3) [m].
@@ -118,7 +116,7 @@ class EquilibriumPoses:
 
 
 def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> EquilibriumPoses:
-    """Solve the static equilibrium of every pose under own weight and all loads.
+    """Solve the static equilibrium of the arm under own weight and loads, in every pose.
 
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n, with u the generalised loads at theta, geometric
     errors theta_0 and joint errors Phi n.
@@ -134,7 +132,7 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> Equili
         Virtual joints and the tool's pose.
 
     Raises:
-        NoEquilibrium: When there is none; the message names the pose.
+        NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
         BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
@@ -149,30 +147,30 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> Equili
 
 
 CorrectedPart = Literal["pose", "axis", "position"]
-"""Part of the tool's pose to correct: all, all but its rotation about the spindle, or its position alone."""
+"""Part of the tool's pose to correct: all of it, all but its rotation about the spindle, or its position."""
 MIN_SINGULAR_VALUE = 0.05
-"""Singular value [rad/rad] below which rotations are damped.
+"""Singular value of the Jacobian of rotations below which they are damped [rad/rad].
 
 There a rotation of one milliradian moves the joints by 20 mrad, more than a degree.
 """
-#: Singular value of J_p over its largest below which the tool cannot move in a direction [1].
+#: Singular value of J_p over its largest below which the tool counts as unable to move in a direction [1].
 RANK_SHARE = 1e-7
 
 
 def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> Array:
-    """Compute the operator G of a Newton step, d = G b, that meets position first and then rotation.
+    """Compute the inverse Jacobian G of a Newton step d = G b, which corrects position first, then rotation.
 
     Mathematics: `cor-4`, `cor-5`.
 
     Args:
         J: Jacobian of the actuated joints at the tool point, translation first, world axes, (points, 6, n)
-            [m, 1].
-        corrected_part: The part of the pose to correct.
-        spindle: Unit vector of the spindle in the world, (points, 3) [1].
+            [m/rad, rad/rad].
+        corrected_part: Part of the pose to correct.
+        spindle: Unit vector of the spindle, world axes, (points, 3) [1].
 
     Returns:
-        G, (points, n, 6) [rad/m, rad/rad]; its columns of rotation are zero for "position" and for arms of at
-        most three joints.
+        G, from errors b of the pose to motions d of the joints, (points, n, 6) [rad/m, rad/rad]. Its columns
+        of rotation are zero for "position" and for arms of at most three joints.
     """
     # position: pseudo-inverse J_p^+ without directions in which the tool cannot move
     U, s, Vt = np.linalg.svd(J[:, :3])
@@ -198,7 +196,7 @@ def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> 
 
 
 def _damped(B: Array) -> Array:
-    """Invert (points, 3, k) matrices, damped where they are nearly singular, (points, k, 3)."""
+    """Compute pseudo-inverses, (points, k, 3), of matrices, (points, 3, k), damped where nearly singular."""
     U, s, Vt = np.linalg.svd(B, full_matrices=False)
     scarce = np.maximum(0, 1 - s / MIN_SINGULAR_VALUE)
     gain = s / np.maximum(s**2 + (MIN_SINGULAR_VALUE * scarce) ** 2, np.finfo(float).tiny)
@@ -206,40 +204,41 @@ def _damped(B: Array) -> Array:
 
 
 JointMeaning = Literal["unloaded", "drawn"]
-"""Meaning of programmed joints: the pose under own weight alone, as taught; or of the nominal rigid arm."""
-CONVERGENCE_TOLERANCE = 1e-10  #: Largest error of a point's position and of its equilibrium [m, rad].
-USUAL_STEPS, MAX_STEPS = 5, 60  #: Steps that suffice for most points, and most steps.
-STEPS_BEFORE_HALVING = (
-    10  #: Number of steps after which steps are halved; after twice as many they are quartered.
-)
-CONVERGED_JOINT_MOTION = 1e-9  #: Largest motion of the joints in the last step [rad, m].
+"""Pose that programmed joints stand for: "unloaded", that of the arm under own weight alone, as taught; or
+"drawn", that of the nominal rigid arm."""
+CONVERGENCE_TOLERANCE = 1e-10  #: Largest error of position and equilibrium of a solved point [m, rad].
+USUAL_STEPS, MAX_STEPS = 5, 60  #: Number of steps that suffice for most points, and largest number of steps.
+#: Number of steps after which steps are halved; after twice as many they are quartered.
+STEPS_BEFORE_HALVING = 10
+CONVERGED_JOINT_MOTION = 1e-9  #: Motion of all joints in a step below which a solved point is final [rad, m].
 MAX_JOINT_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
 MAX_TOOL_POINT_COORDINATE, UNIT_VECTOR_TOLERANCE = 10.0, 1e-6
-"""Largest coordinate of a tool point in the tool's frame [m], and rounding of a unit vector's length [1]."""
+"""Largest coordinate of a tool point in the tool's frame that is accepted [m], and error of a unit vector's
+length [1]."""
 DEFAULT_SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
 
 
 @dataclass(frozen=True)
 class Target:
-    """Hold the target poses of the tool point."""
+    """Hold target poses of a point of the tool."""
 
-    position: Array  #: Position of the tool point, world, (points, 3) [m].
-    rotation: Array  #: Orientation, world from tool, (points, 3, 3) [1].
+    position: Array  #: Positions of the tool point, world, (points, 3) [m].
+    rotation: Array  #: Orientations, world from tool, (points, 3, 3) [1].
 
 
 @dataclass(frozen=True)
 class Aim:
-    """State which part of the tool's pose is corrected, and about which point of the tool."""
+    """Hold what `compensate` corrects: which part of the tool's pose, and at which point of the tool."""
 
     corrected_part: CorrectedPart = "pose"  #: Part of the pose to correct.
-    #: Meaning of programmed joints; None is "drawn" for an absolute model, "unloaded" for any other.
+    #: Pose that programmed joints stand for; None is "drawn" for an absolute model, "unloaded" for any other.
     joint_meaning: JointMeaning | None = None
-    tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
+    tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Point in the tool's frame, (3,) [m].
     #: Unit vector of the spindle in the tool's frame, (3,) [1].
     spindle: tuple[float, float, float] = DEFAULT_SPINDLE
 
     def __post_init__(self) -> None:
-        """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
+        """Check words, shapes, the size of the tool point and the length of the spindle; else BenchError."""
         if self.corrected_part not in get_args(CorrectedPart):
             known = " or ".join(get_args(CorrectedPart))
             raise BenchError(f"aim.corrected_part: expected {known}, got {self.corrected_part!r}")
@@ -257,20 +256,20 @@ class Aim:
 
 
 def programmed_target(state: ArmState, q: Array, joint_meaning: JointMeaning, tool_point: Array) -> Target:
-    """Compute the target poses that programmed joints ask for.
+    """Compute the poses of a tool point that programmed joints stand for.
 
     Mathematics: `cor-2`.
 
     Args:
         state: The identified arm.
         q: Joints of the program, (points, n) [rad, m].
-        joint_meaning: "unloaded": the pose under own weight alone, so that only deflections by loads are
-            corrected. "drawn": the pose of the nominal rigid arm, so that geometry, joint errors and own
-            weight are corrected too.
+        joint_meaning: "unloaded" for the pose under own weight alone: only deflections by loads are then
+            corrected. "drawn" for the pose of the nominal rigid arm: geometry, joint errors and own weight
+            are then corrected too.
         tool_point: Tool point in the tool's frame, (3,) [m].
 
     Returns:
-        Target poses of the tool point.
+        Poses of the tool point.
 
     Raises:
         NoEquilibrium: When the unloaded arm has no equilibrium; the message names the pose.
@@ -284,36 +283,39 @@ def programmed_target(state: ArmState, q: Array, joint_meaning: JointMeaning, to
 
 @dataclass(frozen=True)
 class InverseStaticsSolution:
-    """Hold corrected joints, and the errors that remain."""
+    """Hold a solution of inverse statics: joints to command, and the errors that remain."""
 
     q: Array  #: Joints to command, (points, n) [rad, m].
-    position_error: Array  #: Asked minus predicted position of the tool point, world, (points, 3) [m].
+    position_error: Array  #: Target minus predicted position of the tool point, world, (points, 3) [m].
     #: Remaining rotation of the tool, or of its spindle's axis: rotation vectors, world, (points, 3) [rad].
     rotation_error: Array
     #: Largest distance of a virtual joint from its equilibrium, (points,) [m, rad].
     equilibrium_residual: Array
-    steps: Ids  #: Evaluations of the deflected arm, (points,).
+    steps: Ids  #: Number of evaluations of the deflected arm, (points,).
 
     @property
     def solved(self) -> Mask:
-        """Tell which points are met within `TOLERANCE`, (points,); a damped rotation does not count."""
+        """Tell which points reach position and equilibrium within `CONVERGENCE_TOLERANCE`, (points,).
+
+        A remaining rotation does not count.
+        """
         far = np.maximum(np.linalg.norm(self.position_error, axis=1), self.equilibrium_residual)
         return np.asarray(far <= CONVERGENCE_TOLERANCE)
 
 
 @dataclass(frozen=True)
 class InverseStaticsProblem:
-    """Describe the points to solve: start, loads, target and joints that may move."""
+    """Hold a problem of inverse statics: find joints that put the loaded tool on its targets."""
 
-    state: ArmState  #: The arm.
+    state: ArmState  #: The identified arm.
     start: Array  #: Joints to start from, (points, n) [rad, m].
-    loads: Sequence[Load]  #: Loads, each with one row per point.
-    target: Target  #: Where the tool point has to be.
+    loads: Sequence[Load]  #: Loads that act together, each with one row per point.
+    target: Target  #: Target poses of the tool point.
     aim: Aim  #: Tool point, and the part of its pose to correct.
-    may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
+    may_move: Array  #: 1 for a joint that may move, 0 for a fixed one, (points, n) [1].
 
     def select(self, points: slice | Ids) -> "InverseStaticsProblem":
-        """Select some of the points.
+        """Select some of the points with their loads and targets.
 
         Args:
             points: Indices of the points, (k,), or a slice.
@@ -329,13 +331,13 @@ class _Errors:
     """Hold how far points are from their targets and from equilibrium."""
 
     chain: ChainState  #: Tool and Jacobian of the deflected arm.
-    position_error: Array  #: Asked minus predicted position, (points, 3) [m].
+    position_error: Array  #: Target minus predicted position, (points, 3) [m].
     rotation_error: Array  #: Remaining rotation, (points, 3) [rad].
     spring_error: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
 
 
 def _errors(points: InverseStaticsProblem, q: Array, theta: Array) -> _Errors:
-    """Evaluate the deflected arm once."""
+    """Compute the errors of all points at joints q, (points, n), and virtual joints theta."""
     state = points.state
     where = evaluate_chain(state.vjm, q, theta)
     u = generalised_loads_at(state, where, points.loads)
@@ -354,28 +356,27 @@ def _rotation_error(points: InverseStaticsProblem, rotation: Array) -> Array:
 
 
 def solve_inverse_statics(problem: InverseStaticsProblem) -> InverseStaticsSolution:
-    """Find joints for which the loaded tool is on its target, without regard to joint limits.
+    """Find joints that put the loaded tool on its targets, without regard to joint limits.
 
-    Most points converge in `USUAL_STEPS` steps of the constant operator. Late ones are solved together,
-    whatever batch they come from. Points that still do not converge are tried with an operator renewed in
-    every step, and then for their position alone: where the arm is stretched, rotation may keep the position
-    from being met.
+    Most points converge in `USUAL_STEPS` steps with the inverse Jacobian of the first step; the others get
+    more steps. Points that still do not converge are solved with a new inverse Jacobian in every step, and
+    then for their position alone: where the arm is stretched, the rotation may prevent the position.
 
     Mathematics: `cor-1`, `cor-3`.
 
     Args:
-        problem: Start, loads, target, aim and which joints may move.
+        problem: Start, loads, targets and joints that may move.
 
     Returns:
-        The joints and the remaining errors; `InverseStaticsSolution.solved` tells which points were reached.
+        The joints and the remaining errors; `InverseStaticsSolution.solved` tells which points are reached.
     """
-    # most points, then the late ones together
+    # most points, then together those that need more steps
     corrected = _in_batches(problem, USUAL_STEPS)
     late = np.flatnonzero(corrected.steps > USUAL_STEPS)
     if len(late):
         assign_rows(corrected, late, _in_batches(problem.select(late), MAX_STEPS))
     alone = replace(problem.aim, corrected_part="position")
-    # what is left: with a renewed operator, then position alone, with the first operator and a renewed one
+    # unsolved points: with a renewed operator, then position alone, with the first and a renewed operator
     for aim, renewed in ((problem.aim, True), (alone, False), (alone, True)):
         bad = np.flatnonzero(~corrected.solved)
         if len(bad):
@@ -388,7 +389,7 @@ def solve_inverse_statics(problem: InverseStaticsProblem) -> InverseStaticsSolut
 def _in_batches(
     points: InverseStaticsProblem, max_steps: int, *, renewed: bool = False
 ) -> InverseStaticsSolution:
-    """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
+    """Solve points in batches with at most `max_steps`; `steps` is one more where they do not converge."""
     slices = pose_slices(len(points.start))
     return concatenate_rows(
         [_solve_batch(points.select(part), max_steps, renewed=renewed) for part in slices]
@@ -396,7 +397,7 @@ def _in_batches(
 
 
 def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool) -> InverseStaticsSolution:
-    """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
+    """Take at most `max_steps` Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
     q, theta = points.start.copy(), theta_without_springs(points.state, points.start, points.loads)
     corrected = InverseStaticsSolution(
@@ -417,7 +418,7 @@ def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool
             np.abs(off.spring_error).max(axis=1),
             step + 1,
         )
-        # the operator of this step; a joint that is held has no column
+        # the operator of this step; a fixed joint has no column
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.chain, now.state.vjm.joint_spring_slice)
             J = (J if moves is None else J @ moves) * now.may_move[:, None]
@@ -447,8 +448,8 @@ def _jacobian(aim: Aim, chain: ChainState, columns: slice) -> Array:
 
 
 def _joint_step(points: InverseStaticsProblem, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
-    """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
-    # the errors that remain once theta has followed its springs, to first order
+    """Compute the step of the joints, (points, n), for the errors that remain at the new equilibrium."""
+    # the errors that remain at the equilibrium of theta, to first order
     arm = (errors.chain.tool_rotation @ np.array(points.aim.tool_point)).T
     v, omega = np.einsum("xtr,rt->xr", errors.chain.J_theta, errors.spring_error).reshape(2, 3, -1)
     left = np.hstack([errors.position_error - (v + cross(omega, arm)).T, errors.rotation_error - omega.T])

@@ -1,15 +1,12 @@
-"""Prediction: poses of the tool under its loads, with 95 % intervals; and the stiffness of the loaded tool.
+"""Prediction of poses of the loaded tool with 95 % intervals, and stiffness of the loaded tool.
 
 `predict` evaluates an identified model, by the equilibrium behind Eq. (7) or by the linear model of Eq. (6).
+A predicted position is linear in small errors of the unknowns, with a Jacobian such as Eq. (12). With it the
+model's posterior gives intervals. Errors common to two poses cancel in the difference of their positions.
 
-Intervals of predicted positions and deflections, and the part of a model that widens them most.
-
-A position is linear in the remaining errors of the unknowns. Its rows are those of the deflected arm, Eq.
-(12) for compliances; the model's posterior turns them into intervals. Errors common to two poses cancel in
-their difference.
 `load_extent` compares loads with those under which the model was identified. `stiffness` computes the
-compliance of Eq. (7) in every direction, with its ellipsoid. `process_wrench` converts forces that follow the
-path of a tool, along the feed, across it and along the spindle, to loads of `predict` and `compensate`.
+compliance of Eq. (7) in every direction, with its ellipsoid. `process_wrench` converts forces along the feed
+of a tool, across it and along the spindle to loads of `predict` and `compensate`.
 """
 
 import math
@@ -52,11 +49,12 @@ from testbench.model.vjm import (
     tool_poses,
 )
 
-# --- Intervals of predicted positions and deflections, and the part of a model that widens them most --------
+# --- Intervals of predicted positions and deflections, and the parameters that widen them most --------------
 
-MAX_SAMPLED_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
-MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].
-MIN_SHARE_RATIO = 1.2  #: Least ratio of its share to that of the next part [1].
+MAX_SAMPLED_POSES = 60  #: Largest number of poses, evenly spaced, that `largest_uncertainty` evaluates.
+#: Least share of the variance for `largest_uncertainty` to name a link, a joint or another cause [1].
+MIN_VARIANCE_SHARE = 0.5
+MIN_SHARE_RATIO = 1.2  #: Least ratio of this share to the second largest one [1].
 
 
 @dataclass(frozen=True)
@@ -65,19 +63,17 @@ class LoadedPoses:
 
     q: Array  #: Joints as commanded, (poses, n) [rad, m].
     loads: Sequence[Load] = ()  #: Loads that act together, besides own weight.
-    #: Whether own weight counts as one of the loads for a model of compliances alone: deflections are then
-    #: measured from the nominal rigid arm.
+    #: Whether deflections by own weight count too, if the model has compliances only: they are then measured
+    #: from the nominal rigid arm.
     with_own_weight: bool = False
-    equilibrium: EquilibriumPoses | None = (
-        None  #: Equilibrium under these loads; None where it is not known yet.
-    )
+    equilibrium: EquilibriumPoses | None = None  #: Equilibrium under these loads; None if not solved yet.
 
     def __post_init__(self) -> None:
-        """Give every load a row a pose; BenchError where it has another number of them."""
+        """Repeat every load to one row per pose; BenchError where it has another number of rows."""
         object.__setattr__(self, "loads", [load.for_poses(len(self.q)) for load in self.loads])
 
     def select(self, poses: slice | Ids) -> "LoadedPoses":
-        """Select some of the poses with their loads.
+        """Select some of the poses with their loads and equilibrium.
 
         Args:
             poses: Indices of the poses, (k,), or a slice.
@@ -88,18 +84,18 @@ class LoadedPoses:
         )
 
     def is_unloaded(self, other: "LoadedPoses") -> bool:
-        """Tell whether these are the same poses as others, but without any load.
+        """Tell whether these poses have no load and the same joints as other poses.
 
         Args:
-            other: Poses under loads.
+            other: The other poses.
 
         Returns:
-            True if the joints are equal and no load acts here.
+            True if no load acts here and the joints are equal.
         """
         return not (self.loads or self.with_own_weight) and np.array_equal(self.q, other.q)
 
     def solve_equilibrium(self, state: ArmState) -> EquilibriumPoses:
-        """Return the equilibrium under these loads; solve it if it is not known.
+        """Return the static equilibrium under these loads; solve it unless it is known.
 
         Args:
             state: The identified arm.
@@ -113,20 +109,18 @@ class LoadedPoses:
 def motion_half_widths(
     model: ArmModel, end_poses: LoadedPoses, start_poses: LoadedPoses | None, points: Array
 ) -> Array:
-    """Compute half widths of 95 % intervals of positions, or of motions from one pose to another.
+    """Compute half widths of 95 % intervals of motions of the tool from start to end poses, or of positions.
 
     Mathematics: `int-8`.
 
     Args:
         model: Identified model of the arm.
-        end_poses: Poses whose positions are predicted.
-        start_poses: Poses from which the motion is measured, as many; None for positions in the world, by an
-            absolute model.
+        end_poses: Poses at the end of the motion.
+        start_poses: Poses at its start, as many; None for positions in the world, by an absolute model.
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data have not determined what
-        decides.
+        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data do not determine a motion.
 
     Raises:
         BenchError: When positions are requested of a model of compliances only.
@@ -139,7 +133,7 @@ def motion_half_widths(
     scatter, widths = _scatter(model), []
     for batch in pose_slices(len(end_poses.q)):
         before = None if start_poses is None else start_poses.select(batch)
-        # Widths by the posterior, then terms that a linear model leaves out, or the scatter of positions.
+        # half widths by the posterior, then the error of a linear model, or the scatter of positions
         rows = motion_jacobian(model, end_poses.select(batch), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.is_absolute:
@@ -157,22 +151,22 @@ def motion_half_widths(
 
 
 def _scatter(model: ArmModel) -> float:
-    """Compute the half width of the 95 % interval of readings about an absolute model [m]."""
+    """Compute the half width of the 95 % interval of position errors that a model leaves unexplained [m]."""
     return student_quantile(math.inf, (1 + CONFIDENCE) / 2) * model.position_scatter
 
 
 def relative_half_widths(model: ArmModel, poses: LoadedPoses, point: Array) -> Array:
-    """Compute half widths of 95 % intervals of positions relative to each other: a frame is fitted to all.
+    """Compute half widths of 95 % intervals of positions relative to each other, not to the base.
 
-    A tracker does not see the base, only its own frame. So an absolute model is more accurate between places
-    than against its base. The rigid motion that fits all places best is removed here, as a work frame
-    measured by the tool removes it.
+    A tracker reads positions in its own frame, not in the arm's base. So a model is more accurate between
+    poses than against the base. The rigid motion that fits the errors of all poses best is removed here, as a
+    work frame that is measured with the tool removes it.
 
     Mathematics: `int-9`.
 
     Args:
-        model: Absolute model.
-        poses: At least 3 poses, not all in one place.
+        model: Absolute model of the arm.
+        poses: At least 3 poses, not all with the tool in one place.
         point: Point in the tool's frame, (3,) [m].
 
     Returns:
@@ -184,9 +178,9 @@ def relative_half_widths(model: ArmModel, poses: LoadedPoses, point: Array) -> A
     rows = motion_jacobian(model, poses, None, point[None])[:, 0]
     x = poses.solve_equilibrium(model.state).position_of(point)
     x = x - x.mean(axis=0)
-    # F: motions of the places by a translation and a small rotation of the frame
+    # F: motions of the points by a translation and a small rotation of the frame
     F = rigid_motion_matrix(x)
-    # rows without the part that the best rigid motion explains
+    # Jacobian without the motions that the best rigid motion explains
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
     half = model.posterior.half_widths(A).reshape(x.shape)
@@ -196,24 +190,24 @@ def relative_half_widths(model: ArmModel, poses: LoadedPoses, point: Array) -> A
 def motion_jacobian(
     model: ArmModel, end_poses: LoadedPoses, start_poses: LoadedPoses | None, points: Array
 ) -> Array:
-    """Compute positions, or motions from one pose to another, per unit of every uncertain unknown.
+    """Compute the Jacobian of motions of the tool, or of positions, by every uncertain unknown of a model.
 
     Mathematics: `cor-8`.
 
     Args:
         model: Identified model of the arm.
-        end_poses: Poses whose positions are predicted.
-        start_poses: Poses from which the motion is measured; None for positions.
+        end_poses: Poses at the end of the motion.
+        start_poses: Poses at its start; None for positions.
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        Rows along world x, y, z of every point, (poses, k, 3, c) [m per unit of the unknown].
+        Change of x, y, z of every point, world axes, (poses, k, 3, c) [m per unit of the unknown].
 
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     rows = _rows(model, end_poses, points)
-    # nothing bends the drawn arm
+    # at the start the nominal rigid arm without loads depends on no unknown
     if start_poses is None or not (model.is_absolute or start_poses.loads or start_poses.with_own_weight):
         return rows
     return rows - _rows(model, start_poses, points)
@@ -222,10 +216,9 @@ def motion_jacobian(
 def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     """Compute positions per unit of every uncertain unknown, (poses, k, 3, c).
 
-    An absolute model uses the deflected arm. A model of compliances alone uses loads on the undeflected arm,
-    as Eq. (12) identified it. There deflection and own weight would mix a little of every direction into
-    every other; where the data have not shown one of them, that little would become infinite. `curvature`
-    covers what is left out.
+    An absolute model uses the deflected arm. A model of compliances alone uses the undeflected arm without
+    own weight, as Eq. (12) identified it: deflections would add a little of unobservable directions to every
+    prediction, which would make its interval infinite. `linear_model_error` covers the difference.
     """
     state, at_rest = model.state, undeflected_arm(model.vjm, poses.q, poses.loads)
     if model.is_absolute:
@@ -244,9 +237,9 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
 def linear_model_error(
     model: ArmModel, poses: LoadedPoses, unloaded_poses: LoadedPoses, points: Array
 ) -> Array:
-    """Compute the deflection that a linear model leaves out, which its fit put into other parameters.
+    """Compute the difference between the deflections by the equilibrium and by the linear model of Eq. (12).
 
-    Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
+    Compliances are identified by the linear model, so that its error distorts them.
 
     Mathematics: `int-7`.
 
@@ -257,7 +250,7 @@ def linear_model_error(
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        Absolute difference of equilibrium and linear model along world x, y, z, (poses, k, 3) [m].
+        Absolute differences along world x, y, z, (poses, k, 3) [m].
 
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
@@ -276,7 +269,7 @@ def linear_model_error(
 
 @dataclass(frozen=True)
 class LargestUncertainty:
-    """Name the part of a model that causes most of the remaining uncertainty."""
+    """Hold the link, joint or other cause that contributes most to the uncertainty of predictions."""
 
     name: str  #: Name of a link or joint, "geometry" or "joint errors".
     variance_share: (
@@ -288,17 +281,19 @@ class LargestUncertainty:
 def largest_uncertainty(
     model: ArmModel, q: Array, loads: Sequence[Load], point: Array, of_positions: bool
 ) -> LargestUncertainty | None:
-    """Find the part whose exact knowledge would remove most of the remaining uncertainty.
+    """Find the link, joint or other cause whose exact knowledge would reduce the uncertainty most.
+
+    If intervals are infinite, it is the cause whose knowledge would make most of them finite.
 
     Args:
         model: Identified model of the arm.
         q: Joints as commanded, (poses, n) [rad, m].
         loads: Loads besides own weight, each the same in all poses or with one row per pose.
         point: Point in the tool's frame, (3,) [m].
-        of_positions: Whether positions count, not how far loads move the point.
+        of_positions: Whether to consider the uncertainty of positions, not of deflections by the loads.
 
     Returns:
-        The part; None where no single one stands out by `MIN_VARIANCE_SHARE` and `MIN_SHARE_RATIO`.
+        The cause; None where no single one reaches `MIN_VARIANCE_SHARE` and `MIN_SHARE_RATIO`.
 
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
@@ -316,7 +311,7 @@ def largest_uncertainty(
 
 
 def _variance_shares(model: ArmModel, rows: Array) -> dict[str, float]:
-    """Compute the share of the variance of functionals, rows (k, c), that is gone where a part is known."""
+    """Compute the share of the variance of functionals, (k, c), that vanishes if a group is known exactly."""
     k, size = len(rows), np.linalg.norm(model.posterior.covariance_root, axis=0)
     K = model.posterior.covariance(np.vstack([rows, np.diag(1 / np.where(size > 0, size, 1))]))
     whole, every = float(np.trace(K[:k, :k])), np.arange(k)
@@ -328,7 +323,7 @@ def _variance_shares(model: ArmModel, rows: Array) -> dict[str, float]:
 
 
 def _bounded_shares(model: ArmModel, rows: Array) -> dict[str, float]:
-    """Compute the share of functionals without bound, rows (k, c), that have one where a part is known."""
+    """Compute the share of unbounded functionals, (k, c), that are bounded if a group is known exactly."""
     shares = {}
     for name, columns in _parts(model):
         rest = rows.copy()
@@ -338,7 +333,7 @@ def _bounded_shares(model: ArmModel, rows: Array) -> dict[str, float]:
 
 
 def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
-    """Yield the name of every part, and its columns among those that are uncertain."""
+    """Yield names and columns of groups of uncertain unknowns: links, joints, geometry, errors."""
     unknowns, structure = model.unknowns, model.structure
     for key, name in (("geometry", "geometry"), ("errors", "joint errors")):
         inside = np.arange(unknowns.size)[unknowns.columns(key)]
@@ -354,14 +349,14 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
         yield name, np.flatnonzero(np.isin(model.uncertain_columns, inside))
 
 
-# --- Prediction: poses of the tool under its loads, with 95 % intervals -------------------------------------
+# --- Prediction of the loaded tool, with 95 % intervals -----------------------------------------------------
 
 
 @dataclass(frozen=True, repr=False)
 class Prediction(Displayed):
-    """Hold deflections and positions of points of the tool, its origin first, with intervals.
+    """Hold predicted deflections and positions of the tool's origin and m further points, with intervals.
 
-    Own weight acts both with and without loads.
+    Deflections are those by the loads; own weight acts both with and without them.
     """
 
     deflection: Array  #: Loaded minus unloaded position, world axes, (poses, 1 + m, 3) [m].
@@ -377,7 +372,7 @@ class Prediction(Displayed):
     theta: Array  #: Virtual joints of the loaded arm at its equilibrium, (poses, n_theta) [m, rad].
 
     def summary(self) -> dict[str, object]:
-        """Summarise the prediction: numbers of poses and points, deflections of the tool's origin."""
+        """Summarise the prediction: numbers of poses and points, range of deflections of the tool's origin."""
         return {
             "poses": len(self.deflection),
             "points": self.deflection.shape[1],
@@ -387,12 +382,12 @@ class Prediction(Displayed):
 
     @cached_property
     def deflection_length(self) -> Array:
-        """Compute the lengths of the deflections, (poses, 1 + m) [m]."""
+        """Compute the length of every deflection, (poses, 1 + m) [m]."""
         return np.asarray(np.linalg.norm(self.deflection, axis=2))
 
     @cached_property
     def largest_half_width(self) -> Array:
-        """Return the largest half width over the three axes of every point, (poses, 1 + m) [m]."""
+        """Return the largest of the three half widths of every deflection, (poses, 1 + m) [m]."""
         return np.asarray(self.half_width.max(axis=2))
 
 
@@ -404,7 +399,7 @@ def predict(
     points: Array | None = None,
     linear: bool = False,
 ) -> Prediction:
-    """Predict where loads bring the tool: by the equilibrium behind Eq. (7), or by Eq. (6).
+    """Predict deflections and positions of the loaded tool, by the equilibrium behind Eq. (7) or by Eq. (6).
 
     Args:
         model: Identified model, of deflections alone or absolute, such as `load_model` reads.
@@ -414,7 +409,7 @@ def predict(
         linear: Whether to use Eq. (6), the compliance of the unloaded arm.
 
     Returns:
-        Deflections of the tool's origin and the points, their 95 % intervals, and where the tool is.
+        Deflections and positions of the tool's origin and the points, with 95 % intervals.
 
     Raises:
         NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
@@ -432,7 +427,7 @@ def predict(
 
 
 def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) -> Prediction:
-    """Predict a few poses, as `predict`."""
+    """Predict a batch of poses."""
     before, after = equilibrium(model.state, loaded.q), loaded.solve_equilibrium(model.state)
     loaded, free = replace(loaded, equilibrium=after), LoadedPoses(loaded.q, equilibrium=before)
     half = motion_half_widths(model, loaded, free, points)
@@ -442,8 +437,8 @@ def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) 
     start = before.positions_of(points)
     rotation = after.rotation
     if linear:
-        # Eq. (6) is off by its curvature: once for an absolute model, SECOND_ORDER_FACTOR times for one of
-        # deflections, whose half width has it once already
+        # Eq. (6) omits second-order deflections: they count once for an absolute model, SECOND_ORDER_FACTOR
+        # times for a model of deflections, whose half width has them once already
         curved = linear_model_error(model, loaded, free, points)
         half = np.hypot(half, curved * (1.0 if model.is_absolute else np.sqrt(SECOND_ORDER_FACTOR**2 - 1)))
         deflection, turn = straight
@@ -455,7 +450,7 @@ def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) 
 
 
 def _linear(model: ArmModel, stand: LoadedPoses, points: Array) -> tuple[Array, Array]:
-    """Compute deflections and rotations to first order, Eq. (6), of the arm that no load has deflected."""
+    """Compute deflections and rotations of the tool to first order, Eq. (6), at the undeflected arm."""
     state = model.state
     where = evaluate_chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))
     theta = (state.C_theta @ sum_generalised_loads(where, stand.loads)).T
@@ -464,27 +459,27 @@ def _linear(model: ArmModel, stand: LoadedPoses, points: Array) -> tuple[Array, 
 
 @dataclass(frozen=True)
 class LoadExtent:
-    """Hold the largest loads of some poses, and their ratios to those of the model's data."""
+    """Hold the largest loads of some poses, and their ratios to those under which a model was identified."""
 
-    force: float  #: Largest force in a pose, all loads together [N].
-    moment: float  #: Largest moment about the tool's origin [N m].
-    force_ratio: float | None  #: Largest force over that of the model's data [1]; None if unknown.
-    moment_ratio: float | None  #: Largest moment over that of the model's data [1]; None if unknown.
+    force: float  #: Largest resultant force in a pose [N].
+    moment: float  #: Largest resultant moment about the tool's origin in a pose [N m].
+    force_ratio: float | None  #: Force over the largest one in the model's data [1]; None if unknown.
+    moment_ratio: float | None  #: Moment over the largest one in the model's data [1]; None if unknown.
     payload_ratio: float | None  #: Largest force over the weight of the rated payload [1]; None if unknown.
 
 
 def load_extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> LoadExtent:
-    """Compute the largest force and moment over some poses, and their ratios to those of the model's data.
+    """Compute the largest resultant force and moment over some poses, and compare them with a model's data.
 
     Mathematics: `cor-7`.
 
     Args:
-        model: The model, with the largest loads of its data where these are known.
+        model: Identified model of the arm, with the largest loads of its data where these are known.
         q: Actuated joints, (poses, n) [rad, m].
         loads: Loads that act together, each the same in all poses or with one row per pose.
 
     Returns:
-        Sizes and ratios; a ratio is None where the data's load is unknown or there is no load.
+        Largest loads and their ratios; a ratio is None where either load is unknown or zero.
 
     Raises:
         BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
@@ -507,19 +502,19 @@ def _over(value: float, reference: float | None) -> float | None:
 
 # --- Stiffness of the loaded tool in every direction: the compliance of Eq. (7) and its ellipsoid -----------
 
-SAME_POINT_DISTANCE = 1e-7  #: Distance of points that count as one [m]: the tool waits there.
-#: Length of a sum of unit vectors, or sine of feed and spindle, that defines no direction [1].
+SAME_POINT_DISTANCE = 1e-7  #: Distance up to which two points of a path count as one [m].
+#: Least length of a sum of two unit vectors, or of a product of feed and spindle, that has a direction [1].
 MIN_DIRECTION_LENGTH = 1e-3
 
 
 def process_wrench(
     force_components: Array, position: Array, spindle: Array, point_names: Sequence[str] | None = None
 ) -> Array:
-    """Compute the force of a process on the tool at every point of a path; its moment is zero.
+    """Compute process wrenches on the tool, such as of milling, from forces along feed, across and axial.
 
     f = f_feed t + f_cross (s x t) / norm(s x t) + f_axial s, with the tangent t of the path and the spindle
-    s. Seen against s, a positive cross force points to the left of the feed. Resistance to the feed is
-    negative; so is the thrust of a drill whose s points into the work.
+    s. For a viewer who looks along -s, a positive cross force points to the left of the feed. A resistance to
+    the feed is negative; so is the thrust on a drill whose s points into the work.
 
     Mathematics: `cor-6`.
 
@@ -527,7 +522,7 @@ def process_wrench(
         force_components: Forces along the feed, across it, and along the spindle, (points, 3) [N].
         position: Points of the path, world, (points, 3) [m].
         spindle: Unit vector of the spindle's axis, world, (points, 3) [1].
-        point_names: Names of the points for messages, or None.
+        point_names: Names of the points, for error messages; None for their numbers.
 
     Returns:
         Force and zero moment, world axes, (points, 6) [N, N m].
@@ -562,15 +557,15 @@ def process_wrench(
 
 
 def path_tangents(position: Array, has_force: Mask) -> Array:
-    """Compute the unit tangent of a path at every point; zero where the path defines none.
+    """Compute the unit tangent of a path at every point; zero where the path stands still or turns back.
 
-    The tangent is halfway between the directions to and from a point. Where the tool waits, the nearest
-    points that differ count. At points with a force, only segments count whose two ends both carry a force:
-    approach and retract do not tilt the tangent. If there is no such segment, all count.
+    The tangent bisects the segments before and after a point; points in one place have one tangent. If one of
+    these segments has a force at both ends and the other has not, only the former counts, so that approach
+    and retract do not change the tangent.
 
     Args:
         position: Points of the path, (points, 3) [m].
-        has_force: Points at which a force acts, (points,).
+        has_force: Whether a force acts at a point, (points,).
 
     Returns:
         Unit tangents, (points, 3) [1].
@@ -587,7 +582,7 @@ def path_tangents(position: Array, has_force: Mask) -> Array:
 
 
 def _mean_directions(unit: Array) -> Array:
-    """Compute directions between those before and behind, (points, 3); zero where opposite or missing."""
+    """Compute unit vectors that bisect consecutive ones, (points, 3); zero where these are opposite."""
     sums = np.zeros((len(unit) + 1, 3))
     sums[:-1] += unit
     sums[1:] += unit
@@ -597,16 +592,17 @@ def _mean_directions(unit: Array) -> Array:
 
 @dataclass(frozen=True, repr=False)
 class Stiffness(Displayed):
-    """Hold how the loaded tool yields to a small further force at its origin."""
+    """Hold the stiffness of the loaded tool against a small further force at its origin."""
 
     #: Compliance C of Eq. (7), twist = C @ wrench, world axes, (poses, 6, 6) [m/N, rad/N, rad/(N m)].
     compliance: Array
-    #: Semi-axes of the ellipsoid over which a unit force moves the tool, the longest first, (poses, 3) [m/N].
+    #: Displacements by a unit force along each principal axis, the largest first, (poses, 3) [m/N]: the
+    #: semi-axes of the ellipsoid of displacements by unit forces.
     displacement_per_force: Array
     principal_axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
 
     def summary(self) -> dict[str, object]:
-        """Summarise the stiffness: number of poses, least and largest principal stiffness."""
+        """Summarise the stiffness: number of poses, ranges of the least and largest principal stiffness."""
         ends = {
             "softest_N_per_um": self.principal_stiffness[:, 0],
             "stiffest_N_per_um": self.principal_stiffness[:, -1],
@@ -618,23 +614,26 @@ class Stiffness(Displayed):
 
     @cached_property
     def principal_stiffness(self) -> Array:
-        """Compute the principal stiffnesses, softest first, (poses, 3) [N/m]; infinite along a rigid axis."""
+        """Compute the three principal stiffnesses, the softest first, (poses, 3) [N/m]; infinite if rigid."""
         with np.errstate(divide="ignore"):
             return np.asarray(1 / self.displacement_per_force)
 
     @cached_property
     def softest_direction(self) -> Array:
-        """Return the unit vector of the softest direction, its largest component positive, (poses, 3) [1]."""
+        """Return the unit vector of the softest direction, world axes, (poses, 3) [1].
+
+        Its sign makes the largest component positive.
+        """
         axis = self.principal_axes[:, :, 0]
         largest = np.take_along_axis(axis, np.abs(axis).argmax(axis=1)[:, None], axis=1)
         return np.asarray(axis * np.where(largest < 0, -1.0, 1.0))
 
 
 def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Array | None = None) -> Stiffness:
-    """Compute the tangent compliance at the loaded equilibrium, Eq. (7), and its ellipsoid of translations.
+    """Compute the compliance of the loaded tool, Eq. (7), and its principal stiffnesses in translation.
 
-    K_w contains only the loads. The term of the arm's own weight, which turns with the arm too, is left out:
-    on a KR 500 it changes a compliance by less than a hundredth.
+    The geometric stiffness K_w contains the loads but not own weight, which changes a compliance by less than
+    a hundredth on a KR 500.
 
     Mathematics: `loaded-6`.
 
@@ -642,11 +641,10 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
         model: Identified model of the arm.
         q: Joints as commanded, (poses, n) [rad, m].
         loads: Loads besides own weight, each the same in all poses or with one row per pose.
-        theta: Virtual joints under these loads, (poses, n_theta) [m, rad], if they are known; None to solve
-            them.
+        theta: Virtual joints under these loads, (poses, n_theta) [m, rad]; None to solve them.
 
     Returns:
-        Compliance at the tool's origin, and the ellipsoid of its translations.
+        Compliance at the tool's origin, with its principal axes of translation.
 
     Raises:
         NoEquilibrium: When there is no equilibrium, or the load is exactly a buckling load.
@@ -678,17 +676,17 @@ def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:
 
 
 def compliance_half_widths(model: ArmModel, q: Array, tool_stiffness: Stiffness, force: float) -> Array:
-    """Compute half widths of the 95 % interval of how far a force along each principal axis moves the tool.
+    """Compute half widths of 95 % intervals of the displacement by a force along each principal axis.
 
     Args:
         model: Identified model of the arm.
         q: Joints as commanded, (poses, n) [rad, m].
         tool_stiffness: Stiffness of the tool in these poses.
-        force: Size of the force [N].
+        force: Magnitude of the force [N].
 
     Returns:
-        Largest half width over world x, y, z, per principal axis, (poses, 3) [m]; infinite where the data
-        have not shown the compliance.
+        Largest half width over world x, y, z, per principal axis, (poses, 3) [m]; infinite where the data do
+        not determine the compliance.
 
     Raises:
         NoEquilibrium: When the arm has no equilibrium under the force.

@@ -1,9 +1,9 @@
-"""Conic programs: the one place that sets up Clarabel, and the algebra of its cones.
+"""Conic programs and their solution by Clarabel, and the algebra of symmetric matrices in them.
 
-    minimise   1/2 v . P v + c . v   over   b - A v in cones, every PSD block of v positive semi-definite
+    minimise   1/2 v . P v + c . v   subject to   b - A v in cones,   PSD blocks of v in theirs
 
-The unknowns v come as blocks: a symmetric matrix that must be positive semi-definite, or free numbers. The
-coordinates of a matrix X are svec(X), its upper triangle by column with off-diagonals times sqrt 2: the
+The unknowns v come as blocks: a symmetric matrix that must be positive semi-definite (PSD), or free numbers.
+The coordinates of a matrix X are svec(X), its upper triangle by column with off-diagonals times sqrt 2: the
 length of svec(X) is the Frobenius norm of X.
 """
 
@@ -18,12 +18,12 @@ import numpy as np
 
 from testbench.errors import Array, Ids
 
-SOLVER_TOLERANCE = (
-    1e-10  #: Required feasibility and gap of Clarabel, in units where the data are of order one.
-)
-MAX_RELATIVE_GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
+#: Feasibility and duality gap that Clarabel must reach, in units in which the data are of order one [1].
+SOLVER_TOLERANCE = 1e-10
+MAX_RELATIVE_GAP = 1e-6  #: Duality gap over the cost up to which a program counts as solved [1].
 
 ConeKind = Literal["zero", "nonnegative", "second order", "psd"]
+"""Kind of a cone: zero, non-negative numbers, second order |x_2...| <= x_1, or svec of PSD matrices."""
 CLARABEL_CONES: dict[ConeKind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
@@ -34,81 +34,81 @@ CLARABEL_CONES: dict[ConeKind, Callable[[int], object]] = {
 
 @dataclass(frozen=True)
 class Block:
-    """Hold unknowns of a conic program: the entries of one semi-definite matrix, or free numbers."""
+    """Hold k unknowns of a conic program: those of one positive semi-definite matrix, or free numbers."""
 
-    indices: Ids  #: Their places in v, (k,).
-    matrix_order: int = (
-        0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
-    )
-    #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None if they are svec itself.
+    indices: Ids  #: Indices of these unknowns in v, (k,).
+    #: Order n of the matrix that must be positive semi-definite; 0 for free numbers.
+    matrix_order: int = 0
+    #: svec of that matrix per unit of the unknowns, (n (n + 1) / 2, k); None if the unknowns are its svec.
     svec_per_unknown: Array | None = None
 
 
 @dataclass(frozen=True)
 class ConeConstraint:
-    """Hold constraints: b - A v lies in a cone."""
+    """Hold the constraint that b - A v lies in a cone, with the n unknowns v of a conic program."""
 
-    kind: ConeKind  #: Kind of the cone; for "psd", rows are svec of a matrix.
-    A: Array  #: (rows, n).
-    b: Array  #: (rows,).
+    kind: ConeKind  #: Kind of the cone; for "psd", b - A v is the svec of a matrix.
+    A: Array  #: Matrix A, (rows, n).
+    b: Array  #: Vector b, (rows,).
 
 
 @dataclass(frozen=True)
 class ConeProgram:
-    """Hold a conic program: its cost, blocks of unknowns and constraints."""
+    """Hold a conic program: minimise 1/2 v . P v + c . v over n unknowns v with constraints on cones."""
 
-    cost: Array  #: c, (n,).
-    blocks: tuple[Block, ...]  #: The unknowns; their places fill 0 to n - 1.
-    constraints: tuple[ConeConstraint, ...] = ()  #: All constraints but those of the PSD blocks.
-    quadratic_diagonal: Array | None = None  #: Diagonal of P, (n,); None for none.
+    cost: Array  #: Linear cost c, (n,).
+    blocks: tuple[Block, ...]  #: Blocks of unknowns; together their indices are 0 to n - 1.
+    constraints: tuple[ConeConstraint, ...] = ()  #: Constraints in addition to those of PSD blocks.
+    quadratic_diagonal: Array | None = None  #: Diagonal of P, (n,); None for P = 0.
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Hold the solution of a conic program: unknowns, duals, cost and the lower bound that they prove."""
+    """Hold the solution of a conic program: unknowns, dual variables, cost and its proven lower bound."""
 
     x: Array  #: The unknowns v, (n,).
-    duals: tuple[Array, ...]  #: Dual of every `ConeConstraint`, (rows,) each, then of every PSD block.
-    cost: float  #: Cost of x.
-    lower_bound: float  #: Lower bound that the duals prove: no feasible v costs less.
+    #: Dual variables of every `ConeConstraint`, (rows,) each, then of every PSD block as svec.
+    duals: tuple[Array, ...]
+    cost: float  #: Cost of the unknowns.
+    lower_bound: float  #: Cost that no feasible v can go below, proven by the dual variables.
     solver_status: str  #: Status as the solver names it.
-    seconds: float  #: Time inside the solver.
+    seconds: float  #: Time inside the solver [s].
 
     @property
     def status(self) -> str:
-        """Return "solved" if the cost is within `GAP` of the bound, else the failure."""
+        """Return "solved" if the cost is within `MAX_RELATIVE_GAP` of its bound, else the failure."""
         if abs(self.cost - self.lower_bound) <= MAX_RELATIVE_GAP * max(1.0, abs(self.cost)):
             return "solved"
         return self.failure
 
     @property
     def failure(self) -> str:
-        """Return the message for a program that is not solved."""
+        """Return the status of a program that is not solved, with the word of the solver."""
         return f"not solved: Clarabel says {self.solver_status}"
 
 
 def solve(problem: ConeProgram, *, tolerance: float = SOLVER_TOLERANCE) -> Solution:
-    """Solve a conic program by Clarabel; if the solver stalls, the status reports it.
+    """Solve a conic program by Clarabel.
 
     Args:
-        problem: The program, in units where its data are of order one.
-        tolerance: Required feasibility and duality gap [1].
+        problem: The program, in units in which its data are of order one.
+        tolerance: Feasibility and duality gap to reach [1].
 
     Returns:
-        The last iterate, its duals and status.
+        The last iterate; its status says whether the program is solved.
     """
     return run_solver(build_solver(problem, clarabel_settings(tolerance)), problem)
 
 
 def psd_blocks(first_index: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
-    """Make positive semi-definite blocks whose svecs follow each other.
+    """Make one positive semi-definite block per matrix; the unknowns are their svecs one after the other.
 
     Args:
-        first_index: Place of the first unknown.
+        first_index: Index of the first unknown.
         orders: Orders of the matrices.
 
     Returns:
-        One block per matrix.
+        The blocks.
     """
     ends = first_index + np.cumsum([svec_length(size) for size in orders])
     return tuple(
@@ -120,18 +120,18 @@ def free_block(first_index: int, count: int) -> Block:
     """Make a block of unconstrained unknowns.
 
     Args:
-        first_index: Place of the first unknown.
+        first_index: Index of the first unknown.
         count: Number of unknowns.
     """
     return Block(np.arange(first_index, first_index + count))
 
 
 def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:
-    """Make the second-order cone |R v - z| <= v[column].
+    """Make the constraint |R v - z| <= v_k of a conic program with n unknowns v: a second-order cone.
 
     Args:
-        bound_index: Place of the bound among the unknowns.
-        R: ConeConstraint, zero in that column, (rows, n).
+        bound_index: Index k of the unknown that bounds the norm.
+        R: Matrix R, zero in column k, (rows, n).
         z: Right-hand side, (rows,).
     """
     head = np.zeros((1, R.shape[1]))
@@ -140,24 +140,27 @@ def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:
 
 
 def svec_length(order: int) -> int:
-    """Count the entries of the upper triangle of a matrix of some order."""
+    """Return the number of entries of svec(X) of a matrix X of order n: n (n + 1) / 2."""
     return order * (order + 1) // 2
 
 
 def matrix_order(entries: int) -> int:
-    """Compute the order of a matrix from the number of entries of its upper triangle."""
+    """Return the order n of a matrix X whose svec(X) has n (n + 1) / 2 entries."""
     return (math.isqrt(8 * entries + 1) - 1) // 2
 
 
 @cache
 def upper_triangle(order: int) -> tuple[Ids, Ids]:
-    """List rows and columns of the upper triangle of a matrix of some order, by column."""
+    """List row and column of every entry of svec(X), (t,) each: the upper triangle of X, by column."""
     column, row = np.tril_indices(order)
     return row, column
 
 
 def svec(X: Array) -> Array:
-    """Pack symmetric matrices, (..., n, n), as upper triangles by column, off-diagonals times sqrt 2."""
+    """Pack symmetric matrices, (..., n, n), as vectors of their entries, (..., n (n + 1) / 2).
+
+    Entries are those of the upper triangle by column, off-diagonal ones times sqrt 2.
+    """
     places, scale = _packed(X.shape[-1])
     return np.asarray(X.reshape(*X.shape[:-2], -1).take(places, axis=-1) * scale)
 
@@ -170,7 +173,7 @@ def _packed(n: int) -> tuple[Ids, Array]:
 
 
 def smat(x: Array) -> Array:
-    """Unpack symmetric matrices, (..., n, n), from their svec, (..., n (n + 1) / 2)."""
+    """Unpack symmetric matrices X, (..., n, n), from vectors svec(X), (..., n (n + 1) / 2)."""
     places, scale = _unpacked(matrix_order(x.shape[-1]))
     return np.asarray(x.take(places, axis=-1) * scale)
 
@@ -185,7 +188,9 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
 
 
 def cholesky(X: Array) -> Array:
-    """Factor matrices, (..., n, n); numbers in closed form, for which LAPACK takes ten times as long.
+    """Compute lower Cholesky factors of matrices, (..., n, n).
+
+    For n = 1 it takes square roots, because LAPACK takes ten times as long.
 
     Raises:
         LinAlgError: If a matrix is not positive definite.
@@ -198,7 +203,10 @@ def cholesky(X: Array) -> Array:
 
 
 def eigh(X: Array) -> tuple[Array, Array]:
-    """Compute eigenvalues, ascending, and eigenvectors of matrices, (..., n, n); numbers in closed form."""
+    """Compute ascending eigenvalues, (..., n), and eigenvectors of symmetric matrices, (..., n, n).
+
+    For n = 1 it takes the numbers themselves, because LAPACK takes ten times as long.
+    """
     if X.shape[-1] > 1:
         values, V = np.linalg.eigh(X)
         return values, V
@@ -206,12 +214,16 @@ def eigh(X: Array) -> tuple[Array, Array]:
 
 
 def eigvalsh(X: Array) -> Array:
-    """Compute eigenvalues, ascending, of matrices, (..., n, n); of numbers in closed form."""
+    """Compute ascending eigenvalues, (..., n), of symmetric matrices, (..., n, n); fast for n = 1."""
     return np.asarray(np.linalg.eigvalsh(X)) if X.shape[-1] > 1 else X[..., 0]
 
 
 def congruence_map(A: Array) -> Array:
-    """Compute the maps svec(Y) -> svec(A Y A^T), (..., t, t), t = n (n + 1) / 2, of A, (..., n, n)."""
+    """Compute the matrices of the maps from svec(Y) to svec(A Y A^T), (..., t, t), t = n (n + 1) / 2.
+
+    Args:
+        A: Matrices A, (..., n, n).
+    """
     n = A.shape[-1]
     places, weight = _products(n)
     a, b, c, d = (A.reshape(*A.shape[:-2], n * n).take(place, axis=-1) for place in places)
@@ -229,7 +241,14 @@ def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
 
 @lru_cache(maxsize=64)
 def svec_indices_by_order(orders: tuple[int, ...]) -> list[Ids]:
-    """Find the places, (blocks, entries), of the blocks of each order in the svec of all blocks."""
+    """Find indices of blocks in the svecs of all blocks one after the other, grouped by order.
+
+    Args:
+        orders: Order of every block.
+
+    Returns:
+        One array per different order, (blocks of this order, entries of their svec).
+    """
     ends = np.cumsum([svec_length(n) for n in orders])
     return [
         np.array([np.arange(e - svec_length(n), e) for n, e in zip(orders, ends, strict=True) if n == size])
@@ -238,13 +257,13 @@ def svec_indices_by_order(orders: tuple[int, ...]) -> list[Ids]:
 
 
 def nearest_psd(X: Array) -> Array:
-    """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become zero."""
+    """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become 0."""
     values, Q = np.linalg.eigh(X)
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
 def clarabel_settings(tolerance: float) -> clarabel.DefaultSettings:
-    """Make Clarabel's settings with a tolerance of feasibility and gap [1]."""
+    """Make settings of Clarabel with a tolerance of feasibility and duality gap [1]."""
     options = clarabel.DefaultSettings()
     options.verbose = False
     options.max_threads = 1
@@ -254,11 +273,11 @@ def clarabel_settings(tolerance: float) -> clarabel.DefaultSettings:
 
 
 def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
-    """Set up Clarabel for a program.
+    """Set up Clarabel for a conic program.
 
     Args:
         problem: The program.
-        options: Clarabel's settings.
+        options: Settings of Clarabel.
 
     Returns:
         The solver, not yet run.
@@ -285,14 +304,14 @@ def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> cla
 
 
 def run_solver(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
-    """Run Clarabel and collect its solution.
+    """Run Clarabel, and collect its solution.
 
     Args:
-        solver: Clarabel, set up with the program.
-        problem: The same program.
+        solver: Clarabel, as `build_solver` sets it up for the program.
+        problem: The program.
 
     Returns:
-        The solution: unknowns, (n,), a dual for every cone, cost, lower bound, status and time [s].
+        The unknowns, dual variables, cost, lower bound, status and time.
     """
     result = solver.solve()
     sizes = [len(row.b) for row in problem.constraints] + [

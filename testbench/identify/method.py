@@ -1,4 +1,4 @@
-"""Identification methods as values: the constraint on the compliances, the prior and the loss.
+"""Identification methods: least squares or GCO, with a prior or without, with a plain or a robust loss.
 
 A method reduces a dataset to its weighted equations (13) and solves them for the compliances of a structure.
 It is called like an estimator of your own: method(vjm, structure, data) -> Estimate.
@@ -37,7 +37,7 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 ROBUST_PRIOR_UNCERTAINTY = 0.3
-"""Relative standard deviation [1] of a prior that `robust` uses if the user states none."""
+"""Relative standard deviation of a prior in a robust fit if the user states none [1]."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Method:
         GCO              min F_M(C) + w <W, C>           over C_i = V_i^T V_i, Eq. (16)-(19)
         with a prior     min |A pi - y|^2 + |x - s e|^2 / u^2,   GCO over C_i positive semi-definite
 
-    with x the compliances in units of the prior, e their expectation, s its common scale and u its relative
-    uncertainty. `testbench.identify.regression.f_m` computes F_M, and
+    with x the compliances in units of the prior, e their expectation, s their common scale and u their
+    relative uncertainty. `testbench.identify.regression.f_m` computes F_M, and
     `testbench.identify.trace.learn_trace_penalty` learns the weight w of the trace <W, C>. The call
     `method(vjm, structure, data)` returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and
     `completed_least_squares` are methods; `with_prior` and `robust` make a new method from one.
@@ -60,20 +60,20 @@ class Method:
     #: "none" for least squares, "psd" for GCO, "free" for least squares whose unobservable directions are
     #: chosen so that the model is conservative; "free" takes no prior.
     constraint: Constraint = "psd"
-    prior: Prior | None = None  #: Expected compliances; the data set their common scale. None for no prior.
+    prior: Prior | None = None  #: Expected compliances, up to a common scale; None for no prior.
     #: Relative uncertainty of the prior. None to learn it from the readings, with a scale per link and joint;
     #: with a robust loss None means `ROBUST_PRIOR_UNCERTAINTY`, since outliers would distort what is learnt.
     uncertainty: PriorUncertainty | None = None
     #: "robust" finds outliers by Huber's loss and fits without them.
     loss: Literal["plain", "robust"] = "plain"
-    #: Weight w of the trace term added to F_M in GCO without a prior [N m/rad]: F_M + w <W, C> is least, see
-    #: `trace`. It is an exponential prior on compliances, of mean 1 / (w F_M N) rad/(N m) each for N points,
-    #: those of joints nearly free. None to learn it from poses held out; 0 for the paper's GCO, which takes
-    #: the least trace only among models that fit equally well.
+    #: Weight w of the trace term w <W, C> that GCO without a prior adds to F_M [N m/rad]. The term acts as an
+    #: exponential prior on compliances of links, of mean 1 / (w F_M N) rad/(N m) each for N points. None to
+    #: learn w from held-out poses; 0 for the paper's GCO, which takes the least trace only among models that
+    #: fit equally well.
     trace_weight: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse by BenchError a prior where it would leave nothing to complete, or a negative weight."""
+        """Check that the constraint takes a prior, and the trace weight is at least 0; else BenchError."""
         if self.prior is not None and self.constraint == "free":
             raise BenchError(
                 "prior: expected least squares or GCO; with a prior, no direction is left to complete"
@@ -86,8 +86,9 @@ class Method:
 
         Args:
             vjm: The arm's virtual joint model.
-            structure: The unknown entries of C_theta. A prior, and GCO with a robust loss, need whole blocks.
-            data: The runs: joint angles, loads, and positions before and after loading [m].
+            structure: Structure of the unknown entries of C_theta. A prior, and GCO with a robust loss, need
+                all entries of its blocks.
+            data: The dataset: joints, loads, and positions without and with load [m].
 
         Returns:
             The estimate: parameters pi, C_theta, F_M, rank, status and certificate.
@@ -104,14 +105,14 @@ class Method:
             check_deflections(vjm, data)
         unknowns = structure if self.learns_prior else remove_law_parameters(structure)
         reduced: GroupedRegression | Regression
-        # Only the trace weight needs held-out poses; then the equations are kept part by part.
-        if self.learns_trace_weight and isinstance(data, Dataset):  # poses are held out
+        # To learn the trace weight, poses are held out: the equations stay in groups of poses.
+        if self.learns_trace_weight and isinstance(data, Dataset):
             [reduced] = reduce_by_group(vjm, [unknowns], data, cross_validation_groups(data))
         else:
             reduced = reduce(vjm, unknowns, data)
         if self.loss == "plain":
             return self.fit_reduced(vjm, reduced)
-        # Robust loss: the prior or the trace term is settled first, on all readings.
+        # Robust loss: the prior or the trace term is determined first, from all readings.
         regression = reduced.to_regression() if isinstance(reduced, GroupedRegression) else reduced
         held = self.scaled_prior(vjm, regression) or self.trace_penalty(vjm, reduced)
         return without_outliers(vjm, data, regression, self.constraint, held)
@@ -119,21 +120,20 @@ class Method:
     def fit_reduced(
         self, vjm: Vjm, equations: GroupedRegression | Regression, *, for_intervals: bool = True
     ) -> Estimate:
-        """Identify compliances from a dataset that is already reduced; outliers stay in.
+        """Identify compliances from weighted equations (13); a robust loss is not applied.
 
         Args:
             vjm: The arm's virtual joint model.
-            equations: The weighted equations; in parts where poses are to be held out, as a trace weight is
-                learnt.
-            for_intervals: Whether intervals are needed. Without them the prior's couplings inside links stay
-                as they are.
+            equations: The weighted equations; in groups of poses if a trace weight is learnt.
+            for_intervals: Whether intervals are needed. If not, the uncertainty of a learnt prior is not
+                computed, and a second prior with weaker coupling is not averaged with the first.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
         regression = equations.to_regression() if isinstance(equations, GroupedRegression) else equations
         if self.learns_prior and self.prior is not None:
-            # Learnt prior: average models by their evidence, under the prior and under a softened one.
+            # Learnt prior: average models by their evidence, also over a prior with weaker coupling.
             scaling = scale_by_prior(self.prior, vjm, regression.structure)
             if not for_intervals or not regression.structure.n_laws:
                 return average_models(regression, self.constraint, scaling, for_intervals=for_intervals)
@@ -149,24 +149,23 @@ class Method:
 
     @property
     def learns_prior(self) -> bool:
-        """Tell whether the readings determine the uncertainty of the prior and the weight of joint laws."""
+        """Tell whether the uncertainty of the prior and the sizes of joint laws are learnt from readings."""
         return self.prior is not None and self.uncertainty is None and self.loss == "plain"
 
     @property
     def learns_trace_weight(self) -> bool:
-        """Tell whether GCO runs without a prior and learns its trace weight from held-out poses."""
+        """Tell whether the trace weight of GCO without a prior is learnt from held-out poses."""
         return self.constraint == "psd" and self.prior is None and self.trace_weight is None
 
     def trace_penalty(self, vjm: Vjm, equations: GroupedRegression | Regression) -> TracePenalty | None:
-        """Return the trace term w <W, C> of GCO without a prior.
+        """Return the trace term w <W, C> of GCO without a prior; learn its weight w if none is stated.
 
         Args:
             vjm: The arm's virtual joint model.
-            equations: The weighted equations; in parts where the weight w is learnt.
+            equations: The weighted equations; in groups of poses if w is learnt.
 
         Returns:
-            The term with w in [N m/rad]; None where the method has no such term, or where `paper_gco` leaves
-            the choice to a tie-break.
+            The term with w [N m/rad]; None where the method has no such term or w = 0.
         """
         if self.learns_trace_weight:
             return learn_trace_penalty(vjm, equations)
@@ -175,14 +174,14 @@ class Method:
         return trace_penalty(vjm, equations.structure, self.trace_weight)
 
     def scaled_prior(self, vjm: Vjm, regression: Regression) -> WeightedPrior | None:
-        """Return the prior, scaled to the data by their best common factor, with its uncertainty.
+        """Return the prior times the factor that fits the data best, with its stated uncertainty.
 
         Args:
             vjm: The arm's virtual joint model.
-            regression: The weighted equations, which set the common scale of the prior.
+            regression: The weighted equations, which determine the factor.
 
         Returns:
-            The prior in the units of `scale_by_prior`; None without a prior.
+            The prior for the parameters of the equations; None without a prior.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
@@ -222,15 +221,15 @@ paper_gco = Method("psd", trace_weight=0.0)
 
 
 def with_prior(estimator: Estimator, prior: Prior, uncertainty: PriorUncertainty | None = None) -> Method:
-    """Make a method that uses a prior along the directions that the data do not observe.
+    """Make a method that combines the data with a prior: expected compliances and their uncertainty.
 
     Args:
         estimator: A `Method`, such as `gco`; an estimator of your own takes no prior.
         prior: Expected compliances, such as `cad_prior(arm)`.
-        uncertainty: Relative uncertainty of the prior; None to learn it from the readings, see `hierarchy`.
+        uncertainty: Relative uncertainty of the prior; None to learn it from the readings.
 
     Returns:
-        A new method; call it as any other.
+        The new method, which is called in the same way.
 
     Raises:
         BenchError: When the estimator is not a `Method`, or the prior or its uncertainty has another type.

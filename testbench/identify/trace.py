@@ -1,23 +1,21 @@
-"""Trace weight of GCO without a prior: its meaning, and how the readings determine it.
+"""Trace weight of GCO without a prior, and cross-validation over poses and load levels.
 
 GCO without a prior minimises F_M + w tr C over conservative compliances, a convex program. The trace, in
-rad/(N m), is that of the links: joints cost next to nothing, also those that a structure counts in the link
-before them. The larger the weight, the nearer the model to joint stiffness only; with w = 0 it is the paper's
-GCO. It needs no expected compliances, only the arm's kinematics.
+rad/(N m), is that of the links: joints cost next to nothing, also joints that are part of a link's block. The
+larger the weight, the stiffer the links; with w = 0 it is the paper's GCO. It needs no expected compliances,
+only the arm's kinematics.
 
 As chi^2 = N F_M^2 for N points, the minimum of F_M + w tr C is that of chi^2 / 2 + l tr C with the rate l = w
 N F_M: the most probable model for normal noise if every link has the prior density exp(-l tr C). For a matrix
 C of order m its mean is (m + 1) / (2 l) along every axis.
 
-The readings determine l by cross-validation over poses. The strongest weight is chosen whose held-out F_M
-exceeds the least one by no more than chance (Student's paired test of the logarithms, pose by pose, at 5 %).
-The strongest weight of all leaves links rigid. So a link is elastic only if held-out readings require it. One
-reduction serves all folds and weights.
+Cross-validation over poses determines l. Of all weights whose held-out F_M exceeds the least one only by
+chance (Student's paired test of the logarithms, pose by pose, at 5 %), the largest is chosen. The largest
+weight of all makes links rigid. So a link is elastic only if held-out readings require it. One reduction
+serves all folds and weights.
 
-Cross-validation over poses and load levels, to select a model or a weight.
-
-Runs of one pose share its geometry, so that whole poses are held out: the error that counts is at poses that
-were never fitted. If the data have several loads, all runs of one load are held out too.
+Runs in one pose share its geometry. So whole poses are held out: the error that counts is at poses that were
+not fitted. If the data have several loads, all runs with one load are held out too.
 """
 
 import math
@@ -40,50 +38,53 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 MAX_FOLDS = 8
-"""Largest number of parts into which the poses, and the loads, are divided; fewer poses make fewer folds."""
+"""Largest number of groups of poses, and of groups of loads, for cross-validation."""
 MIN_STANDARD_ERRORS_BETTER = 2.0
-"""Standard errors of the paired difference by which a model must be better to replace the first one."""
+"""Number of standard errors by which another model must predict better to replace the first one [1]."""
 LOAD_LEVEL_DECIMALS = 1
-"""Decimals to which forces [N] and moments [N m] are rounded to tell load levels apart."""
+"""Decimals to which forces [N] and moments [N m] are rounded before loads are compared."""
 
 
 @dataclass(frozen=True)
 class Fold:
     """Hold one split of the data: equations that are fitted, and equations that are held out."""
 
-    fitted_groups: Ids  #: Numbers of the parts that are fitted.
-    fitted_equations: GroupedRegression  #: The equations of these parts.
-    held_out: Regression  #: The equations of all other parts.
+    fitted_groups: Ids  #: Numbers of the groups of runs that are fitted, (k,).
+    fitted_equations: GroupedRegression  #: The equations of these groups.
+    held_out: Regression  #: The equations of all other groups.
 
     @cached_property
     def fitted(self) -> Regression:
-        """Return the equations that are fitted, reduced to one regression."""
+        """Return the fitted equations of all groups together."""
         return self.fitted_equations.to_regression()
 
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """Hold the held-out errors of one model."""
+    """Hold the errors of one model on held-out runs."""
 
-    model_name: str  #: For reports.
-    errors: Array  #: F_M on the runs held out, one per fold, (folds,) [1].
+    model_name: str  #: Name of the model, for reports.
+    errors: Array  #: F_M of the held-out runs of every fold, (folds,) [1].
 
     @property
     def mean_error(self) -> float:
-        """Return the mean F_M over the folds [1]."""
+        """Return the mean F_M of held-out runs over all folds [1]."""
         return mean_and_standard_error(self.errors)[0]
 
     @property
     def standard_error(self) -> float:
-        """Return the standard error of that mean over folds [1]."""
+        """Return the standard error of the mean F_M over all folds [1]."""
         return mean_and_standard_error(self.errors)[1]
 
 
 def cross_validation_groups(data: Dataset) -> Ids:
-    """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load), (runs,).
+    """Divide runs into groups for cross-validation, by pose and by load.
 
-    Two loads are of one level if their forces and their moments are equal in length, to
-    `LOAD_LEVEL_DECIMALS`. Runs without a reading are of part -1.
+    Loads are of one level if their forces and their moments have equal magnitude, to `LOAD_LEVEL_DECIMALS`.
+
+    Returns:
+        Number of the group of every run, (runs,): `MAX_FOLDS` times that of its pose plus that of its load;
+        -1 for runs without a reading.
     """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
     force, moment = (np.unique(sizes, return_inverse=True)[1] for sizes in level.round(LOAD_LEVEL_DECIMALS).T)
@@ -93,13 +94,13 @@ def cross_validation_groups(data: Dataset) -> Ids:
 
 
 def folds(equations: GroupedRegression) -> list[Fold]:
-    """Make the folds of cross-validation: each group of poses held out, then each load level.
+    """Make the folds of cross-validation: each group of poses held out in turn, then each group of loads.
 
     Args:
-        equations: The reduced equations, in the parts of `cross_validation_groups`.
+        equations: The weighted equations, in the groups of `cross_validation_groups`.
 
     Raises:
-        BenchError: When all runs are of one pose.
+        BenchError: When all runs are in one pose.
     """
     numbers = equations.groups
     pose, load = numbers // MAX_FOLDS, numbers % MAX_FOLDS
@@ -112,11 +113,11 @@ def folds(equations: GroupedRegression) -> list[Fold]:
 
 @dataclass(frozen=True)
 class GramMatrices:
-    """Hold Gram matrices [A | y]^T [A | y] of whitened rows, for k parameters."""
+    """Hold Gram matrices [A | y]^T [A | y] of weighted equations A x = y in k parameters."""
 
     total: Array  #: Gram matrix of all equations, (k + 1, k + 1) [1].
-    held_out: Array  #: Gram matrix of the equations held out, (folds, k + 1, k + 1) [1].
-    n_held_out_equations: Array  #: Number of equations held out in each fold, (folds,).
+    held_out: Array  #: Gram matrices of the held-out equations of every fold, (folds, k + 1, k + 1) [1].
+    n_held_out_equations: Array  #: Number of held-out equations of every fold, (folds,).
     n_equations: int  #: Number of all equations.
     n_terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
 
@@ -125,12 +126,12 @@ def gram_matrices(equations: GroupedRegression | Regression, change_of_parameter
     """Compute Gram matrices of all equations and of each group of poses, after a change of parameters.
 
     Args:
-        equations: The reduced equations in parts of `cross_validation_groups`, n parameters; a regression has
-            nothing to hold out.
-        change_of_parameters: [pi, 1] by the new parameters and 1, (n + 1, k + 1).
+        equations: The weighted equations in n parameters pi, in the groups of `cross_validation_groups`; or
+            without groups, then nothing is held out.
+        change_of_parameters: Matrix T with [pi, 1] = T [x, 1] for new parameters x, (n + 1, k + 1).
 
     Returns:
-        The Gram matrices; without folds for a regression or a single pose.
+        The Gram matrices in x; without folds if there are no groups or a single pose.
     """
     if isinstance(equations, Regression):
         A, y = equations.weighted_equations
@@ -152,9 +153,9 @@ def gram_matrices(equations: GroupedRegression | Regression, change_of_parameter
 
 
 def mean_and_standard_error(difference: Array) -> tuple[float, float]:
-    """Compute mean and standard error over folds [1] of one model's errors, or of differences, (folds,).
+    """Compute mean and standard error of numbers, (folds,), such as differences of held-out errors [1].
 
-    The standard error is infinite for a single fold.
+    The standard error is infinite for a single number.
     """
     n = len(difference)
     error = float(difference.std(ddof=1) / np.sqrt(n)) if n > 1 else np.inf
@@ -165,22 +166,22 @@ def mean_and_standard_error(difference: Array) -> tuple[float, float]:
 class ModelComparison:
     """Hold the result of comparing one model with all others."""
 
-    selected_name: str  #: Name of the model that is selected.
-    difference: float  #: Mean held-out error of the selected model minus that of the first one [1].
+    selected_name: str  #: Name of the selected model.
+    difference: float  #: Mean held-out error of the selected model minus that of the preferred one [1].
     standard_error: float  #: Standard error of this difference over folds [1].
 
 
 def keep_first_unless_beaten(candidates: Sequence[HeldOutErrors], first_name: str) -> ModelComparison:
-    """Select the first model unless another one predicts held-out readings clearly better.
+    """Select a preferred model unless another one predicts held-out readings clearly better.
 
     Clearly means by `MIN_STANDARD_ERRORS_BETTER` standard errors of the paired difference.
 
     Args:
-        candidates: All models with their errors, the first one among them.
-        first_name: Name of the model that is preferred.
+        candidates: All models with their errors, the preferred one among them.
+        first_name: Name of the preferred model.
 
     Returns:
-        The first model, or the best of those that beat it.
+        The preferred model, or the best of those that are clearly better.
     """
     [candidate] = [c for c in candidates if c.model_name == first_name]
     duels = [
@@ -193,34 +194,35 @@ def keep_first_unless_beaten(candidates: Sequence[HeldOutErrors], first_name: st
 
 
 RELATIVE_JOINT_TRACE_WEIGHT = 1e-6
-"""Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
+"""Weight of a joint in the trace over that of a link [1]; with it, unobservable joints are rigid."""
 GRAM_RANK_TOLERANCE = 1e-12
-"""Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
+"""Eigenvalue of a Gram matrix, over the largest, below which it is rounding [1]."""
 ROOT_RANK_TOLERANCE = 1e-15
-"""Least singular value of a root matrix, over the largest, that is kept [1]. Smaller ones cost time only."""
+"""Squared singular value of a root matrix, over the largest, below which its row is left out [1]."""
 TRIED_WEIGHT_RATIO, N_TRIED_WEIGHTS = 5.0, 6
-"""Ratio of neighbouring weights that are tried, and their number."""
+"""Ratio of neighbouring trace weights that are tried [1], and their number."""
 SELECTION_CONFIDENCE = 0.95
-"""Confidence with which a weaker weight must predict held-out poses better. In comparison with the rule of
-one standard error of F_M, errors of MGCO56 are 11 % smaller on coupled links, 7 % on links 10 times stiffer
-and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 3 % larger on the family
-(geometric means). It loses more than 5 % to joints only on 5 to 22 % of the arms of these kinds, that rule on
-14 to 33 % (`kr500_l480`, seeds 760001 to 760060; chosen on 300000 to 300039)."""
+"""Confidence with which a smaller trace weight must predict held-out poses better to be chosen [1]. In
+comparison with the rule of one standard error of F_M, errors of MGCO56 are 11 % smaller on coupled links, 7 %
+on links 10 times stiffer and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 3 %
+larger on the family (geometric means). GCO is more than 5 % worse than rigid links on 5 to 22 % of the arms
+of these kinds, with that rule on 14 to 33 % (`kr500_l480`, seeds 760001 to 760060; chosen on 300000 to
+300039)."""
 
 
 def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty:
-    """Make the trace term w <W, C> of GCO, with W from the arm's kinematics.
+    """Make the trace term w <W, C> of GCO; W weights translations, rotations and joints of this arm.
 
     Mathematics: `est-8`.
 
     Args:
-        vjm: The model.
-        structure: The unknowns.
+        vjm: The arm's virtual joint model.
+        structure: Structure of the unknowns.
         weight: w [N m/rad].
 
     Returns:
-        The trace term: joints have a small weight, displacements count as the rotations that cause them
-        (`trace_units`).
+        The trace term. In W rotations have weight 1, displacements count as the rotations that cause them
+        (`trace_units`), and joints have a small weight.
     """
     first, columns = 6 * structure.n_links, []
     aggregated = [first + j for j in range(structure.n_links - 1) if structure.block_of_row[first + j] < 0]
@@ -242,12 +244,14 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
 def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> TracePenalty | None:
     """Learn the weight w of the trace term w <W, C> of GCO by cross-validation over poses.
 
+    If nothing can be held out, generalised cross-validation chooses w (Golub, Heath, Wahba 1979).
+
     Mathematics: `est-9`.
 
     Args:
-        vjm: The model.
-        equations: The readings in the parts of `cross_validation_groups`. A regression, or a single pose, has
-            nothing to hold out: then generalised cross-validation chooses (Golub, Heath, Wahba 1979).
+        vjm: The arm's virtual joint model.
+        equations: The weighted equations, in the groups of `cross_validation_groups`; without groups, or with
+            a single pose, nothing can be held out.
 
     Returns:
         The trace term with the learnt weight; None where no marker moves, or the structure lacks entries of a
@@ -267,7 +271,7 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
     scaled = _scaled_folds(penalty, G, weights[N_TRIED_WEIGHTS // 2])
     choose = _by_held_out_poses if len(readings.held_out) else _by_generalised_cross_validation
     k, left = choose(readings, scaled, rigid, weights)
-    weights[0] *= TRIED_WEIGHT_RATIO  # so that no rounding bends a link
+    weights[0] *= TRIED_WEIGHT_RATIO  # the weight of rigid links, so large that rounding cannot bend a link
     chi2 = max(left, GRAM_RANK_TOLERANCE * readings.total[-1, -1])  # an exact fit leaves only rounding errors
     misfit = math.sqrt(chi2 * readings.n_equations / 3)
     return replace(penalty, weight=float(weights[k] * readings.n_terms / misfit))
@@ -275,30 +279,33 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
 
 @dataclass(frozen=True)
 class _ScaledFolds:
-    """Hold readings and folds in coordinates in which readings and trace term are of order one."""
+    """Hold least-squares problems of all data and of every fold in scaled coordinates x of order one.
 
-    H: Array  #: Gram matrices of all readings, then of those that every fold fits, (1 + folds, n, n).
-    g: Array  #: Their products with the readings, (1 + folds, n).
-    half_squares: Array  #: Half the sum of squares of the readings, (1 + folds,).
-    trace_gradient: Array  #: Trace per unit of the coordinates, (n,).
-    sizes: tuple[int, ...]  #: Orders of the blocks.
-    order: Ids  #: Parameters in the order of the coordinates, (n,).
-    scale: Array  #: Parameters per unit of the coordinates and of `unit`, (n,) [m/N, rad/(N m)].
-    unit: float  #: Size of all readings together [1].
+    The first row of an array belongs to all readings y, each further row to the readings that a fold fits.
+    """
+
+    H: Array  #: Gram matrices A^T A, (1 + folds, n, n).
+    g: Array  #: Products A^T y, (1 + folds, n).
+    half_squares: Array  #: Half the sum of squares of y, (1 + folds,).
+    trace_gradient: Array  #: Trace <W, C> per unit of x, (n,).
+    block_orders: tuple[int, ...]  #: Orders of the blocks whose svec is x.
+    parameter_indices: Ids  #: Indices of the parameters in the order of x, (n,).
+    scale: Array  #: Parameters per unit of x and of `reading_norm`, (n,) [m/N, rad/(N m)].
+    reading_norm: float  #: Norm of all readings [1].
 
     def problems(self, folds: slice) -> interior.BatchedProblems:
-        """Make the least-squares problems of some folds.
+        """Make the least-squares problems of some rows of `H`, with the trace term, in coordinates x.
 
         Args:
-            folds: Rows of `H`: the fit of all readings, then one per fold.
+            folds: The rows: 0 is the fit of all readings, 1 + k that of fold k.
         """
         R = _roots(self.H[folds], _span(self.H[0]))
         return interior.BatchedProblems(
-            R, self.g[folds], self.half_squares[folds], self.trace_gradient, self.sizes
+            R, self.g[folds], self.half_squares[folds], self.trace_gradient, self.block_orders
         )
 
     def parameters(self, x: Array) -> Array:
-        """Convert scaled coordinates to parameters.
+        """Convert scaled coordinates x to parameters pi.
 
         Args:
             x: Coordinates, (..., n) [1].
@@ -307,7 +314,7 @@ class _ScaledFolds:
             Parameters, (..., n) [m/N, rad/N, rad/(N m)].
         """
         pi = np.empty_like(x)
-        pi[..., self.order] = x * self.scale * self.unit
+        pi[..., self.parameter_indices] = x * self.scale * self.reading_norm
         return pi
 
 
@@ -324,20 +331,20 @@ def _scaled_folds(penalty: TracePenalty, G: Array, rate: float) -> _ScaledFolds:
         g=G[:, order, -1] * scale / unit,
         half_squares=G[:, -1, -1] / unit**2 / 2,
         trace_gradient=penalty.gradient[order] * scale / unit,
-        sizes=tuple(len(block) for block in s.blocks),
-        order=order,
+        block_orders=tuple(len(block) for block in s.blocks),
+        parameter_indices=order,
         scale=scale,
-        unit=unit,
+        reading_norm=unit,
     )
 
 
 def _by_held_out_poses(
     readings: GramMatrices, scaled: _ScaledFolds, rigid: Array, weights: Array
 ) -> tuple[int, float]:
-    """Choose a weight by poses held out, then fit all readings with this weight alone.
+    """Choose a trace weight by held-out poses, then fit all readings with it.
 
     Returns:
-        Place of the weight, and the squared residuals of all readings [1].
+        Index of the weight, and the sum of squared residuals of all readings [1].
     """
     x, _ = interior.solve_batch(scaled.problems(slice(1, None)), weights[1:])
     fits = np.concatenate([rigid[1:, None], scaled.parameters(x)], axis=1)
@@ -354,7 +361,7 @@ def _by_held_out_poses(
 def _by_generalised_cross_validation(
     readings: GramMatrices, scaled: _ScaledFolds, rigid: Array, weights: Array
 ) -> tuple[int, float]:
-    """Choose a weight by all readings; place and squared residuals as of `_by_held_out_poses`."""
+    """Choose a trace weight from all readings; returns what `_by_held_out_poses` returns."""
     whole = scaled.problems(slice(0, 1))
     x, multipliers = interior.solve_batch(whole, weights[1:])
     errors = _squared_residuals(readings.total, np.concatenate([rigid[:1], scaled.parameters(x[0])]))

@@ -163,7 +163,7 @@ def still(rows, rng, **more):
     """Readings of an arm that rests anywhere, a pose a row."""
     every, own = np.arange(rows), {"q": rng.uniform(-1.5, 1.5, (rows, 6))}
     own |= {"wrench": np.zeros((rows, 6)), "point": np.zeros((rows, 3))}
-    own |= {"position": np.ones((rows, 1, 3)), "sigma": SIGMA, "pose": every}
+    own |= {"position": np.ones((rows, 1, 3)), "sigma": SIGMA, "pose_id": every}
     return Series("s", ("P1",), "f", "t", every, **(own | more))
 
 
@@ -174,7 +174,9 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
     C = np.tile(SIGMA**2 * np.eye(3), (poses * k, 1, 1, 1)) if alike else covariances(rng, poses * k, 1)
     turned = {"rotation": np.tile(np.eye(3), (poses * k, 1, 1)), "sigma_rotation": TURN}
     pose = np.repeat(np.arange(poses), k)
-    series = still(poses * k, rng, pose=pose, **turned, **({} if alike else {"precision": np.linalg.inv(C)}))
+    series = still(
+        poses * k, rng, pose_id=pose, **turned, **({} if alike else {"precision": np.linalg.inv(C)})
+    )
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
     W, kinds = whitening_matrices(series, noise, R, repeated_rows(series))
     H = combine_rows([np.arange(k)[None]], np.eye(k)).T
@@ -194,7 +196,7 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
 def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500, rng):
     """Each by its distance in its own covariance; means and differences mix those of a pose."""
     C, noise = covariances(rng, 6, 1), Noise(OPEN, OPEN_TURN, np.array([1.1, 1, 1, 1]))
-    series = read_by(state, still(6, rng, pose=np.repeat([0, 1], 3), precision=np.linalg.inv(C)))
+    series = read_by(state, still(6, rng, pose_id=np.repeat([0, 1], 3), precision=np.linalg.inv(C)))
     unknowns = unknowns_of(kr500.vjm, (series,), JointErrorTerms(), joints_only(kr500.arm))
     far, own = rng.normal(size=(6, 3, 1)), noise.factor[0] ** 2 * (C[:, 0] + OPEN**2 * np.eye(3))
     far /= np.sqrt((far * np.linalg.solve(own, far)).sum(axis=1, keepdims=True))

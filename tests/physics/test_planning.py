@@ -480,7 +480,7 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     model = before[1].model()
     own, q = replace(absolute_setup_after_readings(model, ALONE), min_information=0.0), places[:6]
     first, across = own.unknowns.first_columns["geometry"], replace(own, L=np.eye(own.unknowns.size))
-    on = np.r_[:first, first + model.columns]
+    on = np.r_[:first, first + model.uncertain_columns]
     P = np.eye(len(on)) / absolute.FRAME_DEVIATION**2
     P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
     P += absolute.position_information(own, q)[np.ix_(on, on)]
