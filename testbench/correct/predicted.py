@@ -372,7 +372,7 @@ class Prediction(Displayed):
     theta: Array  #: Virtual joints of the loaded arm at its equilibrium, (poses, n_theta) [m, rad].
 
     def summary(self) -> dict[str, object]:
-        """Summarise the prediction: numbers of poses and points, range of deflections of the tool's origin."""
+        """Summarise the prediction: numbers of poses and points, deflections of the tool's origin."""
         return {
             "poses": len(self.deflection),
             "points": self.deflection.shape[1],
