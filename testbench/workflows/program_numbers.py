@@ -107,6 +107,8 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
     held = (compensated.at_limit & compensated.corrected[:, None]).sum(axis=0)
     before_mm, half_mm = error_statistics(before), None if unseen else error_statistics(half)
     most = [[row[key] for row in loaded or points] for key in ("before_most_mm", "most_mm")]
+    tool_point = np.array(corrected_program.aim.tool_point)
+    uncertain = largest_uncertainty(model, compensated.q, corrected_program.loads, tool_point, absolute)
     return Row(
         program=program.path.name,
         arm=model.arm.name,
@@ -132,13 +134,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         extrapolated=extrapolation_warnings(
             load_extent(model, compensated.programmed_q, corrected_program.loads)
         ),
-        open=largest_uncertainty(
-            model,
-            compensated.q,
-            corrected_program.loads,
-            np.array(corrected_program.aim.tool_point),
-            absolute,
-        ),
+        open=uncertain and Row(name=uncertain.name, share=uncertain.variance_share, joint=uncertain.is_joint),
         doubts=model.origin.warnings,
         unread=unread_columns(program),
         held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
