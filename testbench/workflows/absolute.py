@@ -23,7 +23,7 @@ from testbench.identify.absolute.align import (
     deviation_from_stated,
     distance_from_known_frame,
     find_outliers,
-    residuals,
+    position_residual_lengths,
     underdetermined_reason,
 )
 from testbench.identify.absolute.choose import MassFit, fit_link_masses
@@ -219,9 +219,7 @@ def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
         state = align_all(
             nominal_state(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series)
         )
-    left = (
-        np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.is_measured] for one in series
-    )
+    left = (position_residual_lengths(state, one)[one.is_measured] for one in series)
     return float(np.median(np.concatenate(list(left))))
 
 

@@ -28,7 +28,7 @@ from testbench.identify.absolute.state import (
 )
 from testbench.identify.base_frame import MAX_NOMINAL_DISTANCE
 from testbench.identify.diagnosis.kinematics import Issue
-from testbench.identify.equations import series_residuals
+from testbench.identify.equations import distance_directions, series_residuals, undeflected_arm
 from testbench.identify.registration import (
     ASSUMED_NOISE,
     MIN_REGISTRATION_POSES,
@@ -201,6 +201,19 @@ def residuals(state: ArmState, series: Series) -> Array:
     )
 
 
+def position_residual_lengths(state: ArmState, series: Series) -> Array:
+    """Compute the distances between the measured and the modelled targets of a series.
+
+    Args:
+        state: The arm with the frame and the mount of the series.
+        series: The readings of m targets.
+
+    Returns:
+        Distances, (rows, m) [m]; zero where nothing was read.
+    """
+    return np.asarray(np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T)
+
+
 def robust_weights(state: ArmState, series: Series, noise: Noise) -> Array:
     """Compute the robust weight of every reading of a series from its residual.
 
@@ -334,10 +347,9 @@ def find_outliers(
         The number of outliers and the worst one; None if there are none.
     """
     farthest, count = [], 0
-    for readings, counts in zip(series, robust_weights, strict=True):
-        m = len(readings.markers)
-        wild = (counts[:m].T < OUTLIER_WEIGHT) & readings.is_measured
-        far = np.where(wild, np.linalg.norm(residuals(state, readings)[:m], axis=1).T, 0.0).max(axis=1)
+    for readings, weights in zip(series, robust_weights, strict=True):
+        wild = (weights[: len(readings.markers)].T < OUTLIER_WEIGHT) & readings.is_measured
+        far = np.where(wild, position_residual_lengths(state, readings), 0.0).max(axis=1)
         k, count = int(far.argmax()), count + int(wild.sum())
         farthest.append((float(far[k]), readings.name, int(readings.row_id[k])))
     if not count:
@@ -501,18 +513,24 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     of_target = NOMINAL_TARGET_DEVIATION if named else UNNAMED_TARGET_DEVIATION
     deviation = np.r_[series.frame_deviations, np.full(targets.size, of_target)]
     free, f = deviation > 0, len(series.frame_deviations)
-    tools = [tool_poses(state.vjm, part.q) for part in parts]
+    arms = [undeflected_arm(state.vjm, part.q, []) for part in parts]
 
-    def move(steps: Array) -> tuple[Frame, Array]:
-        """Move the stated frame and the targets, (m, 3) [m], by steps of the free unknowns."""
+    def move(steps: Array) -> tuple[Frame, Mount]:
+        """Move the stated frame and the nominal targets by steps of the free unknowns."""
         every = np.zeros(len(deviation))
         every[free] = steps
-        return moved_frame(stated_frame(series), every[:f]), targets + every[f:].reshape(-1, 3)
+        mount = Mount(targets + every[f:].reshape(-1, 3), np.eye(3), series.markers)
+        return moved_frame(stated_frame(series), every[:f]), mount
 
     def distance_errors(steps: Array) -> list[Array]:
         """Compute measured minus modelled distances of each part, (read,) [m]."""
-        frame, points = move(steps)
-        return [_distance_errors(*own, frame, points) for own in zip(parts, tools, strict=True)]
+        frame, mount = move(steps)
+        moved = replace(state, frames={series.frame: frame}, mounts={series.mount: mount})
+        errors = []
+        for part, arm in zip(parts, arms, strict=True):
+            assert part.distance is not None
+            errors.append((part.distance - distance_directions(moved, part, arm)[1].T)[part.is_measured])
+        return errors
 
     def whitened_residuals(steps: Array) -> Array:
         """Compute residuals of readings and priors, over their deviations, (read + free,) [1]."""
@@ -525,26 +543,10 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     if series.distance_offset_sigma:
         start[3] = np.median(np.concatenate(distance_errors(start)))
     steps = least_squares(whitened_residuals, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
-    frame, points = move(steps)
+    frame, mount = move(steps)
     for part, before, after in zip(parts, distance_errors(start), distance_errors(steps), strict=True):
         _check_placed(state, part, (before, after), frame)
-    return frame, Mount(points, np.eye(3), series.markers)
-
-
-def _distance_errors(series: Series, tool: tuple[Array, Array], frame: Frame, points: Array) -> Array:
-    """Compute measured minus modelled distances or heights, (read,) [m].
-
-    `tool` holds tool positions, (rows, 3) [m], and orientations, (rows, 3, 3) [1], in the poses of the
-    series; `points`, (m, 3) [m], are its targets in the tool's frame.
-    """
-    assert series.distance is not None
-    position, rotation = tool
-    x = (position[:, None] + points @ rotation.swapaxes(1, 2)) @ frame.rotation.T + frame.translation
-    if series.normal is None:
-        modelled = np.linalg.norm(x, axis=2) + frame.distance_offset
-    else:
-        modelled = (x - np.array(series.fixed_point)) @ series.normal
-    return np.asarray((series.distance - modelled)[series.is_measured])
+    return frame, mount
 
 
 def stated_frame(series: Series) -> Frame:
@@ -787,15 +789,14 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
         Misfit: If the nearest FITTED_SHARE of a series is farther than MAX_FITTED_DISTANCE times the reach.
     """
     for readings in series:
-        left = np.linalg.norm(residuals(state, readings)[: len(readings.markers)], axis=1).T[
-            readings.is_measured
-        ]
+        left = position_residual_lengths(state, readings)[readings.is_measured]
         far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(FITTED_SHARE * len(left)))] ** 2)))
         if far > MAX_FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
-            words = (
+            raise Misfit(
                 f"{readings.name}: the readings do not fit this arm: {1e3 * far:.4g} mm (RMS of the nearest "
+                "nine tenths) after its geometry and springs are fitted",
+                readings,
             )
-            raise Misfit(f"{words}nine tenths) after its geometry and springs are fitted", readings)
 
 
 def distance_from_known_frame(state: ArmState, series: Series) -> float:
@@ -810,7 +811,7 @@ def distance_from_known_frame(state: ArmState, series: Series) -> float:
     Returns:
         Distance that three quarters of the readings exceed [m]; 0 if errors of the nominal arm explain it.
     """
-    left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.is_measured]
+    left = position_residual_lengths(state, series)[series.is_measured]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
     return off if off > 2 * MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, series.q) else 0.0
 
