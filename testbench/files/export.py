@@ -43,7 +43,7 @@ from testbench.files.export_own import (
     with_origins,
     words,
 )
-from testbench.identify.absolute.state import EQUILIBRIUM_STEPS, ArmState, joint_equilibrium
+from testbench.identify.absolute.state import CALIBRATION_EQUILIBRIUM_STEPS, ArmState, joint_equilibrium
 from testbench.model.kinematics import body_pose, urdf_link_poses
 from testbench.model.laws import UNIT_COMPENSATOR_STIFFNESS, joint_laws, law_sizes
 from testbench.model.load import Load, weight
@@ -92,7 +92,7 @@ def displacements(state: ArmState, q: Array) -> dict[str, Array]:
 
 
 def _rest(state: ArmState, q: Array, loads: list[Load] | None = None) -> Array:
-    return joint_equilibrium(state, q, loads or [], EQUILIBRIUM_STEPS).chain.tool_position
+    return joint_equilibrium(state, q, loads or [], CALIBRATION_EQUILIBRIUM_STEPS).chain.tool_position
 
 
 def all_but_payload(moved: dict[str, Array]) -> Array:

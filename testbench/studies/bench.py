@@ -233,7 +233,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     known = select_and_solve(linearised_readings, ELASTIC)
     assert known.active_unknowns.compliance_prior
     T = triangular_factor_with_priors(
-        known.active_unknowns, linearised_readings.reduced, known.selection.error_scales
+        known.active_unknowns, linearised_readings.reduced_readings, known.selection.error_scales
     )
     judge = select_rows(a, np.arange(0, a.n_rows, 6))
     register = evenly_spaced_rows(judge, FRAME_POSES)
@@ -245,7 +245,7 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
         return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
 
     data = compliance_equations(
-        T, known.active_unknowns.compliance_prior, int(linearised_readings.reduced.n_equations.sum())
+        T, known.active_unknowns.compliance_prior, int(linearised_readings.reduced_readings.n_equations.sum())
     )
     return BenchProblem(cell, data, prior, REAL, np.zeros((rest.n_rows, 1, 3)), off)
 

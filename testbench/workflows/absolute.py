@@ -322,7 +322,7 @@ def of_outliers(found: Outliers) -> str:
         f"the worst is row {found.worst_row} of {found.worst_series}, by {1e3 * found.worst_distance:.4g} mm"
     )
     far = f"{READING_LOSS.threshold / OUTLIER_WEIGHT:g} standard deviations"
-    few = f"{found.count} of {found.n_readings} positions"
+    few = f"{found.n_outliers} of {found.n_readings} positions"
     return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
 

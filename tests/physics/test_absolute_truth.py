@@ -146,7 +146,7 @@ def off(cell, disturbances, mass):
 def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, monkeypatch):
     """Half the compliance leaves a quarter of the error of loads on the straight arm, then 1/8 and 1/16."""
     cell = request.getfixturevalue(name)
-    monkeypatch.setattr(absolute, "EQUILIBRIUM_STEPS", steps)
+    monkeypatch.setattr(absolute, "CALIBRATION_EQUILIBRIUM_STEPS", steps)
     mass = cell.arm.payload or 20.0
     whole, half = (off(softer(cell, links=scale, joints=scale), WEIGHT, mass).mean() for scale in (4.0, 2.0))
     assert whole / half == pytest.approx(2 ** (2 + steps), rel=0.01)

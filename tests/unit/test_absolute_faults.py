@@ -357,7 +357,7 @@ def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
     found = select_and_solve(gathered(ur10, *series), ONLY)
     worst = find_outliers(found.state, found.series, found.robust_weights)
     assert not found.issues
-    assert worst.count == truth.outliers[0].sum() > 2
+    assert worst.n_outliers == truth.outliers[0].sum() > 2
     assert truth.outliers[0][worst.worst_row - 1].all()
     assert worst.worst_distance == pytest.approx(2e-3, rel=0.2)
 

@@ -326,7 +326,7 @@ OUTLIER_WEIGHT = 0.5
 class Outliers:
     """Count the positions with a robust weight below `OUTLIER_WEIGHT`, and describe the worst one."""
 
-    count: int  #: Number of outliers.
+    n_outliers: int  #: Number of outliers.
     n_readings: int  #: Number of positions that were read.
     worst_series: str  #: Series of the worst outlier.
     worst_row: int  #: Identifier of the reading's row.

@@ -85,7 +85,7 @@ class SelectedModel:
 
     active_unknowns: ActiveUnknowns  #: The selected unknowns.
     error_scales: ErrorScales  #: Their prior deviations, and noise factors.
-    reduced: ReducedReadings  #: The reduced equations, in the basis of these unknowns.
+    reduced_readings: ReducedReadings  #: The reduced equations, in the basis of these unknowns.
     error_kinds: frozenset[str]  #: Kinds of errors among the unknowns.
     steps: tuple[SelectionStep, ...]  #: Trials of kinds of errors, in order.
     #: Name of the best simpler model, for comparison: geometry, perhaps with joint springs.
@@ -153,7 +153,10 @@ class SelectionRules:
 
 
 def select_errors(
-    unknowns: Unknowns, reduced: ReducedReadings, candidates: Sequence[ErrorCandidate], rules: SelectionRules
+    unknowns: Unknowns,
+    reduced_readings: ReducedReadings,
+    candidates: Sequence[ErrorCandidate],
+    rules: SelectionRules,
 ) -> SelectedModel:
     """Select the kinds of errors that predict held-out readings better, tried one after the other.
 
@@ -161,7 +164,7 @@ def select_errors(
 
     Args:
         unknowns: All unknowns that may be used.
-        reduced: The reduced equations, in blocks of joint space.
+        reduced_readings: The reduced equations, in blocks of joint space.
         candidates: Kinds of errors to try, in order; geometry is always used.
         rules: Settings of the comparison.
 
@@ -171,8 +174,8 @@ def select_errors(
     kinds, compliance_prior = GEOMETRY_ERROR_KINDS, None
     tried = _evaluate(
         activate_unknowns(unknowns, kinds, compliance_prior),
-        reduced,
-        default_error_scales(unknowns, len(reduced.kinds)),
+        reduced_readings,
+        default_error_scales(unknowns, len(reduced_readings.kinds)),
         rules,
     )
     # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
@@ -181,20 +184,20 @@ def select_errors(
     for candidate in stepwise(candidates, "trying errors"):
         more = kinds | candidate.error_kinds, candidate.compliance_prior or compliance_prior
         shared = (
-            with_shared_pattern(tried.active, kinds, tried.scales, reduced)
+            with_shared_pattern(tried.active, kinds, tried.scales, reduced_readings)
             if candidate.searches_pattern
             else None
         )
         if candidate.searches_pattern and shared is None:
             continue
-        active, equations = shared or (activate_unknowns(unknowns, *more), reduced)
+        active, equations = shared or (activate_unknowns(unknowns, *more), reduced_readings)
         other = _evaluate(active, equations, tried.scales, rules)
         steps[candidate.name] = _selection_step(candidate, tried, other)
         if steps[candidate.name].kept:
             tried = other
             kinds, compliance_prior = more
             unknowns = active.unknowns
-            reduced = equations
+            reduced_readings = equations
         if candidate.always_kept:
             simpler_trials[f"geometry and {candidate.name}"] = tried
     # Backward pass: drop a kind that a later one has made unnecessary.
@@ -206,7 +209,7 @@ def select_errors(
             and not ("pattern" in kinds and candidate.error_kinds & {"harmonics", "pattern"})
         ):
             fewer = activate_unknowns(unknowns, kinds - candidate.error_kinds, compliance_prior)
-            other = _evaluate(fewer, reduced, tried.scales, rules)
+            other = _evaluate(fewer, reduced_readings, tried.scales, rules)
             again = _selection_step(candidate, other, tried)
             if not again.kept:
                 tried = other
@@ -216,14 +219,16 @@ def select_errors(
     simpler = {name: trial for name, trial in simpler_trials.items() if trial is not tried} or simpler_trials
     plain, other = min(simpler.items(), key=lambda named: named[1].blocks[:, 2].sum())
     held = _by_block(other.blocks), _by_block(tried.blocks)
-    return SelectedModel(tried.active, tried.scales, reduced, kinds, tuple(steps.values()), plain, held)
+    return SelectedModel(
+        tried.active, tried.scales, reduced_readings, kinds, tuple(steps.values()), plain, held
+    )
 
 
 def with_shared_pattern(
     active_unknowns: ActiveUnknowns,
     error_kinds: frozenset[str],
     scales: ErrorScales,
-    reduced: ReducedReadings,
+    reduced_readings: ReducedReadings,
 ) -> tuple[ActiveUnknowns, ReducedReadings] | None:
     """Add an error pattern that several joints share to the unknowns, if the readings show one.
 
@@ -231,7 +236,7 @@ def with_shared_pattern(
         active_unknowns: The selected unknowns, periodic joint errors among them.
         error_kinds: Kinds of errors among the unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
-        reduced: The reduced equations of all unknowns.
+        reduced_readings: The reduced equations of all unknowns.
 
     Returns:
         The unknowns with the pattern, and the equations in their basis; None if no two joints share a
@@ -246,7 +251,7 @@ def with_shared_pattern(
     at = unknowns.first_columns["errors"] + errors.n_coefficients * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
-    gram = gram_of_active(active_unknowns, reduced.total_gram_matrices)
+    gram = gram_of_active(active_unknowns, reduced_readings.total_gram_matrices)
     solved, joint_information = solve_active_unknowns(active_unknowns, gram, scales, WIDE_PRIOR), []
     V = solved.covariance
     for joint, j in zip(joints, np.searchsorted(active_unknowns.columns, at), strict=True):
@@ -262,7 +267,7 @@ def with_shared_pattern(
     if unknowns.equation_basis is None:
         return None
     with_pattern = activate_unknowns(unknowns, error_kinds | {"pattern"}, active_unknowns.compliance_prior)
-    return with_pattern, reduced.in_basis(unknowns.equation_basis)
+    return with_pattern, reduced_readings.in_basis(unknowns.equation_basis)
 
 
 @dataclass(frozen=True)
@@ -327,29 +332,33 @@ def _held_out_sums(
 
 
 def with_final_prior(
-    selected: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
+    selected_model: SelectedModel, rules: SelectionRules, weighted_prior: WeightedPrior | None
 ) -> SelectedModel:
     """Compute the held-out errors of a selected model again, with the prior of the final compliances.
 
     Args:
-        selected: The selection; its held-out errors are those under the prior of the comparison.
+        selected_model: The selection; its held-out errors are those under the prior of the comparison.
         rules: Settings of the comparison.
         weighted_prior: Prior of the final compliances; None for a rigid arm.
 
     Returns:
         The selection with the new held-out errors; unchanged if no block can be held out.
     """
-    plain, every = selected.held_out_rms
+    plain, every = selected_model.held_out_rms
     if weighted_prior is None or not len(every):
-        return selected
+        return selected_model
     active, rules = (
-        replace(selected.active_unknowns, compliance_prior=weighted_prior.scaling),
+        replace(selected_model.active_unknowns, compliance_prior=weighted_prior.scaling),
         replace(rules, prior_uncertainty=weighted_prior.uncertainty),
     )
     blocks = _held_out_sums(
-        active, selected.reduced, selected.error_scales, rules, _blocks_to_hold_out(selected.reduced)
+        active,
+        selected_model.reduced_readings,
+        selected_model.error_scales,
+        rules,
+        _blocks_to_hold_out(selected_model.reduced_readings),
     )
-    return replace(selected, held_out_rms=(plain, _by_block(blocks)))
+    return replace(selected_model, held_out_rms=(plain, _by_block(blocks)))
 
 
 def _held_out(

@@ -274,7 +274,7 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: Pri
 
 def learn_error_scales(
     active_unknowns: ActiveUnknowns,
-    reduced: ReducedReadings,
+    reduced_readings: ReducedReadings,
     initial: ErrorScales,
     constraint: Constraint = "none",
 ) -> ErrorScales:
@@ -287,7 +287,7 @@ def learn_error_scales(
 
     Args:
         active_unknowns: The selected unknowns.
-        reduced: The reduced equations of all unknowns.
+        reduced_readings: The reduced equations of all unknowns.
         initial: Prior deviations and noise factors from which the search starts.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
@@ -297,7 +297,10 @@ def learn_error_scales(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    gram, equation_counts = gram_of_active(active_unknowns, reduced.total_gram_matrices), reduced.n_equations
+    gram, equation_counts = (
+        gram_of_active(active_unknowns, reduced_readings.total_gram_matrices),
+        reduced_readings.n_equations,
+    )
     scales = _maximise_scales(active_unknowns, gram, equation_counts, initial)
     if active_unknowns.compliance_prior is None or constraint == "none":
         return scales
@@ -404,7 +407,7 @@ class StepSolution:
 
 def solve_step(
     active_unknowns: ActiveUnknowns,
-    reduced: ReducedReadings,
+    reduced_readings: ReducedReadings,
     scales: ErrorScales,
     constraint: Constraint = "psd",
     uncertainty: PriorUncertainty | None = None,
@@ -418,7 +421,7 @@ def solve_step(
 
     Args:
         active_unknowns: The selected unknowns.
-        reduced: The reduced equations, in the basis of the unknowns.
+        reduced_readings: The reduced equations, in the basis of the unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
         uncertainty: Relative uncertainty of the expected compliances; None to learn it from the readings.
@@ -430,13 +433,17 @@ def solve_step(
         BenchError: If the readings leave a frame or a target undetermined.
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
-    T = triangular_factor_with_priors(active_unknowns, reduced, scales)
+    T = triangular_factor_with_priors(active_unknowns, reduced_readings, scales)
     r, c = active_unknowns.n_rigid, len(active_unknowns.columns)
     if active_unknowns.compliance_prior is None:
         step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
     else:
         step = _solve_compliances(
-            T, active_unknowns.compliance_prior, int(reduced.n_equations.sum()), constraint, uncertainty
+            T,
+            active_unknowns.compliance_prior,
+            int(reduced_readings.n_equations.sum()),
+            constraint,
+            uncertainty,
         )
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse = solve_triangular(step.precision_root[:r, :r], np.eye(r))
@@ -529,13 +536,13 @@ def _add_covariance(root: Array, moves: Array) -> Array:
 
 
 def triangular_factor_with_priors(
-    active_unknowns: ActiveUnknowns, reduced: ReducedReadings, scales: ErrorScales
+    active_unknowns: ActiveUnknowns, reduced_readings: ReducedReadings, scales: ErrorScales
 ) -> Array:
     """Compute the triangular factor of [A | y]: all equations, and all priors except that of the compliances.
 
     Args:
         active_unknowns: The selected unknowns, c of them.
-        reduced: The reduced equations of all unknowns.
+        reduced_readings: The reduced equations of all unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
 
     Returns:
@@ -551,7 +558,7 @@ def triangular_factor_with_priors(
     rows = np.zeros((len(held), len(columns)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
     # Rows of the readings, by their noise.
-    factors = zip(reduced.factors.values(), scales.noise_factor, strict=True)
+    factors = zip(reduced_readings.factors.values(), scales.noise_factor, strict=True)
     lines = [R[:, columns] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(columns), len(columns)))]), mode="r"))
     free = np.abs(np.diag(T))[: active_unknowns.n_rigid]

@@ -183,7 +183,7 @@ class LinearisedReadings:
     unknowns: Unknowns  #: All unknowns that may be used.
     state: ArmState  #: Arm at which the equations are linearised, with joint springs and periodic errors.
     noise: Noise  #: Noise of the readings about this arm.
-    reduced: ReducedReadings  #: The reduced equations, in blocks of joint space.
+    reduced_readings: ReducedReadings  #: The reduced equations, in blocks of joint space.
     issues: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
 
@@ -377,7 +377,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         BenchError: When the readings leave a frame or target undetermined, or the options use link
             compliances that the reduced equations lack.
     """
-    series, reduced = linearised_readings.series, linearised_readings.reduced
+    series, reduced = linearised_readings.series, linearised_readings.reduced_readings
     variance, repetitions = mean_stated_variances(series)
     deviations = equation_deviations(linearised_readings.noise, variance, repetitions)
     rules = SelectionRules(deviations[list(reduced.kinds)], options.constraint)
@@ -385,7 +385,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     chosen = _select_errors(linearised_readings, options, rules)
     solved = solve_step(
         chosen.active_unknowns,
-        chosen.reduced,
+        chosen.reduced_readings,
         chosen.error_scales,
         options.constraint,
         options.prior_uncertainty,
@@ -419,7 +419,7 @@ def _select_errors(
 ) -> SelectedModel:
     """Select the errors by cross-validation, or take those of the options; links include joint springs."""
     unknowns = linearised_readings.unknowns
-    reduced = linearised_readings.reduced
+    reduced = linearised_readings.reduced_readings
     vjm = linearised_readings.state.vjm
     # The errors that may be added to geometry, in their order.
     joints, links = (

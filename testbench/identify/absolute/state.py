@@ -60,7 +60,7 @@ EQUILIBRIUM_TOLERANCE = 1e-11
 """Largest step of a virtual joint at which the equilibrium has converged [m, rad]."""
 MAX_EQUILIBRIUM_STEPS = 100
 """Most fixed-point steps to the equilibrium."""
-EQUILIBRIUM_STEPS = 2
+CALIBRATION_EQUILIBRIUM_STEPS = 2
 """Fixed-point steps to the equilibrium in a calibration; each reduces the error at least a hundredfold."""
 
 
@@ -270,7 +270,7 @@ def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
         The equilibrium in every row, in base axes.
     """
     loads = [Load(series.wrench, series.point)] if series.wrench.any() else []
-    return joint_equilibrium(state, series.q, loads, EQUILIBRIUM_STEPS)
+    return joint_equilibrium(state, series.q, loads, CALIBRATION_EQUILIBRIUM_STEPS)
 
 
 def torque_scale(vjm: Vjm, masses: BodyMasses, series: tuple[Series, ...]) -> Array:

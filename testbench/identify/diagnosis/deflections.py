@@ -86,7 +86,7 @@ class ResidualModel:
     """
 
     readings: WeightedReadings  #: The whitened equations of every single reading.
-    loss: float  #: Negative logarithm of the evidence [nats].
+    neg_log_evidence: float  #: Negative logarithm of the evidence [nats].
     pi: Array  #: Posterior mean of the compliances, (n,) [m/N, rad/(N m)].
     #: Factor U of the readings' inverse covariance W = I / misfit^2 - U U^T, (k, r) [1]. Readings share few
     #: unknowns, so that no matrix of size (k, k) is needed.
@@ -139,23 +139,23 @@ class LoadedRuns:
     #: Gravity in the nominal world by a level tracker, a unit vector, (3,) [1]; None if unknown.
     tracker_gravity: Array | None = None
     #: Suspected direction of gravity other than the nominal one; None if nothing suggests it.
-    gravity: GravityDirection | None = None
+    suspected_gravity: GravityDirection | None = None
     #: The fitted model; None before the fit, or if no compliances fit the readings.
-    model: ResidualModel | None = None
+    residual_model: ResidualModel | None = None
 
     @property
     def largest_force(self) -> float:
         """Compute the largest force of all runs [N]."""
         return float(np.linalg.norm(self.data.wrench[:, :3], axis=1).max())
 
-    def mistake_jacobian(self, corrected: Sequence[Dataset]) -> Array:
+    def mistake_jacobian(self, corrected_data: Sequence[Dataset]) -> Array:
         """Compute the change Z of the whitened residuals per unit of each parameter of a mistake.
 
         Column i is the residual y - A pi of the data as read, minus that of the data with one unit of
         parameter i corrected.
 
         Args:
-            corrected: The data with one unit of each of z parameters corrected.
+            corrected_data: The data with one unit of each of z parameters corrected.
 
         Returns:
             Z, (k, z) [1].
@@ -163,10 +163,13 @@ class LoadedRuns:
         Raises:
             BenchError: When there are too many readings to weigh them one by one.
         """
-        assert self.model is not None
-        as_read, structure = self.model.residuals(self.model.readings), self.compliance_prior.structure
-        every = (weighted_readings(self.vjm, structure, data) for data in corrected)
-        return np.column_stack([as_read - self.model.residuals(readings) for readings in every])
+        assert self.residual_model is not None
+        as_read, structure = (
+            self.residual_model.residuals(self.residual_model.readings),
+            self.compliance_prior.structure,
+        )
+        every = (weighted_readings(self.vjm, structure, data) for data in corrected_data)
+        return np.column_stack([as_read - self.residual_model.residuals(readings) for readings in every])
 
 
 def deflection_scale(loads: LoadedRuns) -> float:
@@ -304,7 +307,7 @@ def find_load_issues(
     """
     factor = deflection_scale(loads)
     gravity = suspected_gravity(loads.vjm, loads.compliance_prior, loads.data, loads.tracker_gravity)
-    loads = replace(loads, gravity=gravity)
+    loads = replace(loads, suspected_gravity=gravity)
     mountings = [row for row in all_loads if row.name == "mounting"]
     others = [row for row in all_loads if row.name != "mounting"]
     kinds = {row.name for row in single_runs}
@@ -316,9 +319,9 @@ def find_load_issues(
         return _refitted(mountings, loads) or _refitted(others, loads) or [_wild_reading(loads.data, factor)]
     leave_out_worst = partial(_without_worst, loads, single_runs)
     issues, kept, model = correct_one_by_one(loads.data, start, leave_out_worst)
-    loads = replace(loads, data=kept, model=model)
+    loads = replace(loads, data=kept, residual_model=model)
     best = _likeliest(loads, all_loads, single_runs)
-    loads = replace(loads, gravity=gravity or _missing_weight(loads, best))
+    loads = replace(loads, suspected_gravity=gravity or _missing_weight(loads, best))
     # A wrong mounting, if it rivals the best other mistake; weights have no force offset.
     hung = _refitted(mountings, loads)
     rival = max((_gain(issue) for issue in best if issue.name != "force_offset"), default=0.0)
@@ -344,11 +347,11 @@ def _gain(issue: Issue) -> float:
 
 def _sized_issues(loads: LoadedRuns, hypotheses: LoadHypotheses) -> Iterator[tuple[Issue, bool]]:
     """Score every mistake that enters linearly; yield it with whether it is likely and large."""
-    assert loads.model is not None
+    assert loads.residual_model is not None
     for hypothesis in hypotheses:
         for correction in hypothesis.corrections(loads):
             if correction.jacobian is not None:
-                issue = loads.model.score_issue(hypothesis.name, correction)
+                issue = loads.residual_model.score_issue(hypothesis.name, correction)
                 yield issue, _gain(issue) > hypothesis.min_gain and correction.is_large(issue.size)
 
 
@@ -361,7 +364,7 @@ def _without_worst(
     """
     if fitted.misfit <= MAX_QUIET_MISFIT or data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
         return None
-    now = replace(loads, data=data, model=fitted)
+    now = replace(loads, data=data, residual_model=fitted)
     likeliest = max((issue for issue, _ in _sized_issues(now, single_runs)), key=_gain)
     if _gain(likeliest) < MIN_TRIAL_GAIN:
         return None
@@ -373,7 +376,7 @@ def _without_worst(
         return None
     if rest.misfit > MAX_MISFIT_RATIO * fitted.misfit:
         return None
-    now = replace(now, model=fit_residual_model(now, rest.hyperparameters))
+    now = replace(now, residual_model=fit_residual_model(now, rest.hyperparameters))
     issues = [issue for issue, large in _sized_issues(now, single_runs) if large and issue.where[0] == worst]
     return ([max(issues, key=_gain)], kept, rest) if issues else None
 
@@ -392,23 +395,23 @@ def _likeliest(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHy
 
 def _refitted(hypotheses: LoadHypotheses, loads: LoadedRuns) -> list[Issue]:
     """Find the mistake without a size that explains the readings best, if one does."""
-    before, tried = loads.model, list[tuple[ResidualModel, Issue, float]]()
-    loads = replace(loads, model=None)  # linear mistakes have been tested
+    before, tried = loads.residual_model, list[tuple[ResidualModel, Issue, float]]()
+    loads = replace(loads, residual_model=None)  # linear mistakes have been tested
     for hypothesis in hypotheses:
         for correction in hypothesis.corrections(loads):
-            if correction.corrected is None:
+            if correction.corrected_data is None:
                 continue
             try:
-                refit = fit_residual_model(correction.corrected)
+                refit = fit_residual_model(correction.corrected_data)
             except BenchError:  # moves against the force
                 continue
-            gain = None if before is None else before.loss - refit.loss
+            gain = None if before is None else before.neg_log_evidence - refit.neg_log_evidence
             issue = Issue(hypothesis.name, correction.where, correction.size, correction.details, gain)
             confirmed = correction.details.get("tracker_agrees")
             tried.append((refit, issue, MIN_GAIN if confirmed else hypothesis.min_gain))
     if not tried:
         return []
-    refit, issue, min_gain = min(tried, key=lambda trial: trial[0].loss)
+    refit, issue, min_gain = min(tried, key=lambda trial: trial[0].neg_log_evidence)
     explains = refit.misfit <= MAX_NOISE_MISFIT if before is None else _gain(issue) >= min_gain
     return [issue] if explains else []
 

@@ -59,7 +59,7 @@ NO_FREE_PARAMETERS = FreeParameters()
 MAX_DEFLECTION_RATIO = 20.0
 MAX_RUNS_PER_BATCH, MAX_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
 #: Mistakes that the registration corrects, so that the loads are tested anyway.
-CORRECTED_BY_REGISTRATION = ("frame", "targets")
+ISSUES_CORRECTED_BY_REGISTRATION = ("frame", "targets")
 
 
 def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
@@ -88,7 +88,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
         return certain or _along_lines(registered, prior, hypotheses)
     # Frame, targets and kinematics: by the unloaded readings, and by the loaded ones if they are far off.
     issues, fitted = _kinematic_issues(submission, hypotheses)
-    if certain or any(issue.name not in CORRECTED_BY_REGISTRATION for issue in issues):
+    if certain or any(issue.name not in ISSUES_CORRECTED_BY_REGISTRATION for issue in issues):
         return [*issues, *certain]
     deflection = np.median(np.linalg.norm(data.deflection, axis=2)[data.is_measured])
     if vjm.arm.joints and deflection > MAX_DEFLECTION_RATIO * fitted.observations.expected_distance:

@@ -206,7 +206,7 @@ def _frame(observations: Observations) -> KinematicCorrections:
     if not observations.free_parameters.frame:
         free = replace(observations.free_parameters, frame=True)
         yield Correction(
-            corrected=replace(observations, free_parameters=free),
+            corrected_data=replace(observations, free_parameters=free),
             is_large=longer_than(MIN_FRAME_TURN, MIN_FRAME_SHIFT),
         )
 
@@ -225,7 +225,7 @@ def _frame_sentence(issue: Issue, _: Arm) -> str:
 def _targets(observations: Observations) -> KinematicCorrections:
     if not observations.free_parameters.targets:
         yield Correction(
-            corrected=replace(
+            corrected_data=replace(
                 observations, free_parameters=replace(observations.free_parameters, targets=True)
             ),
             is_large=longer_than(MIN_TARGET_SHIFT),
@@ -240,7 +240,7 @@ def _targets_sentence(issue: Issue, _: Arm) -> str:
 
 def _mirrored(observations: Observations) -> KinematicCorrections:
     yield Correction(
-        corrected=replace(
+        corrected_data=replace(
             observations, free_parameters=replace(observations.free_parameters, frame=True, mirrored=True)
         )
     )
@@ -251,7 +251,7 @@ def _link(observations: Observations) -> KinematicCorrections:
         free = replace(observations.free_parameters, theta=(6 * k, 6 * k + 1, 6 * k + 2))
         yield Correction(
             (link.name,),
-            corrected=replace(observations, free_parameters=free),
+            corrected_data=replace(observations, free_parameters=free),
             is_large=longer_than(MIN_FRAME_SHIFT),
         )
 
@@ -271,7 +271,7 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
         yield Correction(
             (joint.name,),
             np.zeros(1),
-            corrected=replace(observations, free_parameters=free),
+            corrected_data=replace(observations, free_parameters=free),
             parameter_count=1,
             is_large=is_large,
         )
@@ -280,7 +280,7 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
             yield Correction(
                 (joint.name,),
                 np.array([turn]),
-                corrected=corrected,
+                corrected_data=corrected,
                 parameter_count=CHOICE_PARAMETER_COUNT + 1,
             )
 
@@ -302,7 +302,7 @@ def _markers(observations: Observations) -> KinematicCorrections:
         corrected = replace(
             observations, position=observations.position[:, order], seen=observations.seen[:, order]
         )
-        yield Correction(wrong, corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield Correction(wrong, corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
 
 
 def _best_exchange(observations: Observations) -> tuple[int, ...]:
@@ -335,14 +335,18 @@ def _markers_sentence(issue: Issue, _: Arm) -> str:
 def _unit(observations: Observations) -> KinematicCorrections:
     for factor in UNIT_FACTORS:
         corrected = replace(observations, position=factor * observations.position)
-        yield Correction(size=np.array([factor]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield Correction(
+            size=np.array([factor]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
+        )
 
 
 def _angle_unit(observations: Observations) -> KinematicCorrections:
     hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
         corrected = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
-        yield Correction(size=np.array([factor]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield Correction(
+            size=np.array([factor]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
+        )
 
 
 def _angle_unit_sentence(issue: Issue, _: Arm) -> str:
@@ -355,11 +359,16 @@ def _order(observations: Observations) -> KinematicCorrections:
     """Try the readings of the pose before or after, from the first row on or from a later one."""
     for shift in (1, -1):
         corrected = replace(observations, q=np.roll(observations.q, shift, axis=0))
-        yield Correction(size=np.array([shift]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield Correction(
+            size=np.array([shift]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
+        )
     if slip := find_row_shift(observations):
         first, corrected = str(observations.run_ids[slip.first_row]), replace(observations, q=slip.q)
         yield Correction(
-            (first,), np.array([slip.shift]), corrected=corrected, parameter_count=CHOICE_PARAMETER_COUNT + 1
+            (first,),
+            np.array([slip.shift]),
+            corrected_data=corrected,
+            parameter_count=CHOICE_PARAMETER_COUNT + 1,
         )
 
 
@@ -374,7 +383,7 @@ def _joint_sign(observations: Observations) -> KinematicCorrections:
         sign = np.where(np.arange(observations.q.shape[1]) == k, -1, 1)
         yield Correction(
             (joint.name,),
-            corrected=replace(observations, q=observations.q * sign),
+            corrected_data=replace(observations, q=observations.q * sign),
             parameter_count=CHOICE_PARAMETER_COUNT,
         )
 
@@ -400,7 +409,9 @@ def _joint_coupling(observations: Observations) -> KinematicCorrections:
                 q[:, j] += sign * observations.q[:, i]
                 where += [joints[j].name, "+" if sign > 0 else "-", joints[i].name]
             yield Correction(
-                tuple(where), corrected=replace(observations, q=q), parameter_count=CHOICE_PARAMETER_COUNT
+                tuple(where),
+                corrected_data=replace(observations, q=q),
+                parameter_count=CHOICE_PARAMETER_COUNT,
             )
 
 
@@ -417,7 +428,7 @@ def _joint_order(observations: Observations) -> KinematicCorrections:
         where = tuple(names[k] for k in np.argsort(order))
         yield Correction(
             where,
-            corrected=replace(observations, q=observations.q[:, order]),
+            corrected_data=replace(observations, q=observations.q[:, order]),
             parameter_count=CHOICE_PARAMETER_COUNT,
         )
 
@@ -441,12 +452,14 @@ def _axes(observations: Observations) -> KinematicCorrections:
         flipped = observations.with_orientations(
             position * np.where(np.arange(3) == k, -1.0, 1.0), observations.rotation
         )
-        yield Correction((name,), corrected=flipped, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield Correction((name,), corrected_data=flipped, parameter_count=CHOICE_PARAMETER_COUNT)
     for i, j in combinations(range(3), 2):
         order = np.arange(3)
         order[[i, j]] = j, i
         exchanged = observations.with_orientations(position[..., order], observations.rotation)
-        yield Correction(("xyz"[i], "xyz"[j]), corrected=exchanged, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield Correction(
+            ("xyz"[i], "xyz"[j]), corrected_data=exchanged, parameter_count=CHOICE_PARAMETER_COUNT
+        )
 
 
 def _axes_sentence(issue: Issue, _: Arm) -> str:
@@ -477,7 +490,7 @@ def _notation(observations: Observations) -> KinematicCorrections:
     for names, rotation in (((), rotations.swapaxes(1, 2)), *by_rotation.values()):
         yield Correction(
             names,
-            corrected=observations.with_orientations(position, rotation),
+            corrected_data=observations.with_orientations(position, rotation),
             parameter_count=CHOICE_PARAMETER_COUNT,
         )
 
@@ -526,7 +539,7 @@ def _explain_pose(placed: FittedObservations, row: int, far: float) -> tuple[tup
     # Other conventions of a joint's zero concern all poses: of its corrections only the free one is tried.
     joints = [correction for correction in _joint_zero(observations) if not correction.size.any()]
     for corrections in (list(_markers(observations)), joints):
-        refits = [(each, fit_kinematics(each.corrected)) for each in corrections if each.corrected]
+        refits = [(each, fit_kinematics(each.corrected_data)) for each in corrections if each.corrected_data]
         good = [(each, refit) for each, refit in refits if refit.distance_quantile(observations) < far]
         if good:
             correction, refit = min(good, key=lambda pair: pair[1].loss)
@@ -548,10 +561,10 @@ def _pose_sentence(issue: Issue, arm: Arm) -> str:
 
 
 def _mounting(loads: LoadedRuns) -> LoadCorrections:
-    if loads.gravity is not None:
-        issue = mounting_issue(loads.vjm, loads.gravity)
-        data = with_gravity_along(loads.data, loads.gravity.g)
-        yield Correction(issue.where, issue.size, issue.details, corrected=replace(loads, data=data))
+    if loads.suspected_gravity is not None:
+        issue = mounting_issue(loads.vjm, loads.suspected_gravity)
+        data = with_gravity_along(loads.data, loads.suspected_gravity.g)
+        yield Correction(issue.where, issue.size, issue.details, corrected_data=replace(loads, data=data))
 
 
 def _mounting_sentence(issue: Issue, _: Arm) -> str:
@@ -579,14 +592,14 @@ def _sized_correction(
 
 
 def _force_offset(loads: LoadedRuns) -> LoadCorrections:
-    if loads.model is not None and loads.largest_force > 0:
+    if loads.residual_model is not None and loads.largest_force > 0:
         data, size = loads.data, PRIOR_FORCE_OFFSET_SHARE * loads.largest_force
         corrected = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
         yield _sized_correction(loads, size, MIN_FORCE_OFFSET_SHARE * loads.largest_force, corrected)
 
 
 def _load_point(loads: LoadedRuns) -> LoadCorrections:
-    if loads.model is not None:
+    if loads.residual_model is not None:
         data = loads.data
         corrected = [replace(data, point=data.point + PRIOR_LOAD_POINT_ERROR * e) for e in np.eye(3)]
         yield _sized_correction(loads, PRIOR_LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR, corrected)
@@ -604,7 +617,7 @@ def _load_point_sentence(issue: Issue, _: Arm) -> str:
 
 def _touched_tracker(loads: LoadedRuns) -> LoadCorrections:
     """Try a tracker, of each station, that moved between the two readings of every run."""
-    if loads.model is None:
+    if loads.residual_model is None:
         return
     data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.is_measured].mean(axis=0)) for e in np.eye(3))]
@@ -618,7 +631,7 @@ def _touched_tracker(loads: LoadedRuns) -> LoadCorrections:
 def _level(loads: LoadedRuns) -> LoadCorrections:
     """Try a wrong factor of the loads of each load level."""
     data, levels = loads.data, load_levels(loads.data)
-    if loads.model is None or len(levels) < 2:
+    if loads.residual_model is None or len(levels) < 2:
         return
     for level in levels:
         force = float(np.linalg.norm(data.wrench[level, :3], axis=1).mean())
@@ -635,10 +648,10 @@ def _force_axes(loads: LoadedRuns) -> LoadCorrections:
         return replace(loads, data=replace(data, wrench=wrench.reshape(-1, 6)))
 
     turned = np.einsum("rxy,rky->rkx", tool_poses(loads.vjm, data.q)[1], w)
-    yield Correction(("tool",), corrected=with_wrenches(turned))
+    yield Correction(("tool",), corrected_data=with_wrenches(turned))
     for order, sign in product(list(permutations(range(3)))[1:], (1, -1)):
         where = "".join("xyz"[k] for k in order), "+" if sign > 0 else "-"
-        yield Correction(where, corrected=with_wrenches(sign * w[:, :, list(order)]))
+        yield Correction(where, corrected_data=with_wrenches(sign * w[:, :, list(order)]))
 
 
 def _force_axes_sentence(issue: Issue, _: Arm) -> str:
@@ -658,13 +671,13 @@ def _levels(loads: LoadedRuns) -> LoadCorrections:
     factor = np.ones(data.n_runs)
     for level, size, other in zip(levels, sizes, sizes[::-1], strict=True):
         factor[level] = other / size
-    yield Correction(corrected=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
+    yield Correction(corrected_data=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
 
 
 def _equations_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]]]:
     """Yield the name of every run and the range of its equations, three per reading."""
-    assert loads.model is not None
-    run = loads.model.readings.run_index
+    assert loads.residual_model is not None
+    run = loads.residual_model.readings.run_index
     for r, name in enumerate(map(str, loads.data.run_id)):
         first, end = np.searchsorted(run, [r, r + 1])
         if first < end:
@@ -673,9 +686,9 @@ def _equations_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]
 
 def _run_load(loads: LoadedRuns) -> LoadCorrections:
     """Try a wrong factor of the load of each run."""
-    if loads.model is None:
+    if loads.residual_model is None:
         return
-    deflections = (loads.model.readings.A @ loads.model.pi).ravel()
+    deflections = (loads.residual_model.readings.A @ loads.residual_model.pi).ravel()
     for name, equations in _equations_of_runs(loads):
         yield Correction(
             (name,),
@@ -688,7 +701,7 @@ def _run_load(loads: LoadedRuns) -> LoadCorrections:
 
 def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrections:
     """Try displaced targets of one run, each displaced independently: all of them, or one."""
-    if (model := loads.model) is None:
+    if (model := loads.residual_model) is None:
         return
     size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.deviation, 3)
     least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * loads.data.sigma * model.misfit]))

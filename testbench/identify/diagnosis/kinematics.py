@@ -87,14 +87,14 @@ class Issue:
 class Correction(Generic[Case]):
     """Hold one way to correct a mistake, and how to test it.
 
-    If it has `corrected` data, these are fitted again. If it has a `jacobian`, the score test estimates the
+    If it has `corrected_data`, these are fitted again. If it has a `jacobian`, the score test estimates the
     size of the mistake. If it has neither, the mistake is certain without a fit.
     """
 
     where: tuple[str, ...] = ()  #: Names of the joints, links, targets or runs, as in `Issue`.
     size: Array = field(default_factory=_nothing)  #: Size, as in `Issue`; a fit adds its free parameters.
     details: Mapping[str, float] = field(default_factory=dict)  #: Other numbers, as in `Issue`.
-    corrected: Case | None = None  #: The data without the mistake, to be fitted again.
+    corrected_data: Case | None = None  #: The data without the mistake, to be fitted again.
     #: Change Z of the whitened readings per prior deviation of each of z parameters, (rows, z) [1].
     jacobian: Array | None = None
     #: First of the equations that the Jacobian covers, and the one after the last; None for all equations.
@@ -505,11 +505,11 @@ def _trials(
     """Correct every mistake in turn, and fit again; `cost` is that of the readings as they are."""
     for hypothesis in hypotheses:
         for correction in hypothesis.corrections(observations):
-            assert correction.corrected is not None
-            sample = _thinned(correction.corrected)
+            assert correction.corrected_data is not None
+            sample = _thinned(correction.corrected_data)
             fitted = fit_kinematics(sample)
             gain = cost - fitted.cost - PARAMETER_COST * correction.parameter_count
-            yield _Trial(hypothesis, correction, correction.corrected, sample, fitted, float(gain))
+            yield _Trial(hypothesis, correction, correction.corrected_data, sample, fitted, float(gain))
 
 
 def _thinned(observations: Observations) -> Observations:
