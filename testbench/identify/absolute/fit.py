@@ -205,7 +205,7 @@ def calibrate(
         series: All absolute readings: joint angles, loads, target positions [m].
         prior: Expected compliances, such as `cad_prior(arm)`.
         options: Method and errors that are tried; None for GCO with all errors.
-        masses: Weights of the links; None for those of the arm's rigid.xml.
+        masses: Masses of the links; None for those of the arm's rigid.xml.
 
     Returns:
         The calibrated arm with its uncertainty, the noise, and the errors that were kept.
@@ -267,7 +267,7 @@ def linearise_readings(
         series: The readings.
         prior: Expected compliances.
         options: Method and errors that may be tried.
-        masses: Weights of the links; None for those of the arm's rigid.xml.
+        masses: Masses of the links; None for those of the arm's rigid.xml.
 
     Returns:
         The reduced equations, and the fitted arm at which they are linearised.

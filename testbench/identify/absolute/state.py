@@ -77,7 +77,8 @@ class Mount:
 class ArmState(Displayed):
     """Hold a model of an arm with values of all its errors, such as a calibrated arm.
 
-    Its virtual joints are theta = theta_0 + C_theta u + Phi(q) n, with the loads u.
+    Its virtual joints are theta = theta_0 + C_theta u + Phi(q) n, with the loads u and the coefficients n of
+    the joint errors.
     """
 
     vjm: Vjm  #: Nominal virtual joint model.
@@ -128,7 +129,7 @@ def nominal_state(vjm: Vjm, masses: BodyMasses, torque_scale: Array) -> ArmState
 
     Args:
         vjm: The arm's virtual joint model.
-        masses: Weights of the links.
+        masses: Masses of the links.
         torque_scale: RMS torque of every joint, (n,) [N m, N].
     """
     n = vjm.n_theta
@@ -278,7 +279,7 @@ def torque_scale(vjm: Vjm, masses: BodyMasses, series: tuple[Series, ...]) -> Ar
 
     Args:
         vjm: The arm's virtual joint model.
-        masses: Weights of the links.
+        masses: Masses of the links.
         series: The readings, which give poses and loads.
 
     Returns:
@@ -682,7 +683,7 @@ class Unknowns:
 
     @cached_property
     def geometry_slice(self) -> slice:
-        """Return the virtual joints whose constants are errors of geometry: those of the inner links."""
+        """Return the slice of virtual joints whose constants are errors of geometry: those of inner links."""
         return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.has_geometry else 6)
 
     @cached_property
@@ -761,7 +762,10 @@ class Unknowns:
 
     @cached_property
     def equation_basis(self) -> "csr_array | None":
-        """Return the basis B of the equations, (size, size): unknowns x = B y in SI units; None if x = y."""
+        """Return the basis B of the unknowns y of the equations, x = B y in SI units, (size, size).
+
+        It is None if x = y, because no joints share an error pattern.
+        """
         if self.shared_pattern is None:
             return None
         return pattern_basis(self.shared_pattern, self.error_terms, self.first_columns["errors"], self.size)

@@ -132,7 +132,7 @@ class GravityDirection:
 
     @property
     def confirmed_by_tracker(self) -> bool:
-        """Tell whether a level tracker has gravity within SNAP_ANGLE of this direction."""
+        """Tell whether the vertical of a level tracker is within SNAP_ANGLE of this direction."""
         return self.tracker_gravity is not None and bool(
             angle_between(self.tracker_gravity, self.g) < SNAP_ANGLE
         )
@@ -141,7 +141,8 @@ class GravityDirection:
     def is_certain(self) -> bool:
         """Tell whether no mistake other than the mounting explains this direction.
 
-        Its angle from -z is above MIN_CERTAIN_ANGLE, and it explains over MIN_EXPLAINED_SHARE of the sag.
+        Its angle from -z is above MIN_CERTAIN_ANGLE, and it explains over MIN_EXPLAINED_SHARE of the typical
+        deflection.
         """
         return (
             angle_between(self.g, DOWN) > MIN_CERTAIN_ANGLE

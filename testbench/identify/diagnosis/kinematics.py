@@ -341,7 +341,7 @@ def observations_of_series(vjm: Vjm, series: Series) -> Observations:
 
 @dataclass(frozen=True)
 class KinematicFit:
-    """Hold the free parameters of `Observations` with the smallest loss, and the residuals."""
+    """Hold a fit of readings to the kinematics: the free parameters of the smallest loss, and residuals."""
 
     frame: Frame  #: Frame of the readings from the arm's base.
     markers: Array  #: Targets in the tool's frame, (m, 3) [m].
