@@ -249,11 +249,11 @@ def _observations(
         q=data.q[runs],
         markers=marker_positions(vjm, data.markers),
         position=position[runs],
-        seen=data.is_measured[runs],
+        is_measured=data.is_measured[runs],
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         target_names=data.markers,
-        run_ids=data.run_id[runs],
-        pose_ids=data.pose_id[runs],
+        run_id=data.run_id[runs],
+        pose_id=data.pose_id[runs],
         free_parameters=free,
     )
 

@@ -300,7 +300,9 @@ def _markers(observations: Observations) -> KinematicCorrections:
     for order in orders:
         wrong = tuple(observations.target_names[k] for k, other in enumerate(order) if k != other)
         corrected = replace(
-            observations, position=observations.position[:, order], seen=observations.seen[:, order]
+            observations,
+            position=observations.position[:, order],
+            is_measured=observations.is_measured[:, order],
         )
         yield Correction(wrong, corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
 
@@ -315,7 +317,7 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
     pairs = np.empty((m, m))  # of a place and the target that was read there
     for k in range(m):
         pairs[k] = cauchy_loss(
-            np.where(observations.seen[..., None], x[:, [k]] - observations.position, 0),
+            np.where(observations.is_measured[..., None], x[:, [k]] - observations.position, 0),
             observations.expected_distance,
         ).sum(axis=0)
     unexchanged = np.diag(pairs)
@@ -363,7 +365,7 @@ def _order(observations: Observations) -> KinematicCorrections:
             size=np.array([shift]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
         )
     if slip := find_row_shift(observations):
-        first, corrected = str(observations.run_ids[slip.first_row]), replace(observations, q=slip.q)
+        first, corrected = str(observations.run_id[slip.first_row]), replace(observations, q=slip.q)
         yield Correction(
             (first,),
             np.array([slip.shift]),
@@ -510,8 +512,11 @@ def _off_poses(placed: FittedObservations, *, whole_poses: bool) -> Iterator[Cor
     observations, far = placed.observations, MIN_OUTLIER_RATIO * placed.observations.expected_distance
     off = np.linalg.norm(placed.fit.residual, axis=2)
     for row in np.flatnonzero((off > far).any(axis=1)).tolist():
-        run, typical = str(observations.run_ids[row]), float(np.median(off[row][observations.seen[row]]))
-        numbers = {"pose": int(observations.pose_ids[row])}
+        run, typical = (
+            str(observations.run_id[row]),
+            float(np.median(off[row][observations.is_measured[row]])),
+        )
+        numbers = {"pose": int(observations.pose_id[row])}
         if (typical > far / 2) != whole_poses:
             continue
         if whole_poses:

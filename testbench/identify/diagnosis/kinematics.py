@@ -262,10 +262,10 @@ class Observations:
     q: Array  #: Joint positions, (rows, n) [rad, m].
     markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
     position: Array  #: Measured positions of the targets, (rows, m, 3) [m].
-    seen: Mask  #: Tells which targets were read, (rows, m).
+    is_measured: Mask  #: Tells which targets were read, (rows, m).
     target_names: tuple[str, ...]  #: Names of the targets.
-    run_ids: Ids  #: Identifier of each row's run, (rows,).
-    pose_ids: Ids  #: Identifier of each row's pose, (rows,).
+    run_id: Ids  #: Identifier of each row's run, (rows,).
+    pose_id: Ids  #: Identifier of each row's pose, (rows,).
     #: Typical distance of a sound reading from the kinematics [m]: the scale of Cauchy's loss.
     expected_distance: float
     free_parameters: FreeParameters = FreeParameters()  #: Parameters that a fit estimates.
@@ -284,9 +284,9 @@ class Observations:
             self,
             q=self.q[rows],
             position=self.position[rows],
-            seen=self.seen[rows],
-            run_ids=self.run_ids[rows],
-            pose_ids=self.pose_ids[rows],
+            is_measured=self.is_measured[rows],
+            run_id=self.run_id[rows],
+            pose_id=self.pose_id[rows],
             rotation=rotation,
         )
 
@@ -304,7 +304,7 @@ class Observations:
             The readings; their positions are (rows, m + 3, 3) [m].
         """
         more = position[:, :1] + ORIENTATION_TARGET_DISTANCE * np.where(
-            self.seen[:, -3:, None], rotation.swapaxes(1, 2), 0
+            self.is_measured[:, -3:, None], rotation.swapaxes(1, 2), 0
         )
         return replace(self, position=np.concatenate([position, more], axis=1), rotation=rotation)
 
@@ -327,10 +327,10 @@ def observations_of_series(vjm: Vjm, series: Series) -> Observations:
         q=series.q,
         markers=np.zeros((there.shape[1], 3)),
         position=series.position[:, :m],
-        seen=there,
+        is_measured=there,
         target_names=series.markers,
-        run_ids=series.row_id,
-        pose_ids=series.pose_id,
+        run_id=series.row_id,
+        pose_id=series.pose_id,
         expected_distance=EXPECTED_DISTANCE_OVER_REACH * vjm.reach,
         free_parameters=FreeParameters(frame=True, targets=True, targets_unknown=True),
     )
@@ -364,7 +364,7 @@ class KinematicFit:
         Returns:
             Distances, (readings,) [m].
         """
-        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.seen])
+        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.is_measured])
 
     def distance_quantile(self, observations: Observations, quantile: float = MEDIAN) -> float:
         """Compute a quantile of the distances between measured and fitted positions.
@@ -431,7 +431,7 @@ def best_hypothesis(
         if typical > MAX_MEDIAN_DISTANCE * observations.expected_distance
         else None
     )
-    needed = max(MIN_GAIN, MIN_GAIN_PER_READING * sample.seen.sum())
+    needed = max(MIN_GAIN, MIN_GAIN_PER_READING * sample.is_measured.sum())
     as_read = start if sample is observations else fit_kinematics(observations)
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
@@ -546,7 +546,11 @@ def fit_kinematics(observations: Observations) -> KinematicFit:
     if free.frame:
         base = where.tool_points_in_world(now.markers)
         frame = Frame(
-            *kabsch(base[observations.seen], observations.position[observations.seen], mirrored=free.mirrored)
+            *kabsch(
+                base[observations.is_measured],
+                observations.position[observations.is_measured],
+                mirrored=free.mirrored,
+            )
         )
         now = replace(now, frame=frame)
     now = _with_loss(observations, where, now)
@@ -583,7 +587,7 @@ def fit_residuals(observations: Observations, chain: ChainState, fitted: Kinemat
         Residuals, (rows, m, 3) [m]; 0 where nothing was read.
     """
     x = chain.tool_points_in_world(fitted.markers) @ fitted.frame.rotation.T + fitted.frame.translation
-    return np.where(observations.seen[..., None], x - observations.position, 0.0)
+    return np.where(observations.is_measured[..., None], x - observations.position, 0.0)
 
 
 def _gauss_newton_step(observations: Observations, chain: ChainState, now: KinematicFit) -> KinematicFit:
@@ -605,7 +609,7 @@ def _gauss_newton_step(observations: Observations, chain: ChainState, now: Kinem
         if free.targets_unknown
         else observations.expected_distance
     )
-    weight = observations.seen / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
+    weight = observations.is_measured / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
     root = np.sqrt(weight)[..., None]
     left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
@@ -655,7 +659,7 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
         every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
     else:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
-    rows = np.flatnonzero(observations.seen.any(axis=1))
+    rows = np.flatnonzero(observations.is_measured.any(axis=1))
     rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
     parts = np.array_split(every, -(-len(every) // MAX_JOINT_ORDERS_IN_MEMORY)) if len(every) else []
     cost = [loss for part in parts for loss in _screened(observations, rows, part)]
@@ -674,7 +678,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
     p, R = tool_poses(
         observations.vjm, observations.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1])
     )
-    row, target = np.nonzero(observations.seen[rows, :SCREENED_TARGETS])
+    row, target = np.nonzero(observations.is_measured[rows, :SCREENED_TARGETS])
     p, R = p.reshape(count, -1, 3)[:, row], R.reshape(count, -1, 3, 3)[:, row]
     y = observations.position[rows][row, target]
     right, columns = p + np.matvec(R, observations.markers[target]), np.zeros((count, len(row), 3, 0))
@@ -687,7 +691,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
             fixed[:, axis, 9 + axis] = 1
         columns = np.broadcast_to(fixed, (count, *fixed.shape))
     if observations.free_parameters.targets:
-        of = np.equal(target[:, None], np.arange(observations.seen[:, :SCREENED_TARGETS].shape[1]))
+        of = np.equal(target[:, None], np.arange(observations.is_measured[:, :SCREENED_TARGETS].shape[1]))
         target_columns = -R[:, :, :, None, :] * of[None, :, None, :, None]
         columns = np.concatenate([columns, target_columns.reshape(*target_columns.shape[:3], -1)], axis=3)
     weight, left = np.ones(right.shape[:2]), right
@@ -730,9 +734,9 @@ def find_row_shift(observations: Observations) -> RowShift | None:
     q[:first] = observations.q[:first]
     # Both parts fit, and the slip gains enough.
     distance = _distances_from(replace(observations, q=q), best_fit)
-    parts = (distance[rows][observations.seen[rows]] for rows in (slice(first), slice(first, None)))
+    parts = (distance[rows][observations.is_measured[rows]] for rows in (slice(first), slice(first, None)))
     fits = all(not len(part) or np.median(part) < far for part in parts)
-    enough = gain > MIN_GAIN_PER_READING * observations.seen[first:].sum()
+    enough = gain > MIN_GAIN_PER_READING * observations.is_measured[first:].sum()
     return RowShift(first, shift, q) if enough and fits else None
 
 
@@ -755,7 +759,7 @@ def _slip_costs(
             )
             cost = np.cumsum(as_read - slipped)[:-MIN_ROWS_OF_PART] + slipped.sum()
             # An inserted row fits either way: the last of equal rows is the first that slipped.
-            alike = cost < cost.min() + MIN_GAIN_PER_READING * observations.seen.shape[1]
+            alike = cost < cost.min() + MIN_GAIN_PER_READING * observations.is_measured.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
             yield float(cost.min()), float(as_read.sum() - cost.min()), first, shift, half_fit
 
@@ -764,7 +768,7 @@ def _fit_half(observations: Observations, half: slice) -> KinematicFit | None:
     """Fit frame and targets to half of the rows; None if there are too few."""
     rows = np.arange(len(observations.q))[half]
     sample = observations.select(rows[evenly_spaced(len(rows), MAX_COMPARED_ROWS)])
-    return fit_kinematics(sample) if len(rows) >= MIN_ROWS_OF_PART and sample.seen.any() else None
+    return fit_kinematics(sample) if len(rows) >= MIN_ROWS_OF_PART and sample.is_measured.any() else None
 
 
 def _misfits(observations: Observations, fitted: KinematicFit, rows: Ids) -> int:
