@@ -122,7 +122,7 @@ class StrictModel(BaseModel):
 
 
 MAX_SHOWN_LENGTH = 80  #: Most characters of a name or value that a message repeats.
-EXPECTED: Mapping[str, str] = {
+EXPECTED_TEXTS: Mapping[str, str] = {
     "missing": "this key is missing",
     "extra_forbidden": "unknown key",
     "string_type": "expected a text",
@@ -149,15 +149,15 @@ EXPECTED: Mapping[str, str] = {
 """Message by pydantic's error type; other types keep pydantic's own message."""
 
 
-class Finding(NamedTuple):
+class InvalidValue(NamedTuple):
     """Hold a value of a document that pydantic refuses: its place, the error type and a message."""
 
     keys: KeyPath  #: Keys and indices that lead to the value.
-    kind: str  #: Error type of pydantic, such as "missing".
+    error_type: str  #: Error type of pydantic, such as "missing".
     problem: str  #: What was expected, and what the document has.
 
 
-def first_finding(err: ValidationError) -> Finding:
+def first_invalid_value(err: ValidationError) -> InvalidValue:
     """Find the first value that pydantic refuses, with a message of one line.
 
     Args:
@@ -173,34 +173,34 @@ def first_finding(err: ValidationError) -> Finding:
         first = err.errors(include_url=False, include_input=False)[0]
         got = "something too long to show"
     kind = first["type"]
-    problem = EXPECTED.get(kind, "").format_map(first.get("ctx", {}))
+    problem = EXPECTED_TEXTS.get(kind, "").format_map(first.get("ctx", {}))
     problem = problem or first["msg"].removeprefix("Value error, ")
     if kind not in ("missing", "extra_forbidden"):
         problem += f", got {shorten(got, MAX_SHOWN_LENGTH)}"
-    return Finding(tuple(key for key in first["loc"] if key != "[key]"), kind, problem)
+    return InvalidValue(tuple(key for key in first["loc"] if key != "[key]"), kind, problem)
 
 
 FORBIDDEN_FIRST_CHARACTERS = "=+-@'"
 """Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
 
-def matching(pattern: str, form: str) -> AfterValidator:
+def text_matching(pattern: str, description: str) -> AfterValidator:
     """Make a pydantic check that a whole text matches a regular expression.
 
     Args:
         pattern: The regular expression.
-        form: Words for the error message, such as "three numbers with commas between them".
+        description: Words for the error message, such as "three numbers with commas between them".
 
     Returns:
         The check, to annotate the type of a field with.
     """
 
-    def check(text: str) -> str:
+    def check_text(text: str) -> str:
         if not re.fullmatch(pattern, text, re.DOTALL):
-            raise ValueError(f"expected {form}")
+            raise ValueError(f"expected {description}")
         return text
 
-    return AfterValidator(check)
+    return AfterValidator(check_text)
 
 
 def _check_name(name: str) -> str:

@@ -14,7 +14,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import Name, StrictModel, first_finding, parse_toml, toml_place
+from testbench.arm.document import Name, StrictModel, first_invalid_value, parse_toml, toml_place
 from testbench.errors import Array, BenchError, InputError, check_array, read_text, some_of
 
 # --- Compliances of links and joints: beam formulas and the check for conservativeness ----------------------
@@ -282,7 +282,7 @@ def read_elastic(path: Path) -> ElasticDocument:
     try:
         elastic = ElasticDocument.model_validate(data)
     except ValidationError as err:
-        keys, _, problem = first_finding(err)
+        keys, _, problem = first_invalid_value(err)
         raise InputError(path, toml_place(path, keys), problem) from err
     _check_values(path, elastic)
     return elastic

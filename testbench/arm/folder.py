@@ -307,7 +307,7 @@ def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
     return np.array(sorted(independent), dtype=int)
 
 
-def file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
+def _file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     """Compute the limits of every file joint from the limits of the free chain joints.
 
     Args:
@@ -325,7 +325,7 @@ def file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
 
-def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
+def _narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     """Narrow the limits of free chain joints, so that the joints that follow them stay within their limits.
 
     Args:
@@ -481,7 +481,7 @@ class Arm(Displayed):
         """
         if self.joint_map is None:
             return self.joints
-        ends = file_joint_limits(self.joint_map, self.joints).T.tolist()
+        ends = _file_joint_limits(self.joint_map, self.joints).T.tolist()
         rows = zip(self.joint_map.file_joint_names, ends, self.joint_map.file_prismatic, strict=True)
         return tuple(ArmJoint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
@@ -497,7 +497,7 @@ class Arm(Displayed):
         return q if self.joint_map is None else self.joint_map.to_chain_joints(q)
 
     def to_file_joints(self, q: Array) -> Array:
-        """Convert chain joints to file joints, the inverse of `to_chain_joints`.
+        """Convert chain joints to file joints, the inverse of q = L q_file + q_0.
 
         Args:
             q: Chain joints, (..., n) [rad, m].
@@ -723,7 +723,7 @@ def load_arm(folder: str | Path) -> Arm:
         place = toml_place(toml_path, ["compensator"])
         raise InputError(toml_path, place, "expected a hinge between link 1 and link 2")
     _check_chain(rigid, root, arm)
-    _check_lengths(toml_path, elastic, chain_length(rigid, root, arm))
+    _check_lengths(toml_path, elastic, _chain_length(rigid, root, arm))
     return _with_joint_map(toml_path, elastic, arm)
 
 
@@ -750,7 +750,7 @@ def _with_joint_map(path: Path, elastic: ElasticDocument, arm: Arm) -> Arm:
         joint_map = build_joint_map(arm.joints, rows, q_0)
         if joint_map is None:
             return arm
-        limits = narrow_limits(joint_map, arm.joints).T.tolist()
+        limits = _narrow_limits(joint_map, arm.joints).T.tolist()
     except BenchError as err:
         raise InputError(path, place, str(err)) from err
     joints = [replace(j, lower=low, upper=high) for j, (low, high) in zip(arm.joints, limits, strict=True)]
@@ -829,7 +829,7 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
         )
 
 
-def chain_length(mjcf_path: Path, root: ET.Element, arm: Arm) -> float:
+def _chain_length(mjcf_path: Path, root: ET.Element, arm: Arm) -> float:
     """Compute the length of an arm's chain from the base to the tool, with its slides fully extended.
 
     Args:

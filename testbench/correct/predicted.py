@@ -341,7 +341,7 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
     first, links = unknowns.first_columns["elastic"], [link.name for link in model.arm.links]
     joints = [joint.name for joint in model.arm.joints]
     laws = model.vjm.joint_laws
-    of_laws = [] if laws is None else [joints[k] for k in laws.joints]  # they count as their joint's
+    of_laws = [] if laws is None else [joints[k] for k in laws.joint_indices]  # they count as their joint's
     names = [*np.repeat(links, 6), *joints, *of_laws]
     owner = np.array(names)[structure.rows]
     for name in dict.fromkeys(owner.tolist()):

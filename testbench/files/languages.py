@@ -20,7 +20,14 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from testbench.arm.document import StrictModel, first_finding, is_decimal, matching, parse_toml, toml_place
+from testbench.arm.document import (
+    StrictModel,
+    first_invalid_value,
+    is_decimal,
+    parse_toml,
+    text_matching,
+    toml_place,
+)
 from testbench.errors import Array, Ids, InputError, read_bytes, read_text
 from testbench.model.vjm import rotation_matrices
 
@@ -32,7 +39,7 @@ MM = 1e-3  #: Metres per millimetre.
 FLAGS = re.MULTILINE | re.IGNORECASE
 Notation = Annotated[
     str,
-    matching(
+    text_matching(
         "vector|quaternion|(intrinsic|extrinsic) [xyz]{3}",
         '"vector", "quaternion", "intrinsic xyz" or "extrinsic xyz" with the axes in their order',
     ),
@@ -275,7 +282,7 @@ def read_language(path: Path) -> Language:
     try:
         return Language.model_validate({"name": path.stem} | parse_toml(path, read_text(path, MAX_BYTES)))
     except ValidationError as err:
-        keys, _, problem = first_finding(err)
+        keys, _, problem = first_invalid_value(err)
         raise InputError(path, toml_place(path, keys), problem) from err
 
 

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
 
-from testbench.arm.document import StrictModel, first_finding, is_decimal, parse_toml, toml_place
+from testbench.arm.document import StrictModel, first_invalid_value, is_decimal, parse_toml, toml_place
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.languages import FLAGS, known_languages
@@ -119,7 +119,7 @@ def _read(path: Path) -> ExportLayout:
     try:
         return ExportLayout.model_validate(parse_toml(path, read_text(path, MAX_BYTES)))
     except ValidationError as err:
-        keys, _, problem = first_finding(err)
+        keys, _, problem = first_invalid_value(err)
         raise InputError(path, toml_place(path, keys), problem) from err
 
 

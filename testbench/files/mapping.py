@@ -8,7 +8,14 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from testbench.arm.document import StrictModel, first_finding, is_decimal, matching, parse_toml, toml_place
+from testbench.arm.document import (
+    StrictModel,
+    first_invalid_value,
+    is_decimal,
+    parse_toml,
+    text_matching,
+    toml_place,
+)
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.names import (
@@ -44,7 +51,7 @@ def _listed(given: object) -> object:
 
 Notation = Annotated[
     str,
-    matching(
+    text_matching(
         "vector|(intrinsic|extrinsic) [xyz]{3}",
         '"vector", "intrinsic xyz" or "extrinsic xyz" with the axes in their order',
     ),
@@ -317,7 +324,7 @@ def _read(path: Path) -> Map:
     try:
         return Map.model_validate(data)
     except ValidationError as err:
-        keys, kind, problem = first_finding(err)
+        keys, kind, problem = first_invalid_value(err)
         if kind == "extra_forbidden":
             tables: dict[str, type[StrictModel]] = {
                 "series": AbsoluteLayout,

@@ -46,17 +46,17 @@ def build_vjm(arm: Arm) -> Vjm:
     Raises:
         InputError: When the MJCF cannot be read, or a body has no pose that can be read.
     """
-    model = build_pinocchio_model(arm)
+    model = _build_pinocchio_model(arm)
     data, q0 = model.createData(), pin.neutral(model)
     pin.framesForwardKinematics(model, data, q0)
 
-    def pose(body: str) -> pin.SE3:
+    def body_placement(body: str) -> pin.SE3:
         return data.oMf[model.getFrameId(body, pin.FrameType.BODY)]
 
     # poses of all bodies at q = 0; load point and markers in the tool's frame
-    bodies = [pose(link.name) for link in arm.links]
-    tool = pose(arm.tool)
-    local = [tool.actInv(pose(name).translation) for name in (arm.load_point, *arm.markers)]
+    bodies = [body_placement(link.name) for link in arm.links]
+    tool = body_placement(arm.tool)
+    local = [tool.actInv(body_placement(name).translation) for name in (arm.load_point, *arm.markers)]
     # axis of every joint in its own body: the one column of its Jacobian
     jacobians = [pin.computeJointJacobian(model, data, q0, i + 1) for i in range(arm.n_joints)]
     motion = [J.reshape(6, -1)[:, i] for i, J in enumerate(jacobians)]  # of one joint a vector
@@ -72,7 +72,7 @@ def build_vjm(arm: Arm) -> Vjm:
     )
 
 
-def build_pinocchio_model(arm: Arm) -> pin.Model:
+def _build_pinocchio_model(arm: Arm) -> pin.Model:
     """Build Pinocchio's model of the rigid arm: joints, and frames of links, tool, load point and markers.
 
     The model has no inertias and no joint limits.
@@ -90,14 +90,14 @@ def build_pinocchio_model(arm: Arm) -> pin.Model:
     unit, model = angle_unit(root), pin.Model()
     above = {child: parent for parent in root.iter() for child in parent}
 
-    def pose(body: ET.Element) -> pin.SE3:
+    def body_placement(body: ET.Element) -> pin.SE3:
         return pin.SE3(body_pose(arm, body, unit))
 
     # pose of the base in the world, through all bodies above it
     base = find_body(arm.mjcf_path, root, arm.links[0].name)
-    placement, mount = pose(base), above[base]
+    placement, mount = body_placement(base), above[base]
     while mount.tag == "body":
-        placement, mount = pose(mount) * placement, above[mount]
+        placement, mount = body_placement(mount) * placement, above[mount]
     _add_frame(model, arm.links[0].name, 0, placement)
     # joints and links from the base on, each placed in the body before it
     last = 0
@@ -106,14 +106,16 @@ def build_pinocchio_model(arm: Arm) -> pin.Model:
         [actuated] = body.findall("joint")
         kind = pin.JointModelPrismaticUnaligned if joint.prismatic else pin.JointModelRevoluteUnaligned
         axis = np.array(attribute_numbers(arm.mjcf_path, actuated, "axis", 3))
-        last = model.addJoint(last, kind(axis / np.linalg.norm(axis)), placement * pose(body), joint.name)
+        last = model.addJoint(
+            last, kind(axis / np.linalg.norm(axis)), placement * body_placement(body), joint.name
+        )
         placement = pin.SE3.Identity()
         _add_frame(model, link.name, last, placement)
     # tool, load point and markers move with the last joint
-    tool = placement * pose(find_body(arm.mjcf_path, root, arm.tool))
+    tool = placement * body_placement(find_body(arm.mjcf_path, root, arm.tool))
     _add_frame(model, arm.tool, last, tool)
     for name in {arm.load_point: None, **dict.fromkeys(arm.markers)}:
-        _add_frame(model, name, last, tool * pose(find_body(arm.mjcf_path, root, name)))
+        _add_frame(model, name, last, tool * body_placement(find_body(arm.mjcf_path, root, name)))
     return model
 
 
@@ -306,7 +308,7 @@ class JointErrorTerms:
 
 
 def joint_error_basis(
-    errors: JointErrorTerms, arm: Arm, q: Array, torque: Array, typical_torque: Array
+    terms: JointErrorTerms, arm: Arm, q: Array, torque: Array, typical_torque: Array
 ) -> Array:
     """Evaluate the basis functions phi_jk of the joint errors, sum_k phi_jk(q_j, tau_j) n_jk for joint j.
 
@@ -317,7 +319,7 @@ def joint_error_basis(
     Mathematics: `law-8`.
 
     Args:
-        errors: Selection of the terms, k per joint.
+        terms: Selection of the terms, k per joint.
         arm: Description of the arm: number of joints, and which of them are slides.
         q: Actuated joints, (runs, n) [rad, m].
         torque: Torque tau of every joint's spring, (n, runs) [N m, N].
@@ -332,15 +334,15 @@ def joint_error_basis(
     q = check_array(q, (None, arm.n_joints), "q [rad, m]")
     hinge = np.array([not joint.prismatic for joint in arm.joints])
     # exp(i o q) for o = 1, 2, ... by repeated products: imaginary part sin(o q), real part cos(o q)
-    once = np.broadcast_to(np.exp(1j * q), (max(errors.orders, default=0), *q.shape))
-    turns = np.cumprod(once, axis=0)[np.array(errors.orders, dtype=int) - 1] * hinge
+    once = np.broadcast_to(np.exp(1j * q), (max(terms.orders, default=0), *q.shape))
+    turns = np.cumprod(once, axis=0)[np.array(terms.orders, dtype=int) - 1] * hinge
     parts = [turns.imag, turns.real]
     # torque over its typical size, (runs, n)
     pull = (torque / np.where(typical_torque > 0, typical_torque, 1.0)[:, None]).T
-    if errors.ratio:
+    if terms.ratio:
         parts.append(q[None])
-    if errors.play:
+    if terms.play:
         parts.append(np.tanh(pull / BACKLASH_SMOOTHING)[None])
-    if errors.stiffening:
+    if terms.stiffening:
         parts.append((pull * np.abs(pull))[None])
     return np.ascontiguousarray(np.concatenate(parts).transpose(2, 0, 1))

@@ -34,7 +34,7 @@ from testbench.registry import Registry, check_has
 
 # --- Shapes of joints that are more than linear springs, a class each: deflection, its slope, its size ------
 
-UNIT_ROTATION, UNIT_STIFFENING = 1e-3, 0.1
+STIFFENING_DEFLECTION, UNIT_STIFFENING = 1e-3, 0.1
 """Deflection phi [rad, m] and beta [1] of stiffening of size one: at phi it is 1 + beta times as stiff.
 
 These and the sizes below are units of the unknowns: a prior expects sizes of order one.
@@ -61,35 +61,35 @@ class JointLaw(Protocol):
 
     @property
     def unit(self) -> float:
-        """Return the value of a size of one in SI units; reports show size times unit."""
+        """Return the SI value of a law of size one; reports show size times unit."""
 
     @property
     def unit_symbol(self) -> str:
-        """Return the name of that SI unit, such as "rad"."""
+        """Return the SI unit of `unit` as text, such as "rad"."""
 
     @property
     def size_prior(self) -> tuple[float, float]:
-        """Return the prior of the size: its median, and the standard deviation of its logarithm [1]."""
+        """Return the prior of the law's size: median, and standard deviation of the logarithm [1]."""
 
     @property
     def formula(self) -> str:
-        """Return the deflection as text, with s for the size, for the JSON file of an exported URDF."""
+        """Return the formula of the deflection as text, with s for the size; `export` writes it to a file."""
 
-    def deflection(self, at: NominalDeflections) -> Array:
+    def deflection(self, nominal: NominalDeflections) -> Array:
         """Compute the deflection of a joint in addition to its linear spring, per unit of the law's size.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load.
+            nominal: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Deflection, (n, runs) [rad, m].
         """
 
-    def slope(self, at: NominalDeflections) -> Array:
+    def slope(self, nominal: NominalDeflections) -> Array:
         """Compute the derivative of `deflection` with respect to x_1.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load.
+            nominal: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Slope, (n, runs) [1].
@@ -106,31 +106,35 @@ class Stiffening:
     unit: float = UNIT_STIFFENING
     unit_symbol: str = "1"
     size_prior: tuple[float, float] = LAW_SIZE_PRIOR
-    formula: str = f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x"
+    formula: str = (
+        f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / STIFFENING_DEFLECTION**2:g} f^3 = x"
+    )
 
-    def deflection(self, at: NominalDeflections) -> Array:
+    def deflection(self, nominal: NominalDeflections) -> Array:
         """Compute the deflection f(x_1) - x_1 - (f(x_0) - x_0) that a stiffening spring adds to a linear one.
 
         Mathematics: `law-3`.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load.
+            nominal: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Deflection per unit of size, (n, runs) [rad, m].
         """
-        return (_spring(at.x_1) - at.x_1) - (_spring(at.x_0) - at.x_0)
+        return (_spring(nominal.x_1) - nominal.x_1) - (_spring(nominal.x_0) - nominal.x_0)
 
-    def slope(self, at: NominalDeflections) -> Array:
+    def slope(self, nominal: NominalDeflections) -> Array:
         """Compute the derivative f'(x_1) - 1 of a stiffening spring's deflection with respect to x_1.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load.
+            nominal: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Slope per unit of size, (n, runs) [1].
         """
-        return np.asarray(1 / (1 + 3 * UNIT_STIFFENING * (_spring(at.x_1) / UNIT_ROTATION) ** 2) - 1)
+        return np.asarray(
+            1 / (1 + 3 * UNIT_STIFFENING * (_spring(nominal.x_1) / STIFFENING_DEFLECTION) ** 2) - 1
+        )
 
 
 @dataclass(frozen=True)
@@ -147,30 +151,30 @@ class Backlash:
         f"s {UNIT_BACKLASH_RAD:g} (tanh(x_1 / {UNIT_BACKLASH_RAD:g}) - tanh(x_0 / {UNIT_BACKLASH_RAD:g}))"
     )
 
-    def deflection(self, at: NominalDeflections) -> Array:
+    def deflection(self, nominal: NominalDeflections) -> Array:
         """Compute the deflection across a gear's gap, b (tanh(x_1 / b) - tanh(x_0 / b)).
 
         Mathematics: `law-4`.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load.
+            nominal: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Deflection per unit of size, (n, runs) [rad, m].
         """
         b = UNIT_BACKLASH_RAD
-        return np.asarray(b * (np.tanh(at.x_1 / b) - np.tanh(at.x_0 / b)))
+        return np.asarray(b * (np.tanh(nominal.x_1 / b) - np.tanh(nominal.x_0 / b)))
 
-    def slope(self, at: NominalDeflections) -> Array:
+    def slope(self, nominal: NominalDeflections) -> Array:
         """Compute the derivative of a gear's backlash with respect to x_1, 1 - tanh(x_1 / b)^2.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load.
+            nominal: Nominal deflections x_0 and x_1 before and under the load.
 
         Returns:
             Slope per unit of size, (n, runs) [1].
         """
-        return np.asarray(1 - np.tanh(at.x_1 / UNIT_BACKLASH_RAD) ** 2)
+        return np.asarray(1 - np.tanh(nominal.x_1 / UNIT_BACKLASH_RAD) ** 2)
 
 
 @dataclass(frozen=True)
@@ -186,35 +190,37 @@ class Friction:
     size_prior: tuple[float, float] = LAW_SIZE_PRIOR
     formula: str = f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1)"
 
-    def deflection(self, at: NominalDeflections) -> Array:
+    def deflection(self, nominal: NominalDeflections) -> Array:
         """Compute the deflection that joint friction holds back, -h clip((x_1 - x_0) / h, -1, 1).
 
         Mathematics: `law-5`.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
+            nominal: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
 
         Returns:
             Deflection per unit of size, (n, runs) [rad, m].
         """
-        width = at.loop_half_widths * UNIT_FRICTION_RAD
-        return np.asarray(-width * np.clip((at.x_1 - at.x_0) / width, -1, 1))
+        width = nominal.loop_half_widths * UNIT_FRICTION_RAD
+        return np.asarray(-width * np.clip((nominal.x_1 - nominal.x_0) / width, -1, 1))
 
-    def slope(self, at: NominalDeflections) -> Array:
+    def slope(self, nominal: NominalDeflections) -> Array:
         """Compute the derivative of friction's deflection by x_1: -1 if the joint is held, 0 if it slips.
 
         Args:
-            at: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
+            nominal: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
 
         Returns:
             Slope per unit of size, (n, runs) [1].
         """
-        return np.asarray(-1.0 * (np.abs(at.x_1 - at.x_0) < at.loop_half_widths * UNIT_FRICTION_RAD))
+        return np.asarray(
+            -1.0 * (np.abs(nominal.x_1 - nominal.x_0) < nominal.loop_half_widths * UNIT_FRICTION_RAD)
+        )
 
 
 def _spring(x: Array) -> Array:
     """Solve f + beta f^3 / phi^2 = x for its real root f, by the hyperbolic form of Cardano's formula."""
-    a = np.sqrt(3 * UNIT_STIFFENING) / UNIT_ROTATION
+    a = np.sqrt(3 * UNIT_STIFFENING) / STIFFENING_DEFLECTION
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
@@ -253,12 +259,12 @@ joint_laws: Registry[JointLaw] = Registry(
 UNIT_COMPENSATOR_STIFFNESS = (
     0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
 )
-UNIT_COMPENSATOR_SHARE = UNIT_COMPENSATOR_STIFFNESS / (1 + UNIT_COMPENSATOR_STIFFNESS)
+UNIT_COMPENSATOR_RELIEF = UNIT_COMPENSATOR_STIFFNESS / (1 + UNIT_COMPENSATOR_STIFFNESS)
 """Largest fraction of joint 2's deflection that a compensator of size one prevents, K / (1 + K) [1]."""
 COMPENSATOR_SIZE_PRIOR = 0.05, 1.5
 """Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
 deflects to half of that of joint 2."""
-COUPLED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
+COUPLED_JOINTS_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
 CACHED_VJMS = CACHED_STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
@@ -270,7 +276,7 @@ class JointLaws:
     number of kinds times n, and one more with a compensator.
     """
 
-    compliance: Array  #: Nominal compliance c of every joint, (n,) [rad/(N m), m/N].
+    joint_compliances: Array  #: Nominal compliance c of every joint, (n,) [rad/(N m), m/N].
     body_masses: BodyMasses | None  #: Masses of the arm; None where they are unknown.
     compensator: Compensator | None  #: Spring from link 1 to link 2; None where there is none.
     laws_by_kind: Mapping[str, JointLaw]  #: Laws of every joint by kind.
@@ -279,49 +285,49 @@ class JointLaws:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,): a name of `joint_laws`, or `COMPENSATOR_KIND`."""
-        every = tuple(np.repeat(list(self.laws_by_kind), len(self.compliance)).tolist())
+        """Name the kind of every law, (laws,): a name in `joint_laws`, or "compensator"."""
+        every = tuple(np.repeat(list(self.laws_by_kind), len(self.joint_compliances)).tolist())
         return every if self.compensator is None else (*every, COMPENSATOR_KIND)
 
     @property
-    def joints(self) -> Ids:
+    def joint_indices(self) -> Ids:
         """Return the index of the actuated joint that each law deflects, (laws,)."""
-        every = np.tile(np.arange(len(self.compliance)), len(self.laws_by_kind))
+        every = np.tile(np.arange(len(self.joint_compliances)), len(self.laws_by_kind))
         return every if self.compensator is None else np.append(every, 1)
 
-    def unit_deflections(self, chain: ChainState, u: Array) -> Array:
+    def unit_deflections(self, chain: ChainState, load_torques: Array) -> Array:
         """Compute the deflection that every law adds to its joint under a load, per unit of the law's size.
 
         Mathematics: `law-1`, `law-6`.
 
         Args:
             chain: The arm in its poses, with origins and axes of its bodies.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+            load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Deflection per unit of size, (laws, runs) [rad, m].
         """
-        nominal, c = self._nominal_deflections(chain, u), self.compliance[:, None]
+        nominal, c = self._nominal_deflections(chain, load_torques), self.joint_compliances[:, None]
         deflections = [law.deflection(nominal) for law in self.laws_by_kind.values()]
-        return np.concatenate([*deflections, self._compensator_relief(chain) * (c * u)[1:2]])
+        return np.concatenate([*deflections, self._compensator_relief(chain) * (c * load_torques)[1:2]])
 
-    def unit_slopes(self, chain: ChainState, u: Array) -> Array:
+    def unit_slopes(self, chain: ChainState, load_torques: Array) -> Array:
         """Compute the derivative of the laws' unit deflections with respect to the torque of their joint.
 
         Args:
             chain: The arm in its poses.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+            load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Deflection per unit of size and torque, (laws, runs) [rad/(N m), m/N].
         """
-        nominal, c = self._nominal_deflections(chain, u), self.compliance[:, None]
+        nominal, c = self._nominal_deflections(chain, load_torques), self.joint_compliances[:, None]
         slopes = [c * law.slope(nominal) for law in self.laws_by_kind.values()]
         return np.concatenate([*slopes, c[1:2] * self._compensator_relief(chain)])
 
     def _nominal_deflections(self, chain: ChainState, u: Array) -> NominalDeflections:
         """Compute the nominal deflections of all joints before and under the load."""
-        c, before = self.compliance[:, None], self.torques_before_load(chain)
+        c, before = self.joint_compliances[:, None], self.torques_before_load(chain)
         return NominalDeflections(c * before, c * (before + u), self.loop_half_widths)
 
     def torques_before_load(self, chain: ChainState) -> Array:
@@ -338,7 +344,7 @@ class JointLaws:
         Returns:
             Torques tau_0, (n, runs) [N m, N].
         """
-        n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
+        n, links = len(self.joint_compliances), 6 * (len(self.joint_compliances) + 1)
         if self.body_masses is None:
             torque = np.zeros((n, len(chain.tool_position)))
         else:
@@ -409,7 +415,7 @@ def build_joint_laws(arm: Arm, laws_by_kind: Mapping[str, JointLaw] = joint_laws
 
 
 def law_kinds(structure: Structure) -> tuple[str, ...]:
-    """List the kinds of joint laws whose sizes are unknowns of a structure, in order."""
+    """List the kinds of joint laws whose sizes are parameters of a structure, in their order."""
     labels = structure.row_labels[structure.n_compliance_rows :] if structure.n_laws else ()
     return tuple(dict.fromkeys(label.rpartition(" ")[2] for label in labels))
 
@@ -421,7 +427,7 @@ def law_size_prior(kind: str) -> tuple[float, float]:
 
 def law_unit(kind: str) -> float:
     """Return the SI value of a joint law's size of one, by the kind of the law [1, rad; m for a slide]."""
-    return UNIT_COMPENSATOR_SHARE if kind == COMPENSATOR_KIND else joint_laws[kind].unit
+    return UNIT_COMPENSATOR_RELIEF if kind == COMPENSATOR_KIND else joint_laws[kind].unit
 
 
 def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
@@ -438,28 +444,29 @@ def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
         return {}
     by_joint: dict[str, dict[str, float]] = {joint.name: {} for joint in vjm.arm.joints}
     sizes = np.diag(C_theta)[vjm.arm.n_theta :].tolist()
-    for joint, kind, size in zip(vjm.joint_laws.joints, vjm.joint_laws.kinds, sizes, strict=True):
+    for joint, kind, size in zip(vjm.joint_laws.joint_indices, vjm.joint_laws.kinds, sizes, strict=True):
         by_joint[vjm.arm.joints[joint].name][kind] = size
     return by_joint
 
 
-def set_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
+def set_load_history(vjm: Vjm, unloaded_after_load: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
     """Set the width of the friction loop of every run: one half width, or two where the load was taken off.
 
     Friction holds a joint back when the load is put on, and again when it is taken off.
 
     Args:
         vjm: Kinematics, with or without joint laws.
-        taken_off: Whether the load was put on and taken off again, (all runs,); None for no run.
+        unloaded_after_load: Whether the load was put on and taken off again, (all runs,); None for no run.
         runs: Indices of the requested runs, (runs,), or a slice; all by default.
 
     Returns:
         The kinematics with these widths; unchanged without joint laws.
     """
-    if taken_off is None or not isinstance(vjm.joint_laws, JointLaws):
+    if unloaded_after_load is None or not isinstance(vjm.joint_laws, JointLaws):
         return vjm
     return replace(
-        vjm, joint_laws=replace(vjm.joint_laws, loop_half_widths=np.where(taken_off[runs], 2.0, 1.0))
+        vjm,
+        joint_laws=replace(vjm.joint_laws, loop_half_widths=np.where(unloaded_after_load[runs], 2.0, 1.0)),
     )
 
 
@@ -477,7 +484,7 @@ def vjm_for_structure(vjm: Vjm, structure: Structure) -> Vjm:
     return add_joint_laws(vjm, kinds) if kinds else vjm
 
 
-def tangent_C_theta(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Array:
+def tangent_C_theta(vjm: Vjm, C_theta: Array, chain: ChainState, generalised_load: Array) -> Array:
     """Compute the tangent compliance of links and joints at a loaded equilibrium, joint laws included.
 
     The compliance of a joint is its own plus the sum of size times slope of its laws, and at least zero.
@@ -488,7 +495,7 @@ def tangent_C_theta(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Ar
         vjm: Kinematics, with or without laws.
         C_theta: Compliances and, after them, sizes of laws, (n_theta, n_theta) [m/N, rad/N, rad/(N m), 1].
         chain: The arm at its loaded equilibrium.
-        u: Load of links and joints there, own weight excluded, (7 n + 6, runs) [N, N m].
+        generalised_load: Load of links and joints there, own weight excluded, (7 n + 6, runs) [N, N m].
 
     Returns:
         Compliance for a small further load, (runs, 7 n + 6, 7 n + 6) [m/N, rad/N, rad/(N m)].
@@ -496,10 +503,12 @@ def tangent_C_theta(vjm: Vjm, C_theta: Array, chain: ChainState, u: Array) -> Ar
     n, plain = vjm.arm.n_joints, vjm.arm.n_theta
     C = np.tile(C_theta[:plain, :plain], (len(chain.tool_position), 1, 1))
     if vjm.joint_laws is not None:
-        more = np.diag(C_theta)[plain:, None] * vjm.joint_laws.unit_slopes(chain, u[plain - n :])
+        more = np.diag(C_theta)[plain:, None] * vjm.joint_laws.unit_slopes(
+            chain, generalised_load[plain - n :]
+        )
         joint_rows = np.arange(plain - n, plain)
         joints = C[:, joint_rows, joint_rows].T
-        np.add.at(joints, vjm.joint_laws.joints, more)
+        np.add.at(joints, vjm.joint_laws.joint_indices, more)
         C[:, joint_rows, joint_rows] = np.maximum(joints.T, 0.0)
     return C
 
@@ -521,8 +530,8 @@ def add_law_parameters(structure: Structure, arm: Arm, kinds: Sequence[str] | No
     laws = build_joint_laws(
         arm, {name: joint_laws[name] for name in (joint_laws if kinds is None else kinds)}
     )
-    more = structure.n_theta + np.arange(len(laws.joints))
-    names = [arm.joints[k].name for k in laws.joints]
+    more = structure.n_theta + np.arange(len(laws.joint_indices))
+    names = [arm.joints[k].name for k in laws.joint_indices]
     return replace(
         structure,
         name=f"{structure.name} + laws",
@@ -536,10 +545,10 @@ def add_law_parameters(structure: Structure, arm: Arm, kinds: Sequence[str] | No
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def add_coupling_parameters(structure: Structure) -> Structure:
-    """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
+    """Add the compliances that couple each pair of joints as last parameters of a structure; cached."""
     joints = 6 * structure.n_links + np.arange(structure.n_links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
-    name = structure.name + COUPLED_SUFFIX * (len(a) > 0)
+    name = structure.name + COUPLED_JOINTS_SUFFIX * (len(a) > 0)
     return replace(
         structure,
         name=name,
@@ -555,7 +564,7 @@ def remove_coupling_parameters(structure: Structure) -> Structure:
     return (
         structure
         if len(keep) == structure.n_parameters
-        else structure.select_parameters(keep, structure.name.removesuffix(COUPLED_SUFFIX))
+        else structure.select_parameters(keep, structure.name.removesuffix(COUPLED_JOINTS_SUFFIX))
     )
 
 

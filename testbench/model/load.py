@@ -49,11 +49,11 @@ class Load(Displayed):
     wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
-    def for_poses(self, poses: int) -> "Load":
+    def for_poses(self, n_poses: int) -> "Load":
         """Expand the load to one row per pose.
 
         Args:
-            poses: Number of poses.
+            n_poses: Number of poses.
 
         Returns:
             Load with wrench (poses, 6) [N, N m] and point (poses, 3) [m].
@@ -62,25 +62,28 @@ class Load(Displayed):
             BenchError: When it has rows for another number of poses, or a number that is not finite.
         """
         try:
-            wrench, point = np.broadcast_to(self.wrench, (poses, 6)), np.broadcast_to(self.point, (poses, 3))
+            wrench, point = (
+                np.broadcast_to(self.wrench, (n_poses, 6)),
+                np.broadcast_to(self.point, (n_poses, 3)),
+            )
         except ValueError:
             shapes = f"{np.shape(self.wrench)} and {np.shape(self.point)}"
-            problem = f"expected a wrench and a point, or one for each of {poses} poses, got {shapes}"
+            problem = f"expected a wrench and a point, or one for each of {n_poses} poses, got {shapes}"
             raise BenchError(f"load: {problem}") from None
-        check_array(wrench, (poses, 6), "wrench [N, N m]")
-        check_array(point, (poses, 3), "point [m]")
+        check_array(wrench, (n_poses, 6), "wrench [N, N m]")
+        check_array(point, (n_poses, 3), "point [m]")
         return Load(wrench, point)
 
-    def select(self, poses: slice | Ids) -> "Load":
+    def select(self, pose_indices: slice | Ids) -> "Load":
         """Select some poses from a load that has one row per pose.
 
         Args:
-            poses: Indices of the poses, (k,), or a slice.
+            pose_indices: Indices of the poses, (k,), or a slice.
 
         Returns:
             Load with one row for each of them.
         """
-        return Load(self.wrench[poses], self.point[poses])
+        return Load(self.wrench[pose_indices], self.point[pose_indices])
 
 
 def weight(vjm: Vjm, mass: float | Array) -> Load:
@@ -237,7 +240,7 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
     above = {child: parent for parent in root.iter() for child in parent}
     classes = {d.get("class", "main"): d for d in root.iter("default")}
 
-    def stated(geom: ET.Element) -> ET.Element | None:
+    def mass_element(geom: ET.Element) -> ET.Element | None:
         """Find the element that states the mass of a shape: itself, its class, or a parent class."""
         if "mass" in geom.attrib:
             return geom
@@ -251,7 +254,7 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
             default = above.get(default)
         return None
 
-    where = {geom: stated(geom) for geom in root.iter("geom")}
+    where = {geom: mass_element(geom) for geom in root.iter("geom")}
     return {
         geom
         for geom, e in where.items()
@@ -293,7 +296,7 @@ def _carrying_joints(body: int, chain: ChainState) -> tuple[slice, slice]:
     return slice(0, 6 * body), slice(links, links + min(body, joints))
 
 
-def own_weight_load(chain: ChainState, weights: BodyMasses) -> Array:
+def own_weight_load(chain: ChainState, body_masses: BodyMasses) -> Array:
     """Compute the load of every virtual joint under the arm's own weight, sum_k J_k^T m_k g.
 
     Everything behind a virtual joint pulls as one body: masses and moments are summed from the tool on. The
@@ -303,7 +306,7 @@ def own_weight_load(chain: ChainState, weights: BodyMasses) -> Array:
 
     Args:
         chain: Tool, bodies and Jacobian of every run.
-        weights: Masses and centres of the bodies.
+        body_masses: Masses and centres of the bodies.
 
     Returns:
         Generalised loads, (n_theta, runs) [N, N m].
@@ -314,8 +317,8 @@ def own_weight_load(chain: ChainState, weights: BodyMasses) -> Array:
     moment = np.zeros((3, runs))
     for k in range(len(chain.body_frames) - 1, 0, -1):
         p, R = chain.body_frames[k]
-        mass += weights.mass[k]
-        moment += weights.mass[k] * (p - chain.tool_position.T + weights.centre_of_mass[k] @ R)
+        mass += body_masses.mass[k]
+        moment += body_masses.mass[k] * (p - chain.tool_position.T + body_masses.centre_of_mass[k] @ R)
         links, joints = _carrying_joints(k, chain)
         for rows in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
             v_z, (x, y) = chain.J_theta[2, rows], chain.J_theta[3:5, rows]

@@ -40,7 +40,7 @@ PAPER_GCO_METHOD = "GCO (paper)"
 
 @dataclass(frozen=True)
 class BlockGroup:
-    """Collect the blocks of C_theta that have one size, so that an operation serves all of them at once."""
+    """Hold the indices of all blocks of C_theta that have the same number of rows."""
 
     block_indices: Ids  #: Indices of the blocks in `Structure.blocks`, (k,).
     theta_rows: Ids  #: Rows of C_theta of each block, (k, size).
@@ -49,7 +49,7 @@ class BlockGroup:
 
     @cached_property
     def index_arrays(self) -> tuple[Ids, Ids]:
-        """Return index arrays of the blocks, so that C[index] has shape (k, size, size)."""
+        """Return index arrays that select the blocks: C[index_arrays] has shape (k, size, size)."""
         return self.theta_rows[:, :, None], self.theta_rows[:, None, :]
 
 
@@ -147,7 +147,7 @@ class Structure(Displayed):
 
     @cached_property
     def block_of_row(self) -> Ids:
-        """Return the index of the block of every row of C_theta, (n_theta,); -1 where no parameter is."""
+        """Return the block index of every row of C_theta, (n_theta,); -1 for a row without a parameter."""
         # connected components: every row takes the least label it is coupled to, until none changes
         label = np.arange(self.n_theta)
         while (label[self.rows] != label[self.columns]).any():
@@ -169,16 +169,16 @@ class Structure(Displayed):
 
     @cached_property
     def block_groups(self) -> tuple[BlockGroup, ...]:
-        """Collect the blocks of C_theta by their size, one group per size, smallest first."""
+        """Group the blocks of C_theta by their number of rows, smallest first."""
         sizes = np.array([len(block) for block in self.blocks])
         entries = sizes * (sizes + 1) // 2
         first = np.cumsum(entries) - entries
 
-        def group(at: Ids) -> BlockGroup:
-            rows = np.array([self.blocks[k] for k in at])
-            return BlockGroup(at, rows, first[at, None] + np.arange(entries[at[0]]))
+        def build_group(blocks: Ids) -> BlockGroup:
+            rows = np.array([self.blocks[k] for k in blocks])
+            return BlockGroup(blocks, rows, first[blocks, None] + np.arange(entries[blocks[0]]))
 
-        return tuple(group(np.flatnonzero(sizes == size)) for size in np.unique(sizes))
+        return tuple(build_group(np.flatnonzero(sizes == size)) for size in np.unique(sizes))
 
     @cached_property
     def upper_triangles(self) -> tuple[Ids, Ids]:
@@ -193,14 +193,14 @@ class Structure(Displayed):
 
     @cached_property
     def parameter_of_entry(self) -> Ids:
-        """Return the parameter of every entry of `upper_triangles`, (entries,); -1 for a known entry."""
+        """Return the parameter of every entry of the blocks' upper triangles, (entries,); -1 for none."""
         place = np.full((self.n_theta,) * 2, -1)
         place[self.rows, self.columns] = place[self.columns, self.rows] = np.arange(self.n_parameters)
         return np.asarray(place[self.upper_triangles])
 
     @cached_property
     def has_full_blocks(self) -> bool:
-        """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
+        """Tell whether all entries of all blocks are parameters, as a prior on whole blocks requires."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n_parameters
 
     def indices_in(self, wider: "Structure") -> Ids:
@@ -318,7 +318,7 @@ def _named(
         The function.
     """
 
-    def make(arm: Arm) -> Structure:
+    def build(arm: Arm) -> Structure:
         which = range(len(arm.links)) if links is None else links
         if max(which) >= len(arm.links):
             raise BenchError(
@@ -328,7 +328,7 @@ def _named(
         structure = Structure.of(arm, links=[arm.links[i].name for i in which], joints=free, entries=entries)
         return replace(structure, name=f"{name.rstrip(digits)}{structure.n_parameters}")
 
-    return make
+    return build
 
 
 mls36 = _named("MLS36", entries=UNSYMMETRIC_ENTRIES)

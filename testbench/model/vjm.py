@@ -24,33 +24,33 @@ from testbench.model.structure import Structure
 
 
 class JointLawSet(Protocol):
-    """Define the interface of joint laws: virtual joints in series with the spring of each joint."""
+    """Define the interface of an arm's joint laws: virtual joints in series with the joints' springs."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Name the kind of every law, (laws,)."""
 
     @property
-    def joints(self) -> Ids:
+    def joint_indices(self) -> Ids:
         """Return the index of the actuated joint that each law deflects, (laws,)."""
 
-    def unit_deflections(self, chain: "ChainState", u: Array) -> Array:
+    def unit_deflections(self, chain: "ChainState", load_torques: Array) -> Array:
         """Compute the deflection that every joint law adds to its joint, per unit of the law's size.
 
         Args:
             chain: The arm in its poses.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+            load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Deflection per unit of size, (laws, runs) [rad, m].
         """
 
-    def unit_slopes(self, chain: "ChainState", u: Array) -> Array:
+    def unit_slopes(self, chain: "ChainState", load_torques: Array) -> Array:
         """Compute the derivative of the laws' deflections with respect to the torque of their joint.
 
         Args:
             chain: The arm in its poses.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+            load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Deflection per unit of size and torque, (laws, runs) [rad/(N m), m/N].
@@ -73,16 +73,16 @@ class Vjm(Displayed):
     tool_placement: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
     load_point: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
-    joint_laws: JointLawSet | None = None  #: Laws of its joints beyond a linear spring; None for none.
+    joint_laws: JointLawSet | None = None  #: Joint laws; None if all joints are linear springs.
 
     @property
     def n_theta(self) -> int:
         """Return the number of virtual joints, 7 n + 6 and one per joint law."""
-        return self.arm.n_theta + (len(self.joint_laws.joints) if self.joint_laws else 0)
+        return self.arm.n_theta + (len(self.joint_laws.joint_indices) if self.joint_laws else 0)
 
     @property
     def joint_spring_slice(self) -> slice:
-        """Return the slice of theta that holds the springs of the actuated joints."""
+        """Return the slice of the virtual joints theta that holds the springs of the actuated joints."""
         return slice(6 * len(self.arm.links), self.arm.n_theta)
 
     def summary(self) -> dict[str, object]:
@@ -90,7 +90,7 @@ class Vjm(Displayed):
         return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 
     @cached_property
-    def axes_in_beam(self) -> Array:
+    def joint_axes_in_beam_frame(self) -> Array:
         """Compute the unit axis of each joint in the beam frame of the link before it, (n, 3) [1]."""
         frames = np.array([link.beam_axes for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
         return np.asarray(
@@ -135,7 +135,7 @@ class Vjm(Displayed):
 
 @dataclass(frozen=True)
 class ChainState:
-    """Hold the tool's pose and the Jacobian of the virtual joints of every run, in world axes."""
+    """Hold the poses of all bodies and the Jacobian of the virtual joints in every run, in world axes."""
 
     #: Jacobian dg / d theta of Eq. (2) at the tool's origin, translation rows first, (6, n_theta, runs)
     #: [1, m]. Runs are last in all arrays of the hot path: every product is one long loop.
@@ -145,7 +145,7 @@ class ChainState:
     #: Origin, (3, runs) [m], and axes, world from body, (3, 3, runs), of the links' bodies from the base on
     #: and of the tool, n + 2 of them.
     body_frames: tuple[tuple[Array, Array], ...]
-    joint_laws: JointLawSet | None = None  #: Joint laws of the model.
+    joint_laws: JointLawSet | None = None  #: Joint laws of the model; None for linear springs.
 
     def tool_points_in_world(self, points: Array) -> Array:
         """Transform points from the tool's frame to the world.
@@ -217,7 +217,7 @@ def evaluate_chain(vjm: Vjm, q: Array, theta: Array | None = None) -> ChainState
     _add_lever_arms(J, p[:, None, None] - of_links, p[:, None] - of_joints)
     # a joint law turns with its joint: the same column
     if vjm.joint_laws is not None:
-        J[:, links + n :] = J[:, links + vjm.joint_laws.joints]
+        J[:, links + n :] = J[:, links + vjm.joint_laws.joint_indices]
     return ChainState(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.joint_laws)
 
 
@@ -248,7 +248,7 @@ def add_law_deflections(vjm: Vjm, theta: Array) -> Array:
     if vjm.joint_laws is None:
         return theta
     plain, links = theta[:, : vjm.arm.n_theta].copy(), 6 * len(vjm.arm.links)
-    np.add.at(plain.T, links + vjm.joint_laws.joints, theta[:, vjm.arm.n_theta :].T)
+    np.add.at(plain.T, links + vjm.joint_laws.joint_indices, theta[:, vjm.arm.n_theta :].T)
     return plain
 
 
@@ -501,21 +501,24 @@ def generalised_load_without_laws(chain: ChainState, wrench: Array, point: Array
     return np.asarray(np.einsum("xtr,xr->tr", chain.J_theta[:, :plain], at_tool))
 
 
-def append_law_unit_deflections(chain: ChainState, load: Array) -> Array:
+def append_law_unit_deflections(chain: ChainState, loads_without_laws: Array) -> Array:
     """Append the deflections of joint laws, per unit of size, to the generalised loads of links and joints.
 
     Args:
         chain: Tool and Jacobian of every run, and the joint laws of the model.
-        load: Generalised loads of links and joints, (7 n + 6, runs) [N, N m].
+        loads_without_laws: Generalised loads of links and joints, (7 n + 6, runs) [N, N m].
 
     Returns:
         Generalised loads, then the deflection per unit of size of every joint law, (n_theta, runs) [N, N m;
-        rad, m for laws]; `load` itself without joint laws.
+        rad, m for laws]; `loads_without_laws` itself without joint laws.
     """
     if chain.joint_laws is None:
-        return load
+        return loads_without_laws
     return np.concatenate(
-        [load, chain.joint_laws.unit_deflections(chain, load[6 * (len(chain.body_frames) - 1) :])]
+        [
+            loads_without_laws,
+            chain.joint_laws.unit_deflections(chain, loads_without_laws[6 * (len(chain.body_frames) - 1) :]),
+        ]
     )
 
 
@@ -545,7 +548,9 @@ def observation_matrix(
     return A.reshape(-1, 3, structure.n_parameters, A.shape[-1]).transpose(3, 0, 1, 2)
 
 
-def observation_rows(structure: Structure, reading_jacobian: Array, load: Array) -> Iterator[Array]:
+def observation_rows(
+    structure: Structure, reading_jacobian: Array, generalised_loads: Array
+) -> Iterator[Array]:
     """Compute the observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
 
     A row is linear in the load u = J_F^T w. The parameter C_theta[a, b] moves the reading by J[a] u[b] + J[b]
@@ -556,7 +561,7 @@ def observation_rows(structure: Structure, reading_jacobian: Array, load: Array)
     Args:
         structure: Structure of the unknowns, n_par of them.
         reading_jacobian: Readings per unit of each virtual joint, (rows, n_theta, runs).
-        load: Generalised load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
+        generalised_loads: Generalised load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
 
     Yields:
         One row of every run, (n_par, runs): transposed for LAPACK.
@@ -564,12 +569,13 @@ def observation_rows(structure: Structure, reading_jacobian: Array, load: Array)
     Raises:
         BenchError: When the structure is of another arm.
     """
-    if structure.n_theta != len(load):
+    if structure.n_theta != len(generalised_loads):
         raise BenchError(
-            f"structure {structure.name}: expected {len(load)} virtual joints, got {structure.n_theta}"
+            f"structure {structure.name}: expected {len(generalised_loads)} virtual joints, "
+            f"got {structure.n_theta}"
         )
     a, b = structure.rows, structure.columns
-    u_b, u_a = load[b], load[a] * structure.fills_two_entries[:, None]
+    u_b, u_a = generalised_loads[b], generalised_loads[a] * structure.fills_two_entries[:, None]
     for row in reading_jacobian:
         yield row[a] * u_b + row[b] * u_a
 
@@ -667,8 +673,8 @@ class WorkArea:
     lower: tuple[float, float, float]  #: Lower corner of the tool's position, world, (3,) [m].
     upper: tuple[float, float, float]  #: Upper corner, (3,) [m].
     #: Axis of the cone, world, unit vector, (3,) [1].
-    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    cone: float = np.pi  #: Largest angle between the tool's x axis and that axis [rad].
+    cone_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    cone_half_angle: float = np.pi  #: Largest angle between the tool's x axis and that axis [rad].
 
 
 def in_work_area(vjm: Vjm, work_area: WorkArea, q: Array) -> Mask:
@@ -687,8 +693,8 @@ def in_work_area(vjm: Vjm, work_area: WorkArea, q: Array) -> Mask:
     """
     position, rotation = tool_poses(vjm, q)
     inside = ((position >= work_area.lower) & (position <= work_area.upper)).all(axis=1)
-    cosine = rotation[:, :, 0] @ np.array(work_area.direction)
-    return np.asarray(inside & (cosine >= np.cos(work_area.cone)))
+    cosine = rotation[:, :, 0] @ np.array(work_area.cone_axis)
+    return np.asarray(inside & (cosine >= np.cos(work_area.cone_half_angle)))
 
 
 def random_poses(

@@ -50,7 +50,7 @@ SPRING_DAMPING_TIME = 0.02
 it."""
 
 
-def virtual_joint_name(link: str, axis: str) -> str:
+def _virtual_joint_name(link: str, axis: str) -> str:
     """Name the slide or hinge of a link's virtual joint in the elastic MJCF, such as link_2_theta_phi_x.
 
     Args:
@@ -63,15 +63,15 @@ def virtual_joint_name(link: str, axis: str) -> str:
     return f"{link}_theta_{axis}"
 
 
-def sprung_joint_name(joint: str) -> str:
+def _joint_spring_name(joint: str) -> str:
     """Name the spring in series with an actuated joint in the elastic MJCF, such as joint_2_theta."""
     return f"{joint}_theta"
 
 
-def theta_joint_names(arm: Arm) -> list[str]:
+def _theta_joint_names(arm: Arm) -> list[str]:
     """List the names of the virtual joints in the order of theta, (n_theta,)."""
-    links = [virtual_joint_name(link.name, axis) for link in arm.links for axis in VIRTUAL_JOINT_AXES]
-    return links + [sprung_joint_name(j.name) for j in arm.joints]
+    links = [_virtual_joint_name(link.name, axis) for link in arm.links for axis in VIRTUAL_JOINT_AXES]
+    return links + [_joint_spring_name(j.name) for j in arm.joints]
 
 
 def elastic_mjcf(arm: Arm, foundation_compliance: Array | None = None) -> str:
@@ -152,7 +152,7 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
         for axis, coef in zip(VIRTUAL_JOINT_AXES, v, strict=True):
             if coef != 0:
                 ET.SubElement(
-                    tendon, "joint", joint=virtual_joint_name(link.name, axis), coef=repr(float(coef))
+                    tendon, "joint", joint=_virtual_joint_name(link.name, axis), coef=repr(float(coef))
                 )
 
 
@@ -185,7 +185,7 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
     actuated = next(j for j in body.findall("joint") if j.get("name") == joint)
     spring = ET.Element(
         "joint",
-        name=sprung_joint_name(joint),
+        name=_joint_spring_name(joint),
         type=actuated.get("type", "hinge"),
         axis=actuated.get("axis", ""),
         stiffness=repr(stiffness),
@@ -368,7 +368,7 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
     Returns:
         The true arm.
     """
-    theta = np.array([model.joint(name).dofadr[0] for name in theta_joint_names(arm)])
+    theta = np.array([model.joint(name).dofadr[0] for name in _theta_joint_names(arm)])
     # Compliances in the order of MuJoCo's degrees of freedom.
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta

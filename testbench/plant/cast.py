@@ -45,7 +45,7 @@ class CrossSections:
 
     @cached_property
     def wall_lengths(self) -> Array:
-        """Compute the lengths of the walls, (sections, walls) [m]."""
+        """Compute the length of every wall, from corner to corner, (sections, walls) [m]."""
         return np.asarray(np.linalg.norm(self.wall_vectors, axis=2))
 
     @cached_property
@@ -354,23 +354,23 @@ def draw_casting(length: float, bending_compliance: float, rng: np.random.Genera
     # I = pi D^3 t / 8, t = D / 20
     wide = (8 * TUBE_DIAMETER_OVER_WALL * length / (np.pi * CAST_IRON.E * bending_compliance)) ** 0.25
 
-    def one(name: str) -> float:
+    def draw(name: str) -> float:
         return float(rng.uniform(*CASTING_RANGES[name]))
 
     return Casting(
         length=length,
         root_size=wide * rng.uniform(*CASTING_RANGES["root_size"], 2),
         tip_size_ratio=rng.uniform(*CASTING_RANGES["tip_size_ratio"], 2),
-        top_over_bottom=one("top_over_bottom"),
+        top_over_bottom=draw("top_over_bottom"),
         root_thickness=wide / TUBE_DIAMETER_OVER_WALL,
         wall_factors=rng.uniform(*CASTING_RANGES["wall_factors"], 4),
-        tip_thickness_ratio=one("tip_thickness_ratio"),
-        section_angle=one("section_angle"),
+        tip_thickness_ratio=draw("tip_thickness_ratio"),
+        section_angle=draw("section_angle"),
         line_offset=wide * rng.uniform(*CASTING_RANGES["line_offset"], 2),
         bow_height=length * rng.uniform(*CASTING_RANGES["bow_height"], 2),
         open_side=int(rng.integers(4)) if rng.random() > CLOSED_BOX_PROBABILITY else None,
-        rib_pitch_ratio=one("rib_pitch_ratio"),
-        rib_width_ratio=one("rib_width_ratio"),
+        rib_pitch_ratio=draw("rib_pitch_ratio"),
+        rib_width_ratio=draw("rib_width_ratio"),
     )
 
 

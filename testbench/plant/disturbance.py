@@ -316,7 +316,7 @@ def joint_deflection(joints: NonlinearJoints, torque: Array) -> Array:
         held
         if joints.max_slip_half_width is None
         else joints.start_deflection
-        + gradual_slip_motion(held - joints.start_deflection, joints.max_slip_half_width)
+        + _gradual_slip_motion(held - joints.start_deflection, joints.max_slip_half_width)
     )
 
 
@@ -341,7 +341,7 @@ def joint_tangent_compliance(joints: NonlinearJoints, torque: Array) -> Array:
         away = _frictionless_turn(joints, torque) - joints.start_deflection
         rate[np.abs(away) < joints.hysteresis] = 0
         if joints.max_slip_half_width is not None:
-            rate *= slipping_fraction(
+            rate *= _slipping_fraction(
                 np.maximum(np.abs(away) - joints.hysteresis, 0), joints.max_slip_half_width
             )
     return joints.compliance * rate
@@ -404,7 +404,7 @@ class SpringEffects:
     joint_law: TrueJointLaw | None = None  #: Joint law that adds a deflection to those of the linear springs.
 
 
-def gradual_slip_motion(target_motion: Array, max_half_width: Array) -> Array:
+def _gradual_slip_motion(target_motion: Array, max_half_width: Array) -> Array:
     """Compute how far a joint with gradually slipping friction follows a target that moves by d.
 
     The joint moves by the mean of play operators with half widths from 0 to H: d^2 / (2 H) up to d = H, then
@@ -424,8 +424,8 @@ def gradual_slip_motion(target_motion: Array, max_half_width: Array) -> Array:
     )
 
 
-def slipping_fraction(target_motion: Array, max_half_width: Array) -> Array:
-    """Compute the derivative of `gradual_slip_motion`, min(|d| / H, 1): the fraction of operators that slip.
+def _slipping_fraction(target_motion: Array, max_half_width: Array) -> Array:
+    """Compute the derivative of `_gradual_slip_motion`, min(|d| / H, 1): the fraction of operators that slip.
 
     Args:
         target_motion: Motion d of the frictionless deflection, (..., n) [rad].

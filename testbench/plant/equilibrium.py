@@ -172,7 +172,7 @@ def generalised_force(plant: Plant, state: BodyState, body: int, wrench: Array, 
     return np.asarray(Q * plant.joint_moves_body[body])
 
 
-def body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tuple[Array, Array]:
+def _body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tuple[Array, Array]:
     """Compute translation and rotation of a body under small deflections, J theta, in every pose.
 
     Args:
@@ -411,24 +411,26 @@ def solve_equilibrium(
     law = _law(plant, runs, equilibrium_before)
     true_q = q + plant.joint_offset + (0.0 if plant.gear_errors is None else gear_error(plant.gear_errors, q))
 
-    def equilibrium_of_runs(part: slice, row: ArmCopies) -> ArmEquilibrium:
+    def solve_runs(runs_of_batch: slice, copies: ArmCopies) -> ArmEquilibrium:
         """Solve the equilibria of the runs in one batch.
 
         Args:
-            part: Runs of the batch.
-            row: Copies of the arm in one MuJoCo model.
+            runs_of_batch: Runs of the batch.
+            copies: Copies of the arm in one MuJoCo model.
 
         Returns:
             Equilibria of these runs.
         """
-        held, C = undeflected_configurations(plant, true_q[part]), plant.compliance(q[part])
-        poses = PoseBatch(plant, held, wrench[part], point[part], C, law and law.select(part))
+        held, C = undeflected_configurations(plant, true_q[runs_of_batch]), plant.compliance(q[runs_of_batch])
+        poses = PoseBatch(
+            plant, held, wrench[runs_of_batch], point[runs_of_batch], C, law and law.select(runs_of_batch)
+        )
         if changes.compensator is not None:
-            state = evaluate_bodies(row, poses.undeflected_qpos, compensator_bodies(plant))
+            state = evaluate_bodies(copies, poses.undeflected_qpos, compensator_bodies(plant))
             poses = replace(poses, compensator=compensator_state(changes.compensator, plant, state))
-        return _solve_batch(poses, row)
+        return _solve_batch(poses, copies)
 
-    return solve_in_batches(plant, runs, equilibrium_of_runs)
+    return _solve_in_batches(plant, runs, solve_runs)
 
 
 def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> NonlinearJoints | None:
@@ -468,7 +470,7 @@ def solve_unloaded_and_loaded(
     return rest, solve_equilibrium(plant, q, wrench, point, equilibrium_before=rest)
 
 
-def solve_in_batches(
+def _solve_in_batches(
     plant: Plant, runs: int, solve_batch: Callable[[slice, ArmCopies], ArmEquilibrium]
 ) -> ArmEquilibrium:
     """Solve the equilibria of all runs in batches of `POSES_PER_BATCH`, which limits the memory.
@@ -662,7 +664,7 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
 
-    return solve_in_batches(
+    return _solve_in_batches(
         plant,
         len(q),
         lambda part, row: _linear_equilibrium(plant, row, q[part], wrench[part], point[part]),
@@ -680,9 +682,9 @@ def _linear_equilibrium(
     at = point_position(state, tool, point)
     theta = np.matvec(plant.compliance(q), generalised_force(plant, state, tool, wrench, at))
     places = [
-        state.body_positions[body] + body_motion(plant, state, body, theta)[0] for body in (*markers, tool)
+        state.body_positions[body] + _body_motion(plant, state, body, theta)[0] for body in (*markers, tool)
     ]
-    turned = Rotation.from_rotvec(body_motion(plant, state, tool, theta)[1]).as_matrix()
+    turned = Rotation.from_rotvec(_body_motion(plant, state, tool, theta)[1]).as_matrix()
     return ArmEquilibrium(
         theta=theta[:, plant.theta_indices],
         marker_positions=np.stack(places[:-1], axis=1),

@@ -422,7 +422,7 @@ def convex_hull(vertices: Array) -> Surface | None:
         return None
     used, faces = np.unique(hull.simplices, return_inverse=True)
     corners = vertices[used]
-    return corners, orient_outward(corners, faces.reshape(-1, 3))
+    return corners, _orient_outward(corners, faces.reshape(-1, 3))
 
 
 def hull_volume(shape: Shape) -> float:
@@ -484,7 +484,7 @@ def _hull(vertices: Array, slack: float) -> "ConvexHull | None":
         return None
 
 
-def orient_outward(corners: Array, faces: Faces) -> Faces:
+def _orient_outward(corners: Array, faces: Faces) -> Faces:
     """Order the corners of a convex body's triangles counterclockwise as seen from outside.
 
     Args:

@@ -32,7 +32,7 @@ VISUAL_GROUPS = 3
 collide."""
 
 
-def add_floor(root: ET.Element, height: float | None) -> None:
+def _add_floor(root: ET.Element, height: float | None) -> None:
     """Add a floor to an MJCF; it collides with all geoms that can collide.
 
     Args:
@@ -215,7 +215,7 @@ def build_site(
     """
     where = None if tracker_position is None else check_station_position(tracker_position)
     root = read_mjcf(arm.mjcf_path)
-    add_floor(root, floor_height)
+    _add_floor(root, floor_height)
     taken = {str(body.get("name")) for body in root.iter("body")}
     weight, head = unused_name("payload", taken), unused_name("tracker", taken)
     if payload is not None:

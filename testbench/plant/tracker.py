@@ -259,7 +259,7 @@ def tip_travel(
     return np.asarray(np.vecdot(contact_after - contact_before, after) / np.where(along == 0, np.nan, along))
 
 
-def tilt_directions(directions: Array, tilt_sigma: float, groups: Ids, rng: np.random.Generator) -> Array:
+def _tilt_directions(directions: Array, tilt_sigma: float, groups: Ids, rng: np.random.Generator) -> Array:
     """Tilt directions by random small angles; the directions of one group are tilted equally.
 
     Args:
@@ -327,7 +327,7 @@ class Gauge:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
         group = np.zeros_like(pose_ids) if self.constant_tilt else pose_ids
-        normal, axis = (tilt_directions(directions, self.tilt_sigma, group, rng) for _ in range(2))
+        normal, axis = (_tilt_directions(directions, self.tilt_sigma, group, rng) for _ in range(2))
         turn = tool_rotations[1] @ tool_rotations[0].swapaxes(1, 2)
         moved = tip_travel(axis, normal, *marker_positions, turn)
         # Friction holds the tip back: unloaded from either side, loaded against its motion.

@@ -122,28 +122,28 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
     half = d[:, None] * Q * np.sqrt(values)
     rates, axes = np.linalg.eigh(S)
 
-    def at(t: float) -> Array:
+    def deformed_by(t: float) -> Array:
         deformed = half @ (axes * np.exp(t * rates)) @ axes.T @ half.T
         return np.asarray((deformed + deformed.T) / 2)
 
     low, high = 0.0, float(distance / np.linalg.norm(S, 2))
-    while distance_from_tubes(at(high)) < distance:
+    while distance_from_tubes(deformed_by(high)) < distance:
         low, high = high, 2 * high
     for _ in range(DEFORMATION_BISECTIONS):
         middle = (low + high) / 2
-        low, high = (middle, high) if distance_from_tubes(at(middle)) < distance else (low, middle)
-    return at(high)
+        low, high = (middle, high) if distance_from_tubes(deformed_by(middle)) < distance else (low, middle)
+    return deformed_by(high)
 
 
 def _deformed_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
     """Deform every link by a distance from tubes, and rotate its axes by as many radians."""
 
-    def off(link: Link) -> Link:
+    def deform(link: Link) -> Link:
         S = rng.standard_normal((6, 6))
         C = rotated_compliance(deform_tube(link.compliance, S + S.T, share), rng.standard_normal(3), share)
         return replace(link, compliance=check_compliance(C, f"{link.name} off tubes"))
 
-    return replace(arm, links=tuple(off(link) for link in arm.links))
+    return replace(arm, links=tuple(deform(link) for link in arm.links))
 
 
 def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
@@ -222,11 +222,11 @@ def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
 
 
 def _coupled_links(arm: Arm, rng: np.random.Generator) -> Arm:
-    def coupled(link: Link) -> Link:
+    def couple(link: Link) -> Link:
         C = couple_compliance(link.compliance, rng)
         return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
 
-    return replace(arm, links=tuple(coupled(link) for link in arm.links))
+    return replace(arm, links=tuple(couple(link) for link in arm.links))
 
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:

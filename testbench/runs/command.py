@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 from typer.exceptions import TyperException
 
-from testbench.arm.document import first_finding
+from testbench.arm.document import first_invalid_value
 from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, printable, shorten
 from testbench.runs import interrupt
 from testbench.runs.interrupt import INTERRUPTED
@@ -118,7 +118,7 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
     except TyperException as err:
         return WRONG, f"error: {_wrong_word(err, sys.argv[1:])}; --help lists what there is"
     except ValidationError as err:
-        keys, _, problem = first_finding(err)
+        keys, _, problem = first_invalid_value(err)
         return WRONG, f"error: {'.'.join(map(str, keys))} in SI units: {problem}"
     except OSError as err:
         _drop_output()
@@ -145,7 +145,7 @@ def _wrong_word(err: TyperException, words: Sequence[str]) -> str:
     param = getattr(err, "param", None)
     problem = str(getattr(err, "message", "")).rstrip(".")
     if isinstance(err.__cause__, ValidationError):
-        problem, _, _ = first_finding(err.__cause__).problem.partition(", got ")
+        problem, _, _ = first_invalid_value(err.__cause__).problem.partition(", got ")
     for flag in getattr(param, "opts", ()):
         for k, word in enumerate(words):
             name, _, value = word.partition("=")

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from testbench.arm.document import first_finding, matching
+from testbench.arm.document import first_invalid_value, text_matching
 from testbench.arm.mjcf import MAX_MESH_BYTES, asset_paths, read_mjcf
 from testbench.errors import InputError, open_file, printable, read_bytes, read_text
 from testbench.registry import Registry
@@ -24,7 +24,7 @@ from testbench.runs.interrupt import SESSION
 NAME = "manifest.json"
 MAX_BYTES = 16 * 2**20  #: Largest one that is read [byte].
 FILES = 10_000  #: Most that a run has.
-File = Annotated[str, matching(r"[^\x00]*", "no zero byte")]
+File = Annotated[str, text_matching(r"[^\x00]*", "no zero byte")]
 
 
 class Manifest(BaseModel):
@@ -114,7 +114,7 @@ def input_error(file: Path, err: ValidationError) -> InputError:
     Returns:
         The error.
     """
-    keys, _, problem = first_finding(err)
+    keys, _, problem = first_invalid_value(err)
     return InputError(file, ".".join(map(str, keys)), problem)
 
 

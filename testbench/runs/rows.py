@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from testbench.arm.document import first_finding
+from testbench.arm.document import first_invalid_value
 from testbench.errors import BenchError
 
 R = TypeVar("R")
@@ -188,7 +188,7 @@ def restored(kind: type[R], table: Table) -> list[R]:
     try:
         return TypeAdapter(list[kind]).validate_python(_nest(kind, table, ""))  # type: ignore[valid-type]
     except ValidationError as err:
-        keys, _, problem = first_finding(err)
+        keys, _, problem = first_invalid_value(err)
         raise BenchError(f"rows: {'.'.join(map(str, keys))}: {problem}") from err
 
 

@@ -685,7 +685,7 @@ def _lengths(unknowns: Unknowns) -> Iterator[NamedQuantity]:
     for k in range(1, arm.n_joints):
         link = arm.links[k].name
         joint = arm.joints[k]
-        axis = unknowns.vjm.axes_in_beam[k]
+        axis = unknowns.vjm.joint_axes_in_beam_frame[k]
         own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
         shift, turn = own[:3], own[3:]
         across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from testbench.arm.document import StrictModel, matching
+from testbench.arm.document import StrictModel, text_matching
 from testbench.arm.folder import Arm, find_arm, load_arm
 from testbench.arm.mjcf import MAX_MESH_BYTES
 from testbench.data.dataset import Dataset, Series
@@ -52,7 +52,7 @@ MAX_MODEL_NUMBER = 1e12  #: Of a model's numbers, whatever the unit: squares of 
 MAX_TEXT, MAX_NAME_LENGTH = 20_000, 255
 """Longest text of a model, and longest name of its arm [characters]."""
 MAX_LIST = 100_000  #: Numbers of a list.
-PRINTED = matching("[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*", "no control characters")
+PRINTED = text_matching("[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*", "no control characters")
 """A text that XML can hold."""
 Number = Annotated[float, Field(ge=-MAX_MODEL_NUMBER, le=MAX_MODEL_NUMBER)]
 Size = Annotated[float, Field(ge=0, le=MAX_MODEL_NUMBER)]

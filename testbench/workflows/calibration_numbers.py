@@ -142,7 +142,7 @@ def _joints(active: ActiveUnknowns) -> Iterator[Named]:
     a, b = unknowns.structure.rows, unknowns.structure.columns
     for k, joint in enumerate(arm.joints):
         v, row = np.zeros(arm.n_theta), np.zeros(unknowns.size)
-        v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = unknowns.vjm.axes_in_beam[k]
+        v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = unknowns.vjm.joint_axes_in_beam_frame[k]
         row[unknowns.columns("elastic")] = v[a] * v[b] * np.where(a == b, 1, 2)  # v^T C_theta v, of the link
         row[unknowns.columns("elastic")] += (a == b) & (a == 6 * len(arm.links) + k)
         yield joint.name, "um/N" if joint.prismatic else "urad/(N m)", row
@@ -536,7 +536,9 @@ def _compliances(calibration: Calibration) -> list[Row]:
     vjm = calibration.state.vjm
     rows = []
     known = _values(calibration, "joint compliances")
-    for row, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.axes_in_beam, strict=False):
+    for row, joint, link, axis in zip(
+        known, vjm.arm.joints, vjm.arm.links, vjm.joint_axes_in_beam_frame, strict=False
+    ):
         part = slice(0, 3) if joint.prismatic else slice(3, 6)
         folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
         rows.append(Row(row, folder=UM * folder))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
-from testbench.arm.document import first_finding
+from testbench.arm.document import first_invalid_value
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, concatenate_rows, line_precision, select_rows, split_by_pose
@@ -66,7 +66,7 @@ class Setup(BaseModel):
         try:
             return handler(given)
         except ValidationError as err:
-            keys, kind, problem = first_finding(err)
+            keys, kind, problem = first_invalid_value(err)
             place = ".".join(map(str, keys))
             if kind == "extra_forbidden":
                 problem = f"no such field; fields are {', '.join(cls.model_fields)}"

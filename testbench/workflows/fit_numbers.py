@@ -177,7 +177,7 @@ def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
     links, joints = len(arm.links), arm.n_joints
     owner = np.r_[np.repeat(np.arange(links), 6), links + np.arange(joints)]
     if vjm.joint_laws is not None:
-        owner = np.r_[owner, links + vjm.joint_laws.joints]
+        owner = np.r_[owner, links + vjm.joint_laws.joint_indices]
     whole = moved.sum(axis=1)
     size = np.linalg.norm(whole, axis=0)
     bent = size > 0
@@ -318,7 +318,7 @@ def _square(block: Array) -> list[list[float | None]]:
 def _axis_in_link(vjm: Vjm, k: int) -> Array:
     """Return what joint k moves of the virtual joint of the link before it, a unit vector, (6,)."""
     v = np.zeros(6)
-    v[(0 if vjm.arm.joints[k].prismatic else 3) + np.arange(3)] = vjm.axes_in_beam[k]
+    v[(0 if vjm.arm.joints[k].prismatic else 3) + np.arange(3)] = vjm.joint_axes_in_beam_frame[k]
     return v
 
 

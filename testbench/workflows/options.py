@@ -18,7 +18,14 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError
 from typer.core import TyperCommand
 
-from testbench.arm.document import StrictModel, first_finding, is_decimal, matching, parse_toml, toml_place
+from testbench.arm.document import (
+    StrictModel,
+    first_invalid_value,
+    is_decimal,
+    parse_toml,
+    text_matching,
+    toml_place,
+)
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import Arm, find_arm
 from testbench.arm.mjcf import GRAVITY
@@ -139,14 +146,17 @@ def _exists(name: str) -> str:
 
 
 Text = Annotated[
-    str, Field(min_length=1, max_length=200), matching("[^-].*", "a text that does not begin with -")
+    str, Field(min_length=1, max_length=200), text_matching("[^-].*", "a text that does not begin with -")
 ]
 File = Annotated[Text, AfterValidator(_exists)]
 Mass = Annotated[str, BeforeValidator(_check_mass)]
 Place = Annotated[
-    str, matching(r"[-+.\de]+(,[-+.\de]+){2}", "a text of three numbers with commas between, such as 2.5,0,1")
+    str,
+    text_matching(
+        r"[-+.\de]+(,[-+.\de]+){2}", "a text of three numbers with commas between, such as 2.5,0,1"
+    ),
 ]
-Box = Annotated[str, matching(r"[-+.\de]+(,[-+.\de]+){5}", "a text of six numbers with commas between")]
+Box = Annotated[str, text_matching(r"[-+.\de]+(,[-+.\de]+){5}", "a text of six numbers with commas between")]
 
 
 class FileSettings(StrictModel):
@@ -201,7 +211,7 @@ def parse_project(path: Path, text: str) -> Project:
     try:
         return Project.model_validate(parse_toml(path, text))
     except ValidationError as err:
-        keys, kind, problem = first_finding(err)
+        keys, kind, problem = first_invalid_value(err)
         if kind == "extra_forbidden":
             known = (Project if len(keys) == 1 else FileSettings).model_fields
             problem = f"unknown key; keys are {', '.join(known)}"

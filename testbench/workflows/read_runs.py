@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import StrictModel, first_finding, parse_toml, toml_place
+from testbench.arm.document import StrictModel, first_invalid_value, parse_toml, toml_place
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, split_by_pose
 from testbench.errors import Array, BenchError, Doubt, Ids, InputError, read_text, shell_word, some_of
@@ -351,7 +351,7 @@ def read_frames(path: Path) -> dict[int, Frame]:
     try:
         given = _File.model_validate(content).frame
     except ValidationError as err:
-        keys, _, problem = first_finding(err)
+        keys, _, problem = first_invalid_value(err)
         form = "[[frame]] has position_m and rotation_xyz_deg of the base in the tracker's frame"
         raise InputError(path, toml_place(path, keys), f"{problem}; {form}") from err
     stations = [one.station for one in given]

@@ -357,11 +357,11 @@ def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(
     names, links = ("x", "y", "z", "phi_x", "phi_y", "phi_z"), 6 * len(arm.links)
     for k, joint in enumerate(arm.joints):
         first = 6 * k + (0 if joint.prismatic else 3)
-        at, v = slice(first, first + 3), vjm.axes_in_beam[k]
+        at, v = slice(first, first + 3), vjm.joint_axes_in_beam_frame[k]
         value, unit = shown["joint compliances", joint.name]
         assert unit == ("um/N" if joint.prismatic else "urad/(N m)")
         assert value == pytest.approx(1e6 * (C[links + k, links + k] + v @ C[at, at] @ v))
-    assert np.abs(vjm.axes_in_beam).max() < 0.999  # no axis is one of the link's
+    assert np.abs(vjm.joint_axes_in_beam_frame).max() < 0.999  # no axis is one of the link's
     for k, link in enumerate(arm.links):
         for i, j in np.transpose(np.triu_indices(6)).tolist():
             value, unit = shown["entries", f"{link.name} {names[i]}, {names[j]}"]

@@ -167,12 +167,12 @@ def test_the_default_finds_the_law_and_a_model_that_has_it_asks_for_it(installed
 class NoSlope:
     unit, unit_symbol, size_prior, formula = 1.0, "1", (0.5, 0.8), "s x_1"
 
-    def deflection(self, at):
-        return at.x_1
+    def deflection(self, nominal):
+        return nominal.x_1
 
 
 class OneNumber(NoSlope):
-    def slope(self, at):
+    def slope(self, nominal):
         return 1.0
 
 

@@ -182,7 +182,7 @@ def test_a_gauge_counts_as_one_residual_and_a_lost_target_as_none(fitted, rng):
 def test_a_joint_is_as_stiff_as_the_folder_says_before_and_its_interval_holds_the_truth_after(kr500, details):
     arm = kr500.arm
     for k, (row, joint) in enumerate(zip(details.joints, arm.joints, strict=True)):
-        axis = kr500.vjm.axes_in_beam[k]
+        axis = kr500.vjm.joint_axes_in_beam_frame[k]
         compliance = joint.compliance + axis @ arm.links[k].compliance[3:, 3:] @ axis
         assert row.prior.middle == pytest.approx(1e-6 / compliance)
         assert row.prior.low < row.prior.middle < (row.prior.high or np.inf)
@@ -206,7 +206,7 @@ def test_a_joint_yields_with_the_link_before_it_about_an_axis_of_any_direction(s
     C[springs, springs] = rng.standard_normal(len(springs))
     for k, joint in enumerate(arm.joints):
         place = 6 * k + (0 if joint.prismatic else 3) + np.arange(3)
-        axis = slides.vjm.axes_in_beam[k]
+        axis = slides.vjm.joint_axes_in_beam_frame[k]
         expected = axis @ C[np.ix_(place, place)] @ axis + C[springs[k], springs[k]]
         assert joint_functional(slides.vjm, structure, k) @ structure.entries(C) == pytest.approx(expected)
 

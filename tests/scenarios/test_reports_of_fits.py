@@ -106,7 +106,9 @@ def test_the_folders_compliance_of_a_joint_is_its_own_and_the_turn_of_the_link_b
     vjm = calibration.state.vjm
     rows = calibration_numbers._compliances(calibration)
     assert len(rows) == vjm.arm.n_joints
-    for row, joint, link, axis in zip(rows, vjm.arm.joints, vjm.arm.links, vjm.axes_in_beam, strict=False):
+    for row, joint, link, axis in zip(
+        rows, vjm.arm.joints, vjm.arm.links, vjm.joint_axes_in_beam_frame, strict=False
+    ):
         turn, slide = (axis @ link.compliance[part, part] @ axis for part in (slice(3, 6), slice(0, 3)))
         assert row.folder == pytest.approx(1e6 * (joint.compliance + turn))
         assert turn != pytest.approx(slide, rel=0.1)  # translations for turns would show

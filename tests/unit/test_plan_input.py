@@ -129,7 +129,11 @@ def test_places_in_flags_become_a_station_and_an_area():
     asked = PlanSettings(loads_kg=(460.0,), acceptance_deg=30.0, **there)
     assert asked.station.position == (4.5, -2.5, 1.6)
     assert asked.station.acceptance_angle == pytest.approx(np.pi / 6)
-    assert (asked.area.lower, asked.area.upper, asked.area.cone) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), np.pi)
+    assert (asked.area.lower, asked.area.upper, asked.area.cone_half_angle) == (
+        (1.0, 2.0, 3.0),
+        (4.0, 5.0, 6.0),
+        np.pi,
+    )
     assert asked.conditions.payload.mass == 460.0
 
 

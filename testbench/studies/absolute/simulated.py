@@ -98,7 +98,7 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
     vjm = state.vjm
     theta = truth.theta_0.copy()
     gears = truth.gears
-    theta[_before(vjm)[1:]] += vjm.axes_in_beam[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
+    theta[_before(vjm)[1:]] += vjm.joint_axes_in_beam_frame[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
     theta_0 = state.theta_0.copy()
     n = np.zeros_like(state.error_coefficients)
     orders = np.array(state.error_terms.orders, dtype=int)
@@ -132,9 +132,9 @@ def _true_joints(vjm: Vjm, truth: Truth) -> Array:
     at, C = _before(vjm), truth.C_theta
     links = np.einsum(
         "na,nab,nb->n",
-        vjm.axes_in_beam,
+        vjm.joint_axes_in_beam_frame,
         C[at[:, :, None], at[:, None]],
-        vjm.axes_in_beam,
+        vjm.joint_axes_in_beam_frame,
     )
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
