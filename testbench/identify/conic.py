@@ -65,11 +65,10 @@ The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 
 
 def trace_units(structure: Structure) -> Array:
-    """Return units s, (n_theta,), in which traces and eigenvalues are taken: C = s X s^T.
+    """Return the units s, (n_theta,), in which traces and eigenvalues are taken: C = s X s^T.
 
-    A translation counts as the rotation that causes it on an arm of `LEVER_LENGTH`, so that X and its trace
-    are in rad/(N m) whatever mixture of metres and radians C holds: s is `LEVER_LENGTH` [m/rad] for
-    translations of links, 1 for all else.
+    A translation counts as the rotation that causes it on a lever of `LEVER_LENGTH`, so that X and its trace
+    are in rad/(N m): s is `LEVER_LENGTH` [m/rad] for translations of links, 1 for all else.
     """
     index = np.arange(structure.n_theta)
     return np.where((index < 6 * structure.n_links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
@@ -79,23 +78,23 @@ def tie_break_penalty(regression: Regression) -> TracePenalty:
     """Make the trace term w <W, C> of the paper's GCO.
 
     It is so light that it only selects among models of equal fit: w is `TIE_BREAK_WEIGHT` times the largest
-    sensitivity.
+    sensitivity of F_M to a compliance. W is s^-2, see `trace_units`.
     """
     s, weight = regression.structure, TIE_BREAK_WEIGHT * (regression.diagonal_sensitivity.max() or 1.0)
     return TracePenalty(float(weight), trace_units(s) ** -2.0, s, np.eye(s.n_parameters))
 
 
 def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
-    """Bound how far a conservative estimate is from the best one, by the dual bound of this module.
+    """Bound how far F_M of a conservative estimate is above its least value, by a dual of GCO.
 
     Args:
-        estimate: Any conservative estimate, from any method.
+        estimate: Any estimate with positive semi-definite compliances, from any method.
         dual: Vectors y_k that prove the bound, such as those of a better estimate; None for the unit
-            residuals of the estimate itself, which prove much only near an optimum.
+            residuals of the estimate itself, which prove a close bound only near an optimum.
 
     Returns:
-        Upper bounds of F_M, and of F_M + w <W, C>, above their least values [1]; both hold for traces within
-        `default_trace_bounds`.
+        Upper bounds of F_M, and of F_M + w <W, C>, above their least values [1]; both hold for compliances
+        whose traces are within `default_trace_bounds`.
 
     Raises:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or the dual has
@@ -131,11 +130,11 @@ def _checked_dual(regression: Regression, dual: Dual) -> Dual:
 
 
 def normalise_dual(y: Array, y_unexplained: Array) -> Dual:
-    """Scale dual vectors that are longer than one to length one.
+    """Scale the vectors y_k of a dual of GCO to length one if they are longer.
 
     Args:
-        y: Their components against the rows of every term's R, (terms, n) [1].
-        y_unexplained: Their components against the unexplained residual, (terms,) [1].
+        y: Components of every y_k along the residual R_k pi - z_k, (terms, n) [1].
+        y_unexplained: Component of every y_k along the unexplained residual, (terms,) [1].
 
     Returns:
         The dual, every vector of length one at most.
@@ -145,7 +144,9 @@ def normalise_dual(y: Array, y_unexplained: Array) -> Dual:
 
 
 def gradient_dual(regression: Regression, pi: Array) -> Dual:
-    """Compute the unit residuals y_k = r_k / |r_k| of parameters; their S_i are the gradient of F_M there.
+    """Compute the dual y_k = r_k / |r_k| of GCO from the residuals r_k = R_k pi - z_k of parameters pi.
+
+    The gradient of sum y_k . r_k is then the gradient of F_M at pi.
 
     Mathematics: `est-13`.
 
@@ -154,7 +155,7 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
         pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        The dual, one vector per term of F_M; zero where the residual is zero.
+        The dual, one unit vector per term of F_M; zero where the residual is zero.
     """
     y, rest = [], []
     for term in regression.terms:
@@ -169,20 +170,20 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
 def lower_bound_certificate(
     regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: TracePenalty
 ) -> Certificate:
-    """Bound F_M(pi), and F_M(pi) + w <W, C>, above their least values by a dual.
+    """Bound F_M(pi), and F_M(pi) + w <W, C>, above their least values by a dual of GCO.
 
     Mathematics: `est-12`.
 
     Args:
-        regression: The reduced dataset, by the parameters of the penalty's own structure.
+        regression: The reduced dataset, in the parameters of the penalty's structure.
         pi: Parameters of a conservative model in that structure, (n,) [m/N, rad/(N m), rad/N].
-        dual: Vectors y_k, none longer than one.
-        trace_bounds: Bound t_i of every block's trace in scaled units, (blocks,) [rad/(N m)]; None for
-            `default_trace_bounds`.
+        dual: Vectors y_k that prove the bound, none longer than one.
+        trace_bounds: Bound t_i of the trace of every block, in the units of `trace_units`, (blocks,)
+            [rad/(N m)]; None for `default_trace_bounds`.
         penalty: The trace term w <W, C>.
 
     Returns:
-        The certificate, all costs in units of F_M [1].
+        The bounds [1]; they hold for compliances whose blocks have traces of at most t_i.
     """
     s, t = regression.structure, trace_bounds
     t = default_trace_bounds(regression, pi) if t is None else t
@@ -233,16 +234,16 @@ def _smallest_eigenvalues(regression: Regression, g: Array, trace_gradient: Arra
 
 
 def default_trace_bounds(regression: Regression, pi: Array) -> Array:
-    """Compute the traces up to which a certificate holds, as far as the data bound them, axis by axis.
+    """Compute upper bounds of the traces of C_theta's blocks, within which a certificate of GCO holds.
 
-    An axis d is allowed c_d = 2 F_M(0) / |R e_d|, with R e_d the weighted readings that a unit of C_dd causes
-    in all terms; a block is allowed the sum over its axes. By the triangle inequality a model with C_dd = c
-    and nothing else has F_M >= sum_k (c |R_k e_d| - |z_k|) >= c |R e_d| - F_M(0): with c above c_d it fits
-    worse than a rigid arm. This holds for every axis that a reading observes, however little.
+    The diagonal entry C_dd of an axis d is at most c_d = 2 F_M(0) / |R e_d|, with R e_d the weighted readings
+    that a unit of C_dd causes. The bound of a block is the sum over its axes. By the triangle inequality a
+    model with C_dd = c and nothing else has F_M >= sum_k (c |R_k e_d| - |z_k|) >= c |R e_d| - F_M(0). So with
+    c above c_d it fits worse than a rigid arm.
 
-    It is proven for one axis at a time and assumed for several: compliances whose deflections cancel may be
+    This is proven for one axis at a time and assumed for several: compliances whose deflections cancel may be
     larger and still fit. An axis that no reading observes is treated as if its sensitivity were
-    `UNOBSERVED_SENSITIVITY` of the largest. A block is allowed twice the trace of pi if that is more.
+    `UNOBSERVED_SENSITIVITY` of the largest. The bound of a block is twice its trace at pi if that is more.
 
     Mathematics: `est-14`.
 
@@ -251,7 +252,7 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
         pi: Parameters of the model that is certified, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        Bound t_i of every block's trace in scaled units, (blocks,) [rad/(N m)].
+        Bound t_i of the trace of every block, in the units of `trace_units`, (blocks,) [rad/(N m)].
     """
     s = regression.structure
     used = s.block_of_row >= 0
@@ -264,14 +265,14 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
 
 
 def total_trace(structure: Structure, pi: Array) -> float:
-    """Compute the trace of C_theta in scaled units.
+    """Compute the trace of C_theta in the units s of `trace_units`, tr(s^-1 C_theta s^-1).
 
     Args:
         structure: The unknowns.
         pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
 
     Returns:
-        tr(s^-1 C_theta s^-1) [rad/(N m)], with s of `trace_units`.
+        Trace [rad/(N m)].
     """
     diagonal = structure.rows == structure.columns
     return float((pi[diagonal] / trace_units(structure)[structure.rows[diagonal]] ** 2).sum())
@@ -280,49 +281,48 @@ def total_trace(structure: Structure, pi: Array) -> float:
 # --- Gramian-constrained optimisation as a conic program with a certificate ---------------------------------
 
 REPORTED_TIE_BREAK_COST = 1e-4
-"""Share of F_M that the tie-break may cost before the advice mentions it."""
+"""Trace term over F_M of a solution, above which the advice mentions that the tie-break bounds it [1]."""
 RELATIVE_GAP_TOLERANCE = 1e-5
-"""Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
+"""Proven distance of F_M + trace term from its optimum, over F_M, up to which the program is solved [1]."""
 NOISE_FREE_GAP_TOLERANCE = 1e-7
-"""Proven distance relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own.
+"""Proven distance over F_M at C = 0 up to which the program is solved [1]; for data without noise.
 
-Without noise the tie-break alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
-what rounding changes in the trace does not.
+Without noise the tie-break alone costs 0.3 to 2 times as much, and F_M a tenth at most.
 """
-EXACT_FIT_SHARE = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
-MAX_INTERIOR_POINT_GAP = (
-    1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
-)
-#: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
+EXACT_FIT_SHARE = 1e-9  #: F_M of a solution over F_M at C = 0, below which the fit is exact [1].
+MAX_INTERIOR_POINT_GAP = 1e-9
+"""Duality gap over F_M at C = 0 up to which the answer of our interior-point method is taken [1]."""
 SQUARED_RESIDUAL_SCALE = 100.0
+"""Factor on residuals whose squares are minimised: with it the squares decide, not the trace term [1]."""
 
 
 @dataclass(frozen=True)
 class ConicProgram:
-    """Hold the conic program of GCO in units where the data are of order one.
+    """Hold the conic program of GCO in unknowns x, in units where the data are of order one.
 
-    A block of C_theta that no data touch is no part of it: its least trace is zero.
+    It minimises sum_k |(R_k x - z_k, unexplained_k)| + trace_cost . x over positive semi-definite blocks. A
+    block of C_theta that changes no reading is left out: with least trace it is zero.
     """
 
-    parameter_indices: Ids  #: Parameters of the blocks that the data touch, (k,).
-    touched_structure: Structure  #: Those blocks.
-    f_m_unit: float  #: F_M at C = 0: the unit of F_M [1].
-    parameter_units: Array  #: pi[columns] = scale * x, (k,).
-    R: Array  #: Factor R of every term of F_M in these units, (terms, n, k).
-    z: Array  #: Readings z of every term in these units, (terms, n).
-    unexplained: Array  #: Norm of the readings that no parameter can explain, (terms,).
-    trace_cost: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
-    penalty: TracePenalty  #: The trace term.
+    parameter_indices: Ids  #: Indices of the parameters in blocks that change a reading, (k,).
+    touched_structure: Structure  #: These blocks, with the parameters `parameter_indices`.
+    f_m_unit: float  #: F_M at C = 0, the unit of the cost [1].
+    parameter_units: Array  #: Units of the parameters, pi[parameter_indices] = parameter_units * x, (k,).
+    R: Array  #: Factor R_k of every term of F_M per unit of x, over `f_m_unit`, (terms, n, k) [1].
+    z: Array  #: Readings z_k of every term of F_M, over `f_m_unit`, (terms, n) [1].
+    unexplained: Array  #: Norm of the readings that no parameter can explain, (terms,) [1].
+    trace_cost: Array  #: The trace term per unit of x, over `f_m_unit`, (k,) [1].
+    penalty: TracePenalty  #: The trace term in the parameters.
 
     def to_pi(self, x: Array, n_parameters: int) -> Array:
-        """Return all parameters of the structure from the unknowns of the program.
+        """Compute the parameters pi of the whole structure from the unknowns x of the program.
 
         Args:
             x: Unknowns of the program, (k,) [1].
-            n_parameters: Number of parameters of the structure.
+            n_parameters: Number n of parameters of the whole structure.
 
         Returns:
-            pi, (n,) [m/N, rad/(N m), rad/N]; zero for blocks that no data touch.
+            pi, (n,) [m/N, rad/(N m), rad/N]; zero in blocks that change no reading.
         """
         pi = np.zeros(n_parameters)
         pi[self.parameter_indices] = self.parameter_units * x
@@ -331,27 +331,27 @@ class ConicProgram:
 
 @dataclass(frozen=True)
 class ConicSolution:
-    """Hold the parameters that a solver found, with their dual."""
+    """Hold the parameters that a solver of GCO found, with a dual that bounds their cost over the optimum."""
 
-    pi: Array  #: Parameters, (n,).
-    seconds: float  #: Time inside the solver.
-    failure: str  #: Status if it is not proven to be close to the optimum.
-    dual: Dual  #: Dual vectors that prove the distance from the optimum.
+    pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
+    seconds: float  #: Time inside the solver [s].
+    failure: str  #: Status to report if the dual does not prove that pi is close to the optimum.
+    dual: Dual  #: Dual vectors y_k of GCO.
 
 
 def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Estimate:
-    """Minimise F_M + w <W, C>, Eq. (19) and a trace term, over conservative compliances, to the optimum.
+    """Minimise F_M of Eq. (19) plus a trace term w <W, C> over positive semi-definite compliances.
 
-    The data rarely see all of C: without the trace term the optimum is not unique, or is only approached as
-    an unseen entry grows without end. The certificate bounds what is left of the program, and what the trace
-    term costs in F_M.
+    The data rarely determine all of C: without the trace term the optimum is not unique, or is only
+    approached as an unobservable entry grows without end. The certificate of the estimate bounds the distance
+    from the optimum, and what the trace term costs in F_M.
 
     Mathematics: `est-7`.
 
     Args:
         regression: The reduced dataset.
-        penalty: The trace term; None for `tie_break_penalty`, so light that it only chooses among models that
-            fit alike: the paper's GCO.
+        penalty: The trace term; None for the paper's GCO, with `tie_break_penalty`, which only selects among
+            models of equal fit.
 
     Raises:
         BenchError: When the structure is not symmetric.
@@ -409,11 +409,12 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
     """Solve the scaled GCO program by our dense interior-point method.
 
     Args:
-        regression: The equations, in the parameters of the penalty's structure.
-        program: The scaled program.
+        regression: The reduced dataset, in the parameters of the penalty's structure.
+        program: The scaled program of the regression.
 
     Returns:
-        The answer; None where a block is not whole, nothing moves, or the answer is not proven.
+        The solution; None if a block lacks entries, no reading changes, or the solution is not proven to be
+        within `MAX_INTERIOR_POINT_GAP` of the optimum.
     """
     s, n = program.touched_structure, regression.structure.n_parameters
     if not s.has_full_blocks or not len(program.parameter_indices) or f_m(regression, np.zeros(n)) == 0:
@@ -436,16 +437,16 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
 
 
 def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array:
-    """Minimise the squares of F_M's residuals and the trace term; for data without noise.
+    """Minimise the squared residuals of F_M plus the trace term, for data without noise.
 
-    At an exact fit the norms of F_M have no slope, so that their program cannot be solved to its last digits.
+    At an exact fit the norms in F_M have no gradient, so that their program cannot be solved to all digits.
 
     Args:
-        regression: The equations, in the parameters of the penalty's structure.
-        program: The scaled program.
+        regression: The reduced dataset, in the parameters of the penalty's structure.
+        program: The scaled program of the regression.
 
     Returns:
-        Parameters, (n,) [m/N, rad/(N m), rad/N].
+        Parameters pi, (n,) [m/N, rad/(N m), rad/N].
     """
     s = program.touched_structure
     R = SQUARED_RESIDUAL_SCALE * program.R.reshape(-1, len(program.parameter_units))
@@ -466,14 +467,14 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
 
 
 def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
-    """Solve the scaled GCO program by Clarabel, with Clarabel's dual as its proof.
+    """Solve the scaled GCO program by Clarabel, with Clarabel's dual as proof.
 
     Args:
-        regression: The equations, in the parameters of the penalty's structure.
-        program: The scaled program.
+        regression: The reduced dataset, in the parameters of the penalty's structure.
+        program: The scaled program of the regression.
 
     Returns:
-        Parameters and dual; all parameters are zero where no marker moves.
+        The solution; all parameters are zero if all readings are.
     """
     s = program.touched_structure
     n = regression.structure.n_parameters
@@ -494,19 +495,19 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
 
 
 def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicProgram:
-    """Scale data, trace term and parameters of GCO to order one.
+    """Build the conic program of GCO with data, trace term and parameters scaled to order one.
 
     Args:
-        regression: The equations, in the parameters of the penalty's structure.
+        regression: The reduced dataset, in the parameters of the penalty's structure.
         penalty: The trace term.
 
     Returns:
-        The scaled program of the blocks that the data touch.
+        The program of the blocks that change a reading.
     """
     s = regression.structure
     block, seen = s.block_of_row[s.rows], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.column_norms > 0]] = True
-    # Blocks that no reading shows stay zero.
+    # Blocks that change no reading stay zero.
     columns = np.flatnonzero(seen[block])
     kept = _restricted(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n_parameters)) or 1.0
@@ -531,15 +532,15 @@ def _restricted(structure: Structure, columns: bytes) -> Structure:
 
 
 def norm_constraints(R: Array, z: Array, unexplained: Array) -> tuple[cone.ConeConstraint, ...]:
-    """Make the constraints |(R_k x - z_k, rest_k)| <= t_k; the unknowns are all t_k, then x.
+    """Make the constraints |(R_k x - z_k, unexplained_k)| <= t_k; the unknowns are all t_k, then x.
 
     Args:
-        R: Rows of every term, (terms, rows, n) [1].
-        z: Their right-hand side, (terms, rows) [1].
-        unexplained: Norm that no x explains, (terms,) [1].
+        R: Matrix R_k of every term, (terms, rows, n) [1].
+        z: Right-hand side z_k of every term, (terms, rows) [1].
+        unexplained: Component of every residual that does not depend on x, (terms,) [1].
 
     Returns:
-        One second-order cone per term.
+        The constraints, one second-order cone per term.
     """
     head = np.zeros((len(R), R.shape[1] + 1, len(R)))
     body = np.concatenate([R, np.zeros((len(R), 1, R.shape[2]))], axis=1)
@@ -548,14 +549,14 @@ def norm_constraints(R: Array, z: Array, unexplained: Array) -> tuple[cone.ConeC
 
 
 def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
-    """Set the negative eigenvalues of every block to zero.
+    """Find the nearest positive semi-definite blocks of C_theta: negative eigenvalues become zero.
 
     Args:
         structure: The unknowns.
-        parameters: Parameters, (n,).
+        parameters: Parameters pi of the blocks, or pi in other units, (n,).
 
     Returns:
-        Parameters of the nearest positive semi-definite blocks, (n,).
+        Parameters of the nearest blocks in the same units, (n,).
     """
     X = structure.matrix(parameters)
     for group in structure.block_groups:
@@ -565,28 +566,29 @@ def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def compliance_blocks(structure: Structure, first_index: int) -> tuple[cone.Block, ...]:
-    """Make the positive semi-definite blocks of C_theta as unknowns of a conic program.
+    """List the positive semi-definite blocks of C_theta for a conic program.
 
     Args:
         structure: The unknowns.
-        first_index: Place of the first parameter among the unknowns of the program.
+        first_index: Index of the first parameter among the unknowns of the program.
 
     Returns:
-        One block per block of C_theta.
+        One block of the program per block of C_theta.
     """
     blocks = [(block_parameters(structure, block), len(block)) for block in structure.blocks]
     return tuple(cone.Block(first_index + entries, size, svec) for (entries, svec), size in blocks)
 
 
 def block_parameters(structure: Structure, block_rows: Ids) -> tuple[Ids, Array]:
-    """Find the parameters inside one block of C_theta.
+    """Find the parameters inside one block of C_theta, and how they make up its svec.
 
     Args:
         structure: The unknowns.
-        block_rows: Rows of the block, (size,).
+        block_rows: Rows of C_theta in the block, (size,).
 
     Returns:
-        Places of its parameters, (k,), and the block's svec per unit of them, (size (size + 1) / 2, k).
+        Indices of the parameters, (k,), and the svec of the block per unit of them,
+        (size (size + 1) / 2, k) [1].
     """
     position = np.full(structure.n_theta, -1)
     position[block_rows] = np.arange(len(block_rows))

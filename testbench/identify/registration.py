@@ -1,22 +1,22 @@
-"""Registration: frames and targets of readings with the rigid arm, by Gauss-Newton from a closed form.
+"""Registration: tracker frames and targets on the tool, fitted to readings by Gauss-Newton.
 
-A reading of target k in pose r in frame s is
+The arm is taken as rigid. A reading of target k in pose r and tracker frame s is
 
     p_rk = R_s (R_r m_k + p_r) + t_s.
 
 The arm's kinematics give the pose R_r, p_r of the tool; R_s, t_s and the target m_k are unknown. With R_s^T
-and R_s^T t_s as unknowns the equation is linear: this is the start. If m_k is roughly known, Kabsch's
-rotation between two sets of points needs fewer poses. The refinement minimises
+and R_s^T t_s as unknowns the equation is linear: its solution is one start. If m_k is roughly known, Kabsch's
+rotation between two sets of points is another, which needs fewer poses. The refinement minimises
 
     sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| /
     NOMINAL_TARGET_DEVIATION)
 
 with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
-the residuals show in addition, from the arm's geometric errors and its sag; it is estimated with the rest.
+the residuals show in addition, from geometric errors and sag of the arm; it is estimated with the unknowns.
 
-`HuberLoss` is the robust loss of pairs, registrations and calibrations. A reading has three components.
-Beyond a threshold, in standard deviations, its influence is constant (Huber): rows are multiplied by the root
-of the weight. The noise is estimated by Huber's proposal 2.
+`HuberLoss` is the robust loss of pairs, registrations and calibrations. The residual of a reading has three
+components. Beyond a threshold of its length, in standard deviations, the influence of the reading is constant
+(Huber): its equations are multiplied by the root of the weight. The noise is estimated by Huber's proposal 2.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,54 +31,53 @@ from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_poses
 # --- Pose of the base in a tracker's frame, and targets on the tool, in closed form -------------------------
 
 MIN_FRAME_POINTS = 3
-"""Fewest points that determine a frame, if they are not on a line."""
-#: Readings that are used, drawn at random where there are more: noise does not limit the accuracy of a frame.
+"""Fewest points, not on a line, that determine a frame."""
+#: Most mean readings that a registration uses, drawn at random: noise does not limit the accuracy of a frame.
 MAX_REGISTERED_READINGS = 3000
 MIN_SINGULAR_VALUE = 1e-6
-"""Least singular value of the linear form over its largest, below which it is not used [1]."""
+"""Least singular value of the linear start's matrix over its largest, if the start is used [1]."""
 
 
 @dataclass(frozen=True)
 class MeanReadings:
-    """Hold readings of targets, one per target, pose and frame: the mean of repeated ones.
+    """Hold n mean readings: one per target, pose and tracker frame, the mean of repeated readings.
 
-    The arm's geometry changes a reading equally in every row of a pose: further rows carry no information on
-    it.
+    Geometric errors of the arm change all repeated readings equally: repeats do not average them.
     """
 
-    frame_index: Ids  #: Index of the frame, (n,).
-    target_index: Ids  #: Index of the target, (n,).
-    reading: Array  #: Position, the frame's axes, (n, 3) [m].
-    covariance: Array  #: Covariance of each reading's noise along the frame's axes, (n, 3, 3) [m^2].
-    tool_rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
-    tool_position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
+    frame_index: Ids  #: Index of every reading's frame, (n,).
+    target_index: Ids  #: Index of every reading's target, (n,).
+    reading: Array  #: Measured positions in the frame's axes, (n, 3) [m].
+    covariance: Array  #: Covariance of the noise of every mean reading in the frame's axes, (n, 3, 3) [m^2].
+    tool_rotation: Array  #: Orientation of the tool in base axes, by the arm's kinematics, (n, 3, 3).
+    tool_position: Array  #: Position of the tool in base axes, by the arm's kinematics, (n, 3) [m].
 
 
 @dataclass(frozen=True)
 class FramesAndTargets:
-    """Hold poses of the base in tracker frames, and targets on the tool; NaN where not known yet."""
+    """Hold the poses of the arm's base in tracker frames, and the targets on the tool; NaN where unknown."""
 
-    rotation: Array  #: R_s, frame from base, (frames, 3, 3).
-    translation: Array  #: t_s, base in the frame, (frames, 3) [m].
-    targets: Array  #: m_k in the tool's frame, (targets, 3) [m].
+    rotation: Array  #: R_s: rotation from base axes to the axes of every frame, (frames, 3, 3).
+    translation: Array  #: t_s: origin of the base in every frame, (frames, 3) [m].
+    targets: Array  #: m_k: positions of the targets in the tool's frame, (targets, 3) [m].
 
     @property
     def is_complete(self) -> bool:
-        """Tell whether all frames and targets are known."""
+        """Tell whether all frames and targets are known, none NaN."""
         return all(np.isfinite(part).all() for part in vars(self).values())
 
 
 def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
-    """Average repeated readings of one target in one pose and frame.
+    """Average the repeated readings of every target in every pose and tracker frame.
 
-    At most `MAX_REGISTERED_READINGS` means are kept, drawn at random.
+    At most `MAX_REGISTERED_READINGS` of the means are kept, drawn at random.
 
     Args:
         vjm: The arm's virtual joint model.
-        series: Readings of one mount.
+        series: Readings of targets that stay at the same places on the tool.
 
     Returns:
-        The means, with the tool's pose by the arm's kinematics.
+        The means, with the pose of the tool by the arm's kinematics.
     """
     frames, targets = frame_and_target_names(series)
     parts = [_means(readings, frames.index(readings.frame), targets) for readings in series]
@@ -89,7 +88,7 @@ def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
 
 
 def frame_and_target_names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """List the names of all frames, and of all targets, of some series in order."""
+    """List the names of the tracker frames and of the targets of some series, each once, in order."""
     targets = (name for readings in series for name in readings.markers)
     return tuple(dict.fromkeys(readings.frame for readings in series)), tuple(dict.fromkeys(targets))
 
@@ -114,14 +113,15 @@ def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array,
 
 
 def initial_estimates(readings: MeanReadings, known: FramesAndTargets) -> Iterator[FramesAndTargets]:
-    """Yield complete sets of frames and targets as starts of the refinement.
+    """Yield estimates of all frames and targets in closed form, to start the refinement from.
 
     Args:
-        readings: The readings.
-        known: Frames and targets; NaN where unknown.
+        readings: Mean readings of the targets.
+        known: Frames and nominal targets that are known; NaN elsewhere.
 
     Yields:
-        A start from the known targets, and one from the linear form without them.
+        An estimate from the nominal targets, and one from linear equations without them; an estimate that
+        leaves a frame or target unknown is left out.
     """
     for targets in (known.targets, _targets_by_hand_eye(readings, len(known.targets))):
         layout = _complete_layout(readings, replace(known, targets=targets))
@@ -177,14 +177,14 @@ def _complete_layout(readings: MeanReadings, layout: FramesAndTargets) -> Frames
 
 
 def targets_in_base(readings: MeanReadings, targets: Array) -> Array:
-    """Compute the targets in base axes, R_r m_k + p_r.
+    """Compute the position of every reading's target in base axes by the rigid arm, R_r m_k + p_r.
 
     Args:
-        readings: The readings.
-        targets: Targets in the tool's frame, (targets, 3) [m].
+        readings: Mean readings with the poses R_r, p_r of the tool.
+        targets: Positions m_k of the targets in the tool's frame, (targets, 3) [m].
 
     Returns:
-        Target of every reading, (n, 3) [m].
+        Positions in base axes, (n, 3) [m].
     """
     return np.asarray(
         readings.tool_position + np.matvec(readings.tool_rotation, targets[readings.target_index])
@@ -192,14 +192,14 @@ def targets_in_base(readings: MeanReadings, targets: Array) -> Array:
 
 
 def registration_residuals(readings: MeanReadings, frames_and_targets: FramesAndTargets) -> Array:
-    """Compute readings minus model, p_rk - R_s (R_r m_k + p_r) - t_s, in the frame's axes.
+    """Compute the residuals of readings, p_rk - R_s (R_r m_k + p_r) - t_s, in the axes of their frames.
 
     Args:
-        readings: The readings.
-        frames_and_targets: Frames and targets.
+        readings: Mean readings p_rk with the poses R_r, p_r of the tool.
+        frames_and_targets: Frames R_s, t_s and targets m_k.
 
     Returns:
-        (n, 3) [m].
+        Residuals, (n, 3) [m].
     """
     x = np.matvec(
         frames_and_targets.rotation[readings.frame_index],
@@ -209,17 +209,19 @@ def registration_residuals(readings: MeanReadings, frames_and_targets: FramesAnd
 
 
 def kabsch(points: Array, readings: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
-    """Find the rotation and translation that take points to readings with least squares.
+    """Find R and t that minimise the sum of |R x + t - y|^2 over pairs of points x and readings y.
+
+    Kabsch 1976; Arun, Huang, Blostein 1987; Umeyama 1991.
 
     Mathematics: `abs-6`.
 
     Args:
-        points: Points, (n, 3) [m].
-        readings: Their readings, (n, 3) [m].
-        mirrored: Whether the determinant is -1 (Kabsch 1976; Arun, Huang, Blostein 1987; Umeyama 1991).
+        points: Points x, (n, 3) [m].
+        readings: Readings y of the points in another frame, (n, 3) [m].
+        mirrored: Whether R is a rotation with a reflection, of determinant -1.
 
     Returns:
-        Rotation, (3, 3) [1], and translation, (3,) [m].
+        Rotation R, (3, 3) [1], and translation t, (3,) [m].
     """
     centre, seen = points.mean(axis=0), readings.mean(axis=0)
     R = nearest_rotation((readings - seen).T @ (points - centre), mirrored=mirrored)
@@ -231,7 +233,7 @@ def nearest_rotation(M: Array, *, mirrored: bool = False) -> Array:
 
     Args:
         M: Any matrix, (3, 3).
-        mirrored: Whether the determinant is -1.
+        mirrored: Whether R is a rotation with a reflection, of determinant -1.
 
     Returns:
         R, (3, 3) [1].
@@ -249,10 +251,10 @@ NOISE_ROOT_TOLERANCE = 2.0**-60
 
 @dataclass(frozen=True)
 class HuberLoss:
-    """Define Huber's loss of a reading's residual: linear in its length beyond a threshold."""
+    """Define Huber's loss of a residual of length r: r^2 / 2 up to a threshold, linear beyond."""
 
-    threshold: float  #: Length, in standard deviations, beyond which a reading has less than full weight.
-    normal_mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
+    threshold: float  #: Length beyond which a reading has less than full weight, in standard deviations [1].
+    normal_mean_square: float  #: Mean of min(|z|, threshold)^2 of standard normal 3-vectors z [1].
 
     def weight(self, length: Array) -> Array:
         """Compute the robust weight of a reading, min(1, threshold / length).
@@ -260,7 +262,7 @@ class HuberLoss:
         Mathematics: `est-16`.
 
         Args:
-            length: Length of the whitened residual, (...) [1].
+            length: Length of the residual in standard deviations, (...) [1].
 
         Returns:
             Weight from 0 to 1, (...) [1].
@@ -268,18 +270,18 @@ class HuberLoss:
         return np.asarray(np.minimum(1.0, self.threshold / np.maximum(length, self.threshold)))
 
     def extra_noise(self, residual: Array, variance: Array, dof_ratio: float) -> float:
-        """Estimate the standard deviation S that explains the residuals in addition to the stated variances.
+        """Estimate the noise S that the residuals show in addition to the stated variances.
 
         Mathematics: `est-17`.
 
         Args:
-            residual: Residuals along axes in which the components of a reading are independent, (n, k) [m,
-                rad].
+            residual: Residuals of n readings along axes in which their k components are independent, (n, k)
+                [m, rad].
             variance: Stated variances along these axes, (n, k) [m^2, rad^2].
             dof_ratio: Degrees of freedom over number of equations [1].
 
         Returns:
-            S along an axis [m, rad]; 0 if the stated variances explain the residuals.
+            Standard deviation S along every axis [m, rad]; 0 if the stated variances explain the residuals.
         """
         from scipy.optimize import brentq  # here: it takes long to import, and few runs need it
 
@@ -298,40 +300,42 @@ class HuberLoss:
 
 
 PAIR_LOSS = HuberLoss(1.628, 1.928)
-"""Loss for pairs while outliers are searched: means of normal 3-vectors keep 95 % efficiency, as single
-numbers do with a bend of 1.345."""
+"""Loss of pairs of readings in the search for outliers: means of normal 3-vectors keep 95 % efficiency, as
+single numbers do with a threshold of 1.345."""
 FRAME_LOSS = HuberLoss(3.0, 2.936)
-"""Loss of a registration: 3 % of sound readings have less than full weight. With a bend of 3.5, errors of
-frame and targets are 1 to 4 % larger if 5 % of the readings are off by 5 mm (median of 100 draws)."""
+"""Loss of a registration: 3 % of normally distributed readings have less than full weight. With a threshold
+of 3.5, errors of frame and targets are 1 to 4 % larger if 5 % of the readings are off by 5 mm (median of 100
+draws)."""
 READING_LOSS = HuberLoss(3.5, 2.986)
-"""Loss of a calibration: 0.7 % of sound readings have less than full weight."""
+"""Loss of a calibration: 0.7 % of normally distributed readings have less than full weight."""
 SQUARED_LOSS = HuberLoss(1e300, 3.0)
-"""Loss of least squares: full weight for all."""
+"""Loss of least squares: full weight for all readings."""
 
 
 # --- Registration -------------------------------------------------------------------------------------------
 
 MIN_JOINT_MOTION = 1e-3
-"""Motion of a joint below which it counts as still [rad, m]."""
+"""Range of a joint over all poses below which the joint does not move [rad, m]."""
 MIN_REGISTRATION_POSES = 6
-"""Fewest poses that determine one frame and one target without a nominal position."""
+"""Fewest poses that determine a frame and a target whose nominal position is unknown."""
 NOMINAL_TARGET_DEVIATION = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
 ASSUMED_NOISE = 1e-3
-"""Noise by geometric errors if the readings do not determine it [m]."""
+"""Noise s from geometric errors of the arm along an axis, if the readings do not determine it [m]."""
 MIN_SPARE_EQUATIONS = 6
-"""Fewest degrees of freedom that determine the noise."""
+"""Fewest degrees of freedom that determine the noise s."""
 STEP_TOLERANCE = 1e-9
-"""Gauss-Newton step at which the fit has converged [m, rad]."""
+"""Largest component of a Gauss-Newton step at which the fit has converged [m, rad]."""
 MAX_GAUSS_NEWTON_STEPS = 200
 DROP_OUTLIERS_STEP, MAX_UNWEIGHTED_STEPS = 1e-4, 60
-"""Outliers are dropped, and the noise is estimated, after a Gauss-Newton step below the first [m, rad], or
-after so many steps. Before, the residuals are those of the start: nominal targets and outliers would win."""
+"""Size of a Gauss-Newton step [m, rad], and number of steps, after which outliers are dropped and the noise s
+is estimated. Before, residuals are those of a poor start, and large ones are not outliers."""
 OUTLIER_RATIO = 10.0
-"""Length of a residual over the median, or over ASSUMED_NOISE if that is more, beyond which it is dropped."""
-NOISE_TOLERANCE = 1e-6  #: Relative change of the noise that ends the search.
-UNDETERMINED, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
-#: Least eigenvalue of the scaled information; below it a direction is not seen at all.
+"""Length of a residual over the median, or over ASSUMED_NOISE if that is more, beyond which the reading is
+dropped [1]."""
+NOISE_TOLERANCE = 1e-6  #: Relative change of the noise s at which the fit has converged [1].
+UNDETERMINED, DIVERGED = "undetermined", "no convergence"  #: Reasons why a start leads to no registration.
+#: Least eigenvalue of the information matrix, scaled to unit diagonal, of a determined direction [1].
 MIN_INFORMATION = 1e-11
 
 
@@ -339,20 +343,19 @@ MIN_INFORMATION = 1e-11
 class Frame:
     """Hold the pose of the arm's base in a tracker's frame: reading = rotation @ x + translation."""
 
-    rotation: Array  #: Tracker from base, (3, 3).
+    rotation: Array  #: Rotation from base axes to the tracker's axes, (3, 3).
     translation: Array  #: Origin of the base in the tracker's frame, (3,) [m].
-    #: Covariance of a small rotation about the base's axes, R exp(phi), and of the translation, (6, 6)
-    #: [rad, m]; zero for a frame that was given.
+    #: Covariance of a small rotation phi about the base's axes, rotation @ exp(phi), and of the translation,
+    #: (6, 6) [rad, m]; zero for a frame that was given.
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
-    distance_offset: float = (
-        0.0  #: Constant that an instrument adds to every distance from its fixed point [m].
-    )
+    #: Constant that an instrument adds to every distance from its fixed point [m].
+    distance_offset: float = 0.0
 
     def with_base_at(self, pose: Array) -> "Frame":
-        """Express the tracker's frame relative to another base frame, with its covariance.
+        """Compute the pose of another base frame in the tracker's frame, with its covariance.
 
         Args:
-            pose: Pose of the new base frame in the present one, homogeneous matrix, (4, 4) [1, m].
+            pose: Pose of the other base frame in the present one, homogeneous matrix, (4, 4) [1, m].
         """
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
@@ -362,39 +365,41 @@ class Frame:
 
     @property
     def rotation_vector(self) -> Array:
-        """Return the rotation as a vector, (3,) [rad]."""
+        """Compute the rotation from base axes to the tracker's axes as axis times angle, (3,) [rad]."""
         from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
         return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec())
 
     @property
     def rotation_angle(self) -> float:
-        """Return the size of the rotation [rad]."""
+        """Compute the angle of the rotation from base axes to the tracker's axes, 0 to pi [rad]."""
         return float(np.linalg.norm(self.rotation_vector))
 
     @property
     def rotation_deviation(self) -> float:
-        """Return the largest standard deviation of the rotation about any axis [rad]."""
+        """Compute the standard deviation of the rotation about the axis where it is largest [rad]."""
         return largest_deviation(self.covariance[:3, :3])
 
 
 @dataclass(frozen=True)
 class Registration:
-    """Hold the frames and targets that were fitted to readings, with their covariance."""
+    """Hold tracker frames and targets on the tool that were fitted to readings, with their covariance."""
 
-    frame_names: tuple[str, ...]  #: Names of the frames.
-    target_names: tuple[str, ...]  #: Names of the targets.
-    nominal_targets: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
-    frames_and_targets: FramesAndTargets  #: Frames and targets in order.
-    is_fitted_frame: Mask  #: Frames that were not given, (frames,).
-    covariance: Array  #: Covariance of all frames not given (rotation, translation), then targets [rad, m].
-    distances: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
-    noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
-    n_downweighted: int  #: Number of outliers, with less than full robust weight.
+    frame_names: tuple[str, ...]  #: Names of the tracker frames.
+    target_names: tuple[str, ...]  #: Names of the targets, m of them.
+    #: Nominal positions of the targets in the tool's frame, (m, 3) [m]; NaN for a target without one.
+    nominal_targets: Array
+    frames_and_targets: FramesAndTargets  #: All frames and targets, in order of the names.
+    is_fitted_frame: Mask  #: Which frames were fitted and not given, (frames,).
+    #: Covariance of all fitted frames (small rotation, translation), then of the targets, (k, k) [rad, m].
+    covariance: Array
+    distances: Array  #: Distance of every mean reading from its position by the rigid arm, (n,) [m].
+    noise: float  #: s: standard deviation of the readings along an axis beyond the tracker's [m].
+    n_downweighted: int  #: Number of mean readings with less than full robust weight.
 
     @property
     def frames(self) -> dict[str, Frame]:
-        """Return the pose of the arm's base in every tracker frame, by the frame's name."""
+        """Return the poses of the arm's base in the tracker frames, with covariance, by the frame's name."""
         C = np.zeros((len(self.frame_names), 6, 6))
         for at, k in enumerate(np.flatnonzero(self.is_fitted_frame)):
             C[k] = self.covariance[6 * at : 6 * at + 6, 6 * at : 6 * at + 6]
@@ -414,12 +419,12 @@ class Registration:
 
     @property
     def rms(self) -> float:
-        """Return the RMS distance of readings from the registered model [m]."""
+        """Compute the RMS distance of mean readings from their positions by the rigid arm [m]."""
         return float(np.sqrt(np.mean(self.distances**2)))
 
     @property
     def median_distance(self) -> float:
-        """Return the median distance of readings from the registered model [m]."""
+        """Compute the median distance of mean readings from their positions by the rigid arm [m]."""
         return float(np.median(self.distances))
 
 
@@ -429,25 +434,21 @@ def register(
     nominal_targets: Mapping[str, Array],
     known_frames: Mapping[str, Frame] | None = None,
 ) -> Registration:
-    """Find the frames and targets of series of one mount, with a rigid arm without errors.
+    """Fit tracker frames and targets on the tool to readings, with the arm taken as rigid and exact.
 
-    It refines every start of the closed form by Gauss-Newton, and returns the one with the least median
-    residual.
+    Gauss-Newton refines every start in closed form; the fit with the least median residual is returned.
 
     Mathematics: `abs-5`.
 
     Args:
         vjm: The arm's virtual joint model.
-        series: The readings, such as one series per station.
-        nominal_targets: Expected targets in the tool's frame by name, (3,) [m] each; any of them may be
-            absent.
-        known_frames: Frames that are known, by name; the others are found.
-
-    Returns:
-        Frames, targets, their covariance, and the residuals.
+        series: Readings of targets that stay at the same places on the tool, such as one series per tracker.
+        nominal_targets: Nominal positions of targets in the tool's frame by name, (3,) [m] each; any of them
+            may be absent.
+        known_frames: Tracker frames that are known, by name; the others are fitted.
 
     Raises:
-        BenchError: When the readings do not determine a frame or target, or no search converges.
+        BenchError: When the readings do not determine a frame or target, or no fit converges.
     """
     frames, targets = frame_and_target_names(series)
     # What is known: nominal targets and given frames.
@@ -476,16 +477,16 @@ def register(
 
 
 def largest_deviation(covariance: Array) -> float:
-    """Compute the largest standard deviation along any direction of a covariance, (n, n)."""
+    """Compute the standard deviation along the direction where a covariance, (n, n), is largest."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 
 def arm_reach(vjm: Vjm, q: Array) -> float:
-    """Compute the median distance of the tool from the arm's base.
+    """Compute the median distance of the tool from the arm's base over some poses.
 
     Args:
         vjm: The arm's virtual joint model.
-        q: Joint angles, (poses, n) [rad, m].
+        q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         Median distance [m].
@@ -494,14 +495,14 @@ def arm_reach(vjm: Vjm, q: Array) -> float:
 
 
 def moving_joints(vjm: Vjm, series: Sequence[Series]) -> list[str]:
-    """List the joints that move in the readings, by more than `MIN_JOINT_MOTION`.
+    """List the joints that move by more than `MIN_JOINT_MOTION` over all poses of some readings.
 
     Args:
         vjm: The arm's virtual joint model.
         series: The readings.
 
     Returns:
-        Names of the joints, in order.
+        Names of the joints, in order of the chain.
     """
     sizes = np.ptp(np.concatenate([readings.q for readings in series]), axis=0)
     return [joint.name for joint, size in zip(vjm.arm.joints, sizes, strict=True) if size > MIN_JOINT_MOTION]
@@ -524,7 +525,7 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
 
 
 def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration | str:
-    """Take Gauss-Newton steps from a start; returns `UNDETERMINED` if a direction is undetermined."""
+    """Fit by Gauss-Newton from a start; returns `UNDETERMINED` or `DIVERGED` if there is no fit."""
     layout = start.frames_and_targets
     free = start.is_fitted_frame
     noise = start.noise
@@ -535,7 +536,7 @@ def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration |
         # Whiten residuals by W = (C + s^2 I)^-1/2, in the principal axes of C.
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u = np.matvec(root, e)
-        # Huber's weights; readings that were dropped as wild have weight zero.
+        # Huber's weights; readings that were dropped as outliers have weight zero.
         pull = FRAME_LOSS.weight(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
         # Normal equations, with the nominal targets as further rows.
         A = (root @ J).reshape(-1, J.shape[2])
@@ -574,7 +575,7 @@ def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration |
 def _nominal_rows(off: Array, size: int) -> tuple[Array, Array]:
     """Compute weights and distances of the nominal targets, zero for frames and new targets.
 
-    The loss is Huber's here too: a nominal position beyond the bend is wrong, not imprecise.
+    The loss is Huber's here too: a nominal position beyond its threshold is wrong, not imprecise.
     """
     length = np.linalg.norm(off, axis=1, keepdims=True) / NOMINAL_TARGET_DEVIATION
     weight, frames = (
@@ -585,7 +586,7 @@ def _nominal_rows(off: Array, size: int) -> tuple[Array, Array]:
 
 
 def _jacobian(readings: MeanReadings, layout: FramesAndTargets, free: Mask) -> Array:
-    """Change of modelled readings with turn and shift of free frames and with targets, (n, 3, k)."""
+    """Compute derivatives of readings by rotations and shifts of fitted frames and by targets, (n, 3, k)."""
     R, n = layout.rotation[readings.frame_index], np.arange(len(readings.frame_index))
     J = np.zeros((len(n), 3, 6 * len(free) + layout.targets.size))
     turned = R @ skew(targets_in_base(readings, layout.targets)).swapaxes(1, 2)
