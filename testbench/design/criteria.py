@@ -1,10 +1,10 @@
 """Design criteria: information functions Phi of the information matrix M, each with a certificate.
 
 Every criterion Phi is concave in M and positively homogeneous (Pukelsheim 1993, ch. 5), so that its
-efficiency Phi(plan) / Phi(best) is between 0 and 1. A criterion has three methods. `information(M)` is Phi.
-`with_candidate(M, rows)` is Phi with one more candidate, for every candidate, by updates of rank k; it is 0
-for a candidate that was not worth computing. `tangent(M)` is a supporting plane above Phi, from which the
-equivalence theorem bounds all plans at once. M is (r, r), rows are (candidates, k, r).
+efficiency Phi(plan) / Phi(best) is between 0 and 1. A criterion has three methods. `phi(M)` is Phi.
+`phi_with_candidate(M, rows)` is Phi with one more candidate, for every candidate, by updates of rank k.
+`tangent(M)` is a plane above Phi, from which the equivalence theorem bounds all plans at once. M is (r, r),
+and the whitened rows F of the candidates are (candidates, k, r).
 
 D: det(M)^(1/r). A: r / tr(M^-1). E: least eigenvalue. I, and the test-pose criterion of Klimchik et al.
 (Robotics and CIM 2014) and Wu et al. (2015): 1 / tr(W M^-1), where W averages the prediction rows' squares.
@@ -22,25 +22,24 @@ from testbench.design.rows import DesignProblem, row_products, split_into_blocks
 from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
-POWER_MEAN_EXPONENT = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
-MIN_UPDATE_ACCURACY = (
-    1e-3  #: Accuracy of K down to which gains are updated [1]: N loses the digits of its square.
-)
-MAX_EXACT_CANDIDATES = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
+POWER_MEAN_EXPONENT = 24  #: Exponent of the power mean that replaces the largest cost of G and E [1].
+MIN_UPDATE_ACCURACY = 1e-3
+"""Share of the digits of K that updates of `CandidateGains` may leave [1]: N loses twice as many digits."""
+MAX_EXACT_CANDIDATES = 32
+"""Most candidates for which G and E are computed exactly; the power mean of their costs selects them."""
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """Hold an upper bound of a concave criterion Phi that is linear in the information matrix M.
+    """Hold a linear upper bound of a concave criterion: Phi(M') <= <Z, M'> = tr(Z M') for every M'.
 
-    It is taken at some M, and holds everywhere: Phi(M') <= <Z, M'> = tr(Z M') for every M'.
+    It is the tangent plane of Phi, or of a smooth function below Phi's bound, at one information matrix M.
     """
 
     Z: Array  #: Matrix of the bound, symmetric, (r, r).
-    #: Value that the relaxation increases: Phi(M), or a stand-in with a gradient everywhere.
-    height: float
-    #: Curvature along S over <Z, S M^-1 S> / height: 1 of log Phi for D, 2 of tr(W M^-1) over its value for a
-    #: linear criterion; 0 for a stand-in, which has no Newton step.
+    height: float  #: Phi(M); for G and E one over the power mean of the costs in place of their maximum.
+    #: Second derivative along a matrix S, over <Z, S M^-1 S> / height: 1 for -log Phi of D, 2 for the cost
+    #: tr(W M^-1) over its value of a linear criterion; 0 for G and E, which take no Newton step.
     curvature: float = 0.0
 
 
@@ -68,7 +67,7 @@ class DeterminantCriterion:
         Mathematics: `pose-7`.
 
         Args:
-            M: Information matrix, (r, r).
+            M: Information matrix, (r, r) [1].
             rows: Whitened rows F of the candidates, (candidates, k, r).
 
         Returns:
@@ -79,7 +78,9 @@ class DeterminantCriterion:
         return np.asarray(self.phi(M) * np.exp(growth / len(M)))
 
     def tangent(self, M: Array) -> Tangent:
-        """Compute the plane Z = Phi(M) M^-1 / r, from the inequality of arithmetic and geometric means.
+        """Compute the tangent plane of Phi = det(M)^(1/r), Z = Phi(M) M^-1 / r.
+
+        It bounds Phi by the inequality of arithmetic and geometric means.
 
         Mathematics: `pose-9`.
 
@@ -92,9 +93,10 @@ class DeterminantCriterion:
 
 @dataclass(frozen=True)
 class LinearCriterion:
-    """Implement the linear criteria 1 / tr(W M^-1): A, I and the test-pose criterion, by their W.
+    """Implement the criteria 1 / tr(W M^-1), linear in M^-1: A, I and the test-pose criterion.
 
-    A has W = 1/r, I the W of the workspace, the test-pose criterion that of the tasks.
+    For A, W is 1/r times the identity; for I it is `mean_square_weight` of the workspace, for the test-pose
+    criterion that of the tasks.
     """
 
     W: Array  #: Weight, symmetric, positive semi-definite, (r, r).
@@ -118,7 +120,7 @@ class LinearCriterion:
         Mathematics: `pose-7`.
 
         Args:
-            M: Information matrix, (r, r).
+            M: Information matrix, (r, r) [1].
             rows: Whitened rows F of the candidates, (candidates, k, r).
 
         Returns:
@@ -127,9 +129,9 @@ class LinearCriterion:
         return candidate_gains(M, rows, self.W).phi_with_candidate()
 
     def tangent(self, M: Array) -> Tangent:
-        """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
+        """Compute the tangent plane of Phi = 1 / tr(W M^-1), Z = M^-1 W M^-1 / tr(W M^-1)^2.
 
-        A concave and homogeneous function lies below <gradient, M'>.
+        It bounds Phi, because a concave and homogeneous function is at most <gradient, M'>.
 
         Mathematics: `pose-9`.
 
@@ -141,19 +143,20 @@ class LinearCriterion:
 
 @dataclass(frozen=True)
 class LargestCriterion:
-    """Implement the minimax criteria G and E: 1 / the largest of k costs, each a cost tr(W_i M^-1).
+    """Implement the minimax criteria G and E: one over the largest of k costs tr(W_i M^-1).
 
-    Where a gradient is needed, a smooth stand-in replaces the maximum: the power mean of the costs with the
-    exponent p = `POWER_MEAN_EXPONENT`. It weights every cost by its size to the power p - 1. A weighted mean
-    is no larger than the maximum, so the tangent of the weighted criterion bounds this one too.
+    Where a gradient is needed, the power mean of the costs with the exponent p = `POWER_MEAN_EXPONENT`
+    replaces their maximum. Its gradient is that of a mean of the costs with weights proportional to
+    cost^(p - 1). A weighted mean is at most the maximum, so that its tangent plane bounds this criterion too.
     """
 
-    costs: Callable[[Array], Array]  #: Costs at information matrices, (..., r, r) to (..., k).
-    #: W of the weighted mean of the costs at M, from M and weights (k,) whose sum is one, to (r, r).
+    #: Function of information matrices, (..., r, r), to their costs, (..., k).
+    costs: Callable[[Array], Array]
+    #: Function of M, (r, r), and weights of the costs with sum one, (k,), to the W of their mean, (r, r).
     weighting: Callable[[Array, Array], Array]
 
     def phi(self, M: Array) -> float:
-        """Compute Phi(M) = 1 / largest cost.
+        """Compute Phi(M), one over the largest of the costs tr(W_i M^-1).
 
         Mathematics: `pose-6`.
 
@@ -166,16 +169,14 @@ class LargestCriterion:
         return float(1 / self.costs(M).max())
 
     def phi_with_candidate(self, M: Array, rows: Array) -> Array:
-        """Compute Phi with one more candidate, exactly for the best ones by the stand-in.
-
-        At most `MAX_EXACT_CANDIDATES` are computed exactly.
+        """Compute Phi with one more candidate, for the best `MAX_EXACT_CANDIDATES` by the mean of the costs.
 
         Args:
-            M: Information matrix, (r, r).
+            M: Information matrix, (r, r) [1].
             rows: Whitened rows F of the candidates, (candidates, k, r).
 
         Returns:
-            Phi(M + F^T F) of every candidate on the short list, 0 for the others, (candidates,).
+            Phi(M + F^T F) of these candidates, and 0 for all others, (candidates,).
         """
         values = np.zeros(len(rows))
         first = np.arange(len(rows))
@@ -183,14 +184,14 @@ class LargestCriterion:
             gain = candidate_gains(M, rows, self._weighted(M, self.costs(M))).trace_reductions()
             first = np.argpartition(-gain, MAX_EXACT_CANDIDATES)[:MAX_EXACT_CANDIDATES]
         few = rows[first]
-        # exact costs of the short list; all others keep 0
+        # exact costs of the best ones; all others keep 0
         values[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
         return values
 
     def tangent(self, M: Array) -> Tangent:
-        """Compute a plane above Phi: that of 1 / the power mean of the costs, which is at most their maximum.
+        """Compute a plane above Phi: the tangent plane of one over the weighted mean of the costs.
 
-        Its height at M is 1 / the power mean, so it need not touch Phi there.
+        Its height at M is one over the power mean of the costs, so that it need not touch Phi there.
 
         Args:
             M: Information matrix, (r, r) [1].
@@ -209,7 +210,7 @@ Criterion = DeterminantCriterion | LinearCriterion | LargestCriterion  #: An inf
 
 
 def check_criterion(name: str, *, for_absolute_readings: bool = False) -> None:
-    """Refuse a criterion that is not in `CRITERIA`.
+    """Check that the name of a criterion is one of `CRITERIA`.
 
     Args:
         name: Name of the criterion.
@@ -232,8 +233,8 @@ def criterion_by_name(
 
     Args:
         name: One of `CRITERIA`.
-        problem: Candidates, for the size r and the coordinates that they show.
-        workspace_rows: Predictions per unit of x over the workspace, (poses, 3 m, n) [m]; I and G use them.
+        problem: Candidates, for the r directions of x that they can observe.
+        workspace_rows: Predictions in the workspace per unit of x, (poses, 3 m, n) [m]; I and G use them.
         task_rows: Predictions per unit of x at the tasks, (tasks, 3 m, n) [m]; "test" uses them, or the
             workspace without.
 
@@ -251,13 +252,13 @@ def criterion_by_name(
 
 
 def criterion_e() -> LargestCriterion:
-    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1."""
+    """Build the E-criterion, the least eigenvalue of M: one over the largest eigenvalue of M^-1."""
 
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
 
     def weighting(M: Array, share: Array) -> Array:
-        """Make W of a weighted mean of the costs: eigenvectors of M with other eigenvalues.
+        """Compute W of a weighted mean of the costs: eigenvectors of M with the weights as eigenvalues.
 
         Args:
             M: Information matrix, (r, r) [1].
@@ -273,10 +274,10 @@ def criterion_e() -> LargestCriterion:
 
 
 def criterion_g(rows: Array) -> LargestCriterion:
-    """Build the G-criterion: 1 / the worst mean square prediction error of a pose [m^2].
+    """Build the G-criterion: one over the largest mean square prediction error of a pose [1/m^2].
 
     Args:
-        rows: Predictions per unit of a, (poses, 3 m, r) [m].
+        rows: Predicted deflections of m targets per unit of the coordinates a, (poses, 3 m, r) [m].
 
     Returns:
         The criterion on information matrices (r, r).
@@ -291,14 +292,14 @@ def criterion_g(rows: Array) -> LargestCriterion:
 
 
 def mean_square_weight(rows: Array) -> Array:
-    """Compute the weight W of the I-criterion: tr(W M^-1) is a target's mean square error [m^2].
+    """Compute the weight W with which tr(W M^-1) is the mean square prediction error of a target [m^2].
 
-    M is the information matrix of the poses, (r, r).
+    M is the information matrix of a plan, (r, r).
 
     Mathematics: `pose-5`.
 
     Args:
-        rows: Predicted deflections of the m targets per unit of the unknowns, (poses, 3 m, r) [m].
+        rows: Predicted deflections of m targets per unit of the unknowns, (poses, 3 m, r) [m].
 
     Returns:
         W, (r, r) [m^2].
@@ -313,41 +314,33 @@ def _targets_per_pose(rows: Array) -> float:
 
 
 def gram_matrices(rows: Array) -> Array:
-    """Compute F^T F of every candidate's rows F, (count, k, r), each flattened to a row, (count, r^2)."""
+    """Compute F^T F of the rows F of every candidate, (candidates, k, r), flattened to (candidates, r^2)."""
     return np.asarray((rows.swapaxes(1, 2) @ rows).reshape(len(rows), -1))
 
 
 @dataclass(frozen=True)
 class CandidateGains:
-    """Hold the reduction of tr(W M^-1) by each candidate: tr(K^-1 N).
+    """Hold what each candidate would reduce tr(W M^-1) by: tr(K^-1 N), K = 1 + F I F^T, N = F I W I F^T.
 
-    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that changes by a few rows; see
-    `update_gains`.
+    I is M^-1. If M changes by a few rows, `update_gains` updates I, K and N.
     """
 
-    rows: Array  #: Whitened rows F, (candidates, k, r).
+    rows: Array  #: Whitened rows F of every candidate, (candidates, k, r).
     W: Array  #: Weight of the linear criterion, (r, r).
     I: Array  # noqa: E741 - as in the books; the inverse of M, (r, r)
     K: Array  #: 1 + F I F^T of every candidate, (k, k, candidates).
     N: Array  #: F I W I F^T of every candidate, (k, k, candidates).
-    #: Share of the digits of K that updates left [1]; 1 where K and N were computed from M itself.
+    #: Bound of the relative accuracy of K after updates, over that at first [1]; 1 without updates.
     accuracy: float = 1.0
 
     def phi_with_candidate(self) -> Array:
-        """Compute 1 / tr(W M^-1) with one more candidate.
-
-        Returns:
-            It with every candidate, (candidates,).
-        """
+        """Compute Phi = 1 / tr(W M^-1) with one more candidate, for every candidate, (candidates,)."""
         return np.asarray(1 / ((self.I * self.W).sum() - self.trace_reductions()))
 
     def trace_reductions(self) -> Array:
-        """Compute tr(K^-1 N), the reduction of tr(W M^-1) by one more candidate.
+        """Compute the reduction tr(K^-1 N) of tr(W M^-1) by one more candidate, for each, (candidates,).
 
-        It eliminates row by row for all candidates together: LAPACK, one by one, takes three times as long.
-
-        Returns:
-            It for every candidate, (candidates,).
+        All candidates are eliminated together, row by row: LAPACK, one by one, takes three times as long.
         """
         K, N = self.K, self.N
         # symmetric elimination: pivot by pivot, each leaves a smaller K and N
@@ -361,11 +354,11 @@ class CandidateGains:
 
 
 def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
-    """Compute how much each candidate would reduce tr(W M^-1), from M itself.
+    """Compute how much each candidate would reduce tr(W M^-1), from M.
 
     Args:
-        M: Information matrix, (r, r).
-        rows: Whitened rows F, (candidates, k, r).
+        M: Information matrix, (r, r) [1].
+        rows: Whitened rows F of every candidate, (candidates, k, r).
         W: Weight of the linear criterion, (r, r).
     """
     (_, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
@@ -379,7 +372,7 @@ def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
 
 
 def update_gains(gains: CandidateGains, M: Array, rows: Array, signs: Array) -> CandidateGains:
-    """Update the candidates' gains after rows were added to M or removed from it, by Woodbury's formula.
+    """Update what each candidate would reduce tr(W M^-1) by, after M gained or lost rows (Woodbury).
 
     With the rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new inverse is I - U S^-1 U^T.
     So K and N of every candidate change by products of F U and F V, which are as narrow as f. Where updates
@@ -388,10 +381,10 @@ def update_gains(gains: CandidateGains, M: Array, rows: Array, signs: Array) -> 
     Mathematics: `pose-7`.
 
     Args:
-        gains: Gains before.
-        M: Information matrix after, (r, r).
-        rows: Whitened rows f, (k, r).
-        signs: 1 for a row that is added, -1 for one that is removed, (k,).
+        gains: Gains at the information matrix before the change.
+        M: Information matrix after the change, (r, r) [1].
+        rows: Whitened rows f that M gains or loses, (k, r).
+        signs: 1 for a row that M gains, -1 for one that it loses, (k,).
 
     Returns:
         Gains at M.

@@ -1,7 +1,8 @@
-"""PlanSpecification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
+"""Specification of a plan, and whitened rows: the information of a reading in a pose before it is taken.
 
-Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior,
-pi = L x. `build_design_problem` restricts them to the directions that the candidates can show.
+Whitened rows F are rows of the observation matrix, Eq. (12), over the standard deviation of a deflection, per
+unit of x, where pi = L x in units of the prior. The information of readings is F^T F. A candidate is a pose
+with a load. `build_design_problem` restricts x to the directions that the candidates can observe.
 """
 
 import math
@@ -19,12 +20,12 @@ from testbench.model.load import Load
 from testbench.model.vjm import Vjm, rigid_motion_matrix
 
 SCALE_UNCERTAINTY = 10.0
-"""Relative uncertainty of the scale common to all compliances [1]: finite, but so large that data decide."""
+"""Relative uncertainty of the scale common to all compliances [1]: so large that the readings decide."""
 INFORMATION_RIDGE = 1e-13
-"""Information in every direction without a prior, over the candidates' mean [1]: keeps M invertible.
+"""Information added in every direction without a prior, over the candidates' mean [1]: keeps M invertible.
 
-It is small enough: the weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's
-information.
+It is small enough: the weakest direction that MGCO56 observes under gravity has 2e-11 of the information of
+the strongest one.
 """
 CANDIDATES_PER_BLOCK = 128
 """Candidates whose products are computed at once: 128 of six rows of 89 numbers are 0.5 MB."""
@@ -32,63 +33,63 @@ CANDIDATES_PER_BLOCK = 128
 
 @dataclass(frozen=True)
 class MeasurementSetup:
-    """Describe how every pose is measured: model, unknowns in units of the prior, targets and noise."""
+    """Describe how every pose is measured: model, units of the unknowns, targets and noise."""
 
-    vjm: Vjm  #: Kinematics of the arm.
-    scaling: PriorScaling  #: Units of the prior: pi = L x.
-    targets: Array  #: Points that the tracker reads, in the tool's frame, (m, 3) [m].
+    vjm: Vjm  #: Virtual joint model of the arm.
+    scaling: PriorScaling  #: Unknowns x in units of the prior, pi = L x.
+    targets: Array  #: Points on the tool that are read, in the tool's frame, (m, 3) [m].
     sigma: float  #: Standard deviation of one reading along one axis [m].
 
 
 @dataclass(frozen=True)
 class Tasks:
-    """Hold the poses and loads of the robot's work, where predictions are wanted."""
+    """Hold the poses and loads of the robot's work, at which its deflections are to be predicted."""
 
-    q: Array  #: Actuated joints, (tasks, n) [rad, m].
-    load: Load  #: Load in each of them: a wrench of the process or a hung weight.
+    q: Array  #: Actuated joints of the poses, (tasks, n) [rad, m].
+    load: Load  #: Load in every pose: a wrench of the process or a hung weight.
 
 
 @dataclass(frozen=True)
 class PlanSpecification:
     """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
-    setup: MeasurementSetup  #: Loads, readings and noise of a pose.
+    setup: MeasurementSetup  #: How every pose is measured.
     loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
-    tasks: Tasks  #: Where predictions are wanted.
-    #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
+    tasks: Tasks  #: Poses and loads of the robot's work.
+    #: Poses of the predictions that the criteria I and G judge, under the first load, (poses, n) [rad, m].
     workspace_poses: Array
-    #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
+    #: Relative standard deviation of the prior [1]; None to plan for an identification without a prior.
     prior_uncertainty: float | None
     n_poses: int  #: Number of poses to measure.
 
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """Hold the whitened readings and the prior of all candidates, in the coordinates a that they can show.
+    """Hold the whitened rows and the prior of all candidates, in the r directions that they can observe.
 
-    The unknowns are x = expected + lift a + a part that no candidate shows. The prior's information on a is
-    `prior`.
+    The unknowns are x = expected + lift a + rest, with coordinates a of the observable directions, and a rest
+    that no candidate observes.
     """
 
-    rows: Array  #: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
-    prior_information: Array  #: Information on a before any reading, (r, r).
-    lift: Array  #: x per unit of a, (n, r).
-    #: Covariance of x that no candidate reduces, (n, n) [1]; zero without a prior, see `unobservable`.
+    rows: Array  #: Whitened rows F of every candidate per unit of a, (candidates, k, r) [1].
+    prior_information: Array  #: Information of the prior on a, (r, r) [1].
+    lift: Array  #: Unknowns x per unit of a, (n, r) [1].
+    #: Covariance of the rest of x, which no candidate reduces, (n, n) [1]; zero without a prior.
     remaining_covariance: Array
-    #: Directions of x that no candidate shows and no prior bounds, (n, n - r); none with a prior, (n, 0).
+    #: Directions of x that no candidate observes and no prior bounds, (n, n - r); none with a prior, (n, 0).
     unobservable_directions: Array
 
     @property
     def n_directions(self) -> int:
-        """Return the number of directions that the candidates can show."""
+        """Return the number r of directions of x that the candidates can observe."""
         return int(self.prior_information.shape[0])
 
 
 def whitened_rows(setup: MeasurementSetup, q: Array, load: Load, basis: Array | None = None) -> Array:
-    """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
+    """Compute whitened rows of the deflections of all targets in every pose, Eq. (12) over sqrt(2) sigma.
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
-    triangular factor of that matrix leaves at most six rows per pose.
+    triangular factor of that matrix leaves k of at most six rows per pose.
 
     Mathematics: `pose-1`.
 
@@ -96,10 +97,10 @@ def whitened_rows(setup: MeasurementSetup, q: Array, load: Load, basis: Array | 
         setup: How every pose is measured.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
-        basis: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
+        basis: Matrix of coordinates a in place of x, x = basis @ a, (n, r); None for x itself.
 
     Returns:
-        Rows over sqrt(2) sigma per unit of x or a, (poses, k, n) or (poses, k, r), with k at most 6 [1].
+        Rows per unit of x, (poses, k, n), or of a, (poses, k, r) [1].
 
     Raises:
         BenchError: When the load has rows for another number of poses.
@@ -109,15 +110,15 @@ def whitened_rows(setup: MeasurementSetup, q: Array, load: Load, basis: Array | 
 
 
 def deflection_rows(setup: MeasurementSetup, q: Array, load: Load) -> Array:
-    """Compute deflections of the targets per unit of x, in the tool's axes.
+    """Compute the deflections of the targets per unit of x, in the tool's axes, Eq. (12) with pi = L x.
 
     Args:
-        setup: Model, prior and targets.
+        setup: Model of the arm, units L of the prior, and m targets.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
 
     Returns:
-        Rows, three per target, (poses, 3 m, n) [m].
+        Deflections, three axes per target, (poses, 3 m, n) [m].
 
     Raises:
         BenchError: When the load has rows for another number of poses.
@@ -126,24 +127,24 @@ def deflection_rows(setup: MeasurementSetup, q: Array, load: Load) -> Array:
 
 
 def task_rows(spec: PlanSpecification) -> Array:
-    """Compute deflections at the tasks per unit of x, (tasks, 3 m, n) [m]."""
+    """Compute the deflections of the m targets at the tasks per unit of x, (tasks, 3 m, n) [m]."""
     return deflection_rows(spec.setup, spec.tasks.q, spec.tasks.load)
 
 
 def workspace_rows(spec: PlanSpecification) -> Array:
-    """Compute deflections over the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
+    """Compute the deflections in the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
     return deflection_rows(spec.setup, spec.workspace_poses, spec.loads[0])
 
 
 def select_loads(spec: PlanSpecification, load_index: Ids) -> Load:
-    """Select the load of every pose by its index into the specification's loads.
+    """Select the load of every pose by its index into the possible loads of a specification.
 
     Args:
-        spec: PlanSpecification with its loads.
-        load_index: Index into the specification's loads, (poses,).
+        spec: Specification with its possible loads.
+        load_index: Index of every pose's load, (poses,).
 
     Returns:
-        One load with a row per pose.
+        The loads, one row per pose.
     """
     wrench, point = (
         np.stack([getattr(option, part) for option in spec.loads]) for part in ("wrench", "point")
@@ -154,16 +155,16 @@ def select_loads(spec: PlanSpecification, load_index: Ids) -> Load:
 def whitened_rows_by_load(
     spec: PlanSpecification, q: Array, load_index: Ids, basis: Array | None = None
 ) -> Array:
-    """Compute whitened rows of poses, each under its own load.
+    """Compute whitened rows of the deflections of all targets in poses, each under one of the possible loads.
 
     Args:
-        spec: PlanSpecification with its loads.
+        spec: Specification with its possible loads.
         q: Actuated joints, (poses, n_joints) [rad, m].
-        load_index: Index into the specification's loads, (poses,).
-        basis: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
+        load_index: Index of every pose's load into the possible loads, (poses,).
+        basis: Matrix of coordinates a in place of x, x = basis @ a, (n, r); None for x itself.
 
     Returns:
-        Rows per unit of x or a, (poses, k, n) or (poses, k, r) [1].
+        Rows per unit of x, (poses, k, n), or of a, (poses, k, r) [1].
     """
     return whitened_rows(spec.setup, q, select_loads(spec, load_index), basis)
 
@@ -184,10 +185,12 @@ def _rows(setup: MeasurementSetup, q: Array, load: Load, motion: Array, basis: A
 
 
 def row_products(rows: Array, X: Array) -> Array:
-    """Multiply rows by a matrix as one product: one product per pose takes two to three times as long.
+    """Multiply the rows of many poses by a matrix, rows @ X, as one product.
+
+    One product per pose takes two to three times as long.
 
     Args:
-        rows: Rows, (poses, k, n).
+        rows: Rows of every pose, (poses, k, n).
         X: Matrix, (n, r).
 
     Returns:
@@ -197,15 +200,15 @@ def row_products(rows: Array, X: Array) -> Array:
 
 
 def split_into_blocks(rows: Array) -> list[Array]:
-    """Split rows of many candidates into blocks whose products stay in the processor's cache.
+    """Split the rows of many candidates into blocks whose products stay in the processor's cache.
 
     Products of thousands of candidates at once take a third longer, and memory that is new each time.
 
     Args:
-        rows: Rows, (candidates, k, r).
+        rows: Rows of every candidate, (candidates, k, r).
 
     Returns:
-        The rows in order, at most `CANDIDATES_PER_BLOCK` candidates each; one block where there are none.
+        Blocks of rows in order, of at most `CANDIDATES_PER_BLOCK` candidates; one empty block for none.
     """
     return np.split(rows, range(CANDIDATES_PER_BLOCK, len(rows), CANDIDATES_PER_BLOCK))
 
@@ -213,24 +216,23 @@ def split_into_blocks(rows: Array) -> list[Array]:
 def build_design_problem(
     setup: MeasurementSetup, rows: Array, prior_uncertainty: float | None
 ) -> DesignProblem:
-    """Restrict candidates to the directions that they can show, and project the prior on these.
+    """Restrict the unknowns to the directions that the candidates can observe, and project the prior on them.
 
     Mathematics: `pose-3`.
 
     Args:
-        setup: Units of the prior.
-        rows: Whitened rows per unit of x, k of each candidate, (candidates, k, n) [1].
-        prior_uncertainty: Relative uncertainty of the prior [1]; None for no prior.
+        setup: Measurement, with the units of the prior.
+        rows: Whitened rows of every candidate per unit of x, (candidates, k, n) [1].
+        prior_uncertainty: Relative standard deviation of the prior [1]; None for no prior.
 
     Returns:
-        The problem in coordinates a of the r directions of x that the candidates show: rows of the
-        candidates, (candidates, k, r), the prior's information on a, (r, r), and how x follows from a.
+        The rows and the prior in coordinates a of the observable directions, and x per unit of a.
 
     Raises:
         BenchError: When no candidate moves a target.
     """
     n = rows.shape[-1]
-    # directions of x that the candidates show, and the rest, by the triangular factor of the blocks' factors
+    # observable directions of x, and the rest, by the triangular factor of the blocks' factors
     factors = [np.linalg.qr(block.reshape(-1, n), mode="r") for block in split_into_blocks(rows)]
     _, s, Vt = np.linalg.svd(np.linalg.qr(np.concatenate(factors), mode="r"))
     if not s[0] > 0:
@@ -251,31 +253,31 @@ def build_design_problem(
 
 
 def information(problem: DesignProblem, chosen: Sequence[int] | Ids) -> Array:
-    """Compute the information matrix of a plan, M = prior + sum F^T F.
+    """Compute the information matrix of a plan, M = prior + sum F^T F over its poses.
 
     Mathematics: `pose-2`.
 
     Args:
-        problem: Candidates.
-        chosen: Indices of candidates, (poses,); one may be chosen several times.
+        problem: Whitened rows F of all candidates, and the prior's information.
+        chosen: Indices of the candidates in the plan, (poses,); one may be chosen several times.
 
     Returns:
-        M, prior included, (r, r).
+        M, (r, r) [1].
     """
     return add_information(problem.prior_information, problem.rows[np.asarray(chosen, dtype=int)])
 
 
 def suffix_information(rows: Array) -> Array:
-    """Compute the information of the poses from each one on, without the prior: suffix sums of F^T F.
+    """Compute the sum of F^T F from every pose of a plan to its last one.
 
-    The information without one pose is the sum over the poses before and behind it. A difference would lose
+    The information without one pose is the sum over the poses before and after it. A difference would lose
     the digits that only that pose contributes.
 
     Args:
-        rows: Whitened rows F of a plan, (poses, k, r).
+        rows: Whitened rows F of every pose of the plan, (poses, k, r).
 
     Returns:
-        Suffix sums, the last one zero, (poses + 1, r, r).
+        Sums in order of their first pose, and zero after the last, (poses + 1, r, r) [1].
     """
     r = rows.shape[2]
     sums = np.zeros((len(rows) + 1, r, r))
@@ -285,14 +287,14 @@ def suffix_information(rows: Array) -> Array:
 
 
 def add_information(prior: Array, rows: Array) -> Array:
-    """Compute the information after some rows were read, prior + sum F^T F.
+    """Compute the information matrix M = prior + sum F^T F of readings in some poses.
 
     Args:
-        prior: Information before, (r, r).
-        rows: Whitened rows F, (poses, k, r).
+        prior: Information before the readings, (r, r) [1].
+        rows: Whitened rows F of every pose, (poses, k, r).
 
     Returns:
-        M, (r, r).
+        M, (r, r) [1].
     """
     A = rows.reshape(-1, prior.shape[0])
     return np.asarray(prior + A.T @ A)
