@@ -17,12 +17,10 @@ Local refinement then improves the joint angles pose by pose. It is a random sea
 evolution strategy with one parent. Updates of the information matrix judge many neighbours of a pose at once;
 feasibility is checked only for those that would help.
 
-Where gauges touch: in every pose of a plan, which markers are read and along which axes.
-
-A gauge reads one number, so that a pose offers a choice that a tracker does not have. A candidate is a pose
-with some of its markers, each touched along an axis of the world or of the tool. Candidates are chosen by the
-criterion of the poses. A tilt of the direction counts as noise: gauges avoid directions across a large
-deflection.
+A plan with gauges also chooses where they touch: in every pose some markers, each along a world axis. A gauge
+reads one number, so that a pose offers a choice that a tracker does not have. Gauges are chosen by the
+criterion of the poses. A tilt of a gauge's direction counts as noise, so that directions across a large
+deflection are avoided.
 """
 
 import itertools
@@ -57,43 +55,42 @@ from testbench.progress import stepwise
 
 # --- The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses ------
 
-#: Candidates of the first working set, and how many join it in a round.
+#: Numbers of candidates in the first working set, and of those that join the working set in a round.
 FIRST_CANDIDATES, JOINING_CANDIDATES = 120, 40
-MAX_RELAXATION_ROUNDS = 40  #: Most rounds.
-#: Relative gap from Phi, or its smooth stand-in, to the bound at which the relaxation ends [1].
-RELAXATION_GAP = 1e-3
-MIN_WEIGHT = 1e-6  #: Share of the mean weight below which a candidate leaves the working set [1].
-MAX_MULTIPLICATIVE_STEPS = 150  #: Most multiplicative steps.
+MAX_RELAXATION_ROUNDS = 40  #: Most rounds, each with better weights and a new bound.
+RELAXATION_GAP = 1e-3  #: Relative gap from a tangent's height to the bound at which the rounds end [1].
+MIN_WEIGHT = 1e-6  #: Weight over the mean weight, below which a candidate leaves the working set [1].
+MAX_MULTIPLICATIVE_STEPS = 150  #: Most multiplicative steps in a round.
 FIRST_EXPONENT, EXPONENT_GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
-NEW_CANDIDATES_SHARE = (
-    0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
-)
-WORKING_SET_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
-#: Ridge on the Newton model's curvature over its mean diagonal [1]; candidates may be dependent.
+NEW_CANDIDATES_SHARE = 0.02
+"""Share of all weight that candidates without weight get before multiplicative steps [1]."""
+WORKING_SET_GAP = 2.5e-4
+"""Relative gap from the tangent's height to the working set's bound at which multiplicative steps end [1]."""
 CURVATURE_RIDGE = 1e-9
+"""Ridge on the Newton model's curvature over its mean diagonal [1]: candidates may be linearly dependent."""
 EQUALITY_WEIGHT = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
 MIN_NEWTON_STEP_SHARE = 1e-3  #: Least share of a Newton step that is tried [1].
 
 
 @dataclass(frozen=True)
 class RelaxedDesign:
-    """Hold the relaxed optimum: weights of candidates, and the bound on all plans with its dual."""
+    """Hold the optimum of the relaxed problem: weights of candidates, and an upper bound on Phi of plans."""
 
-    support: Ids  #: Candidates with weight, (s,).
-    weights: Array  #: Their weights, whose sum is the number of poses, (s,).
+    support: Ids  #: Indices of the candidates that have weight, (s,).
+    weights: Array  #: Weights of these candidates, whose sum is the number of poses, (s,) [1].
     bound: float  #: Upper bound on Phi of every plan of as many poses.
-    dual: Array  #: Matrix Z of the plane that proves the bound, (r, r).
+    dual: Array  #: Matrix Z of the tangent plane that proves the bound, (r, r).
 
 
 def sensitivity(rows: Array, Z: Array) -> Array:
-    """Compute the sensitivity <Z, F^T F> of every candidate: how much a plane rises with its weight.
+    """Compute the sensitivity <Z, F^T F> of every candidate: the slope of a tangent plane in its weight.
 
-    Where Phi is smooth and Z its gradient, this is the derivative of Phi with respect to the weight.
+    Where Phi is smooth, this is the derivative of Phi with respect to the candidate's weight.
 
     Args:
-        rows: Whitened rows F, (candidates, k, r).
-        Z: Matrix of a supporting plane, (r, r).
+        rows: Whitened rows F of every candidate, (candidates, k, r).
+        Z: Matrix of a tangent plane of Phi, (r, r).
 
     Returns:
         Sensitivities, (candidates,).
@@ -105,20 +102,21 @@ def sensitivity(rows: Array, Z: Array) -> Array:
 def solve_relaxed_design(
     problem: DesignProblem, criterion: Criterion, n_poses: int, start: RelaxedDesign | None = None
 ) -> RelaxedDesign:
-    """Solve the relaxed problem to within `RELAXATION_GAP`, and bound Phi of every plan of as many poses.
+    """Maximise Phi(prior + sum w F^T F) over weights w >= 0 of all candidates, and bound Phi of every plan.
 
-    For G and E, which are not smooth, the bound is within a few per cent.
+    The weights are within `RELAXATION_GAP` of the optimum; for G and E, which are not smooth, within a few
+    per cent.
 
     Mathematics: `pose-8`.
 
     Args:
         problem: Candidates.
-        criterion: Information function.
+        criterion: Information function Phi.
         n_poses: Number of poses N, the sum of the weights.
         start: Optimum over fewer candidates to start from; None for even weights.
 
     Returns:
-        The weights with the lowest bound met.
+        The weights of the round with the lowest bound.
     """
     S = np.linspace(0, len(problem.rows) - 1, min(FIRST_CANDIDATES, len(problem.rows))).astype(int)
     S, w = (start.support, start.weights) if start else (S, np.full(len(S), n_poses / len(S)))
@@ -151,8 +149,8 @@ def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
 def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
     """Increase Phi(prior + sum w F^T F), by one Newton step or by many multiplicative steps.
 
-    F are whitened rows of the working set, (candidates, k, r); weights w, (candidates,), become others of
-    the same sum whose Phi, or its stand-in, is no less.
+    F are whitened rows of the working set, (candidates, k, r). The new weights, (candidates,), have the same
+    sum, and the height of their tangent is no less.
     """
     every = gram_matrices(rows)
     M = prior + (w @ every).reshape(prior.shape)
@@ -227,12 +225,13 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
 # --- Plans of whole poses -----------------------------------------------------------------------------------
 
 MAX_STARTS, MAX_MINIMAX_STARTS, MAX_START_POSES = 12, 4, 190
-"""Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most
-poses that all random starts have together. The greedy start comes in addition."""
-MAX_MINIMAX_CANDIDATES = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
+"""Most random starts from the relaxed weights; most for G and E, whose trials cost more; and most poses of
+all random starts together. The greedy start comes in addition."""
+MAX_MINIMAX_CANDIDATES = 1000  #: Number of the most sensitive candidates that may start plans by G and E.
 MAX_SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
-MIN_EXCHANGE_GAIN = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
-STALE_TANGENT_SHARE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
+MIN_EXCHANGE_GAIN = 1e-7  #: Least relative gain of Phi for which a pose is exchanged [1].
+STALE_TANGENT_SHARE = 1 / 8
+"""Share of candidates that an old tangent plane does not exclude, from which a new one is computed [1]."""
 
 
 def select_poses(
@@ -242,15 +241,15 @@ def select_poses(
     relaxed: RelaxedDesign,
     rng: np.random.Generator,
 ) -> Ids:
-    """Find the best plan from several starts, each improved by exchange.
+    """Find the best plan of whole poses by exchange from several starts.
 
-    Starts come from the relaxed weights. For the smooth criteria they use only candidates with weight; for G
-    and E, whose weights are not optimal, also the most useful others. The best plan is then exchanged with
-    all candidates.
+    Starts are drawn by the relaxed weights. For the smooth criteria they use only candidates with weight; for
+    G and E, whose weights are not optimal, also the most sensitive others. The best of the improved starts is
+    then exchanged with all candidates.
 
     Args:
         problem: Candidates.
-        criterion: Information function.
+        criterion: Information function Phi.
         n_poses: Number of poses of the plan.
         relaxed: Relaxed optimum for the same number of poses.
         rng: Source of the random starts.
@@ -283,12 +282,12 @@ def greedy_plan(problem: DesignProblem, criterion: Criterion, rows: Array, n_pos
 
     Args:
         problem: Candidates, for the prior's information.
-        criterion: Information function.
-        rows: Whitened rows of the candidates to choose from, (candidates, k, r).
+        criterion: Information function Phi.
+        rows: Whitened rows F of the candidates to choose from, (candidates, k, r).
         n_poses: Number of poses.
 
     Returns:
-        Indices into rows in the order of choice, (poses,).
+        Indices of the candidates in the order of choice, (poses,).
     """
     M, plan = problem.prior_information, np.zeros(n_poses, dtype=int)
     gains = candidate_gains(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
@@ -310,12 +309,12 @@ def exchange_poses(problem: DesignProblem, criterion: Criterion, rows: Array, pl
 
     Args:
         problem: Candidates, for the prior's information.
-        criterion: Information function.
-        rows: Whitened rows of the candidates to choose from, (candidates, k, r).
-        plan: Indices into rows to start from, (poses,).
+        criterion: Information function Phi.
+        rows: Whitened rows F of the candidates to choose from, (candidates, k, r).
+        plan: Indices of the candidates in the plan to start from, (poses,).
 
     Returns:
-        Indices into rows of the improved plan, (poses,).
+        Indices of the candidates in the improved plan, (poses,).
     """
     if isinstance(criterion, LinearCriterion):
         return _exchange_linear(problem.prior_information, criterion.W, rows, plan.copy())
@@ -389,26 +388,24 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
 
 # --- Local refinement of a plan: from the best candidates to better joint angles, pose after pose -----------
 
-REFINEMENT_NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
-#: Neighbours of a pose that are judged at a time by `improve_single_poses`, where many poses climb at once.
-SINGLE_POSE_NEIGHBOURS = 16
+REFINEMENT_NEIGHBOURS, SINGLE_POSE_NEIGHBOURS = 32, 16
+"""Neighbours of a pose that `refine_plan` and `improve_single_poses` try in a round."""
 REFINEMENT_ROUNDS, SINGLE_POSE_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `improve_single_poses`.
 FIRST_JOINT_STEP, STEP_SHRINKAGE = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
-CHECKED_NEIGHBOURS = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
-MIN_REFINEMENT_GAIN = 1e-6  #: Relative gain below which a step does not count [1].
-
+CHECKED_NEIGHBOURS = 8  #: Number of the best neighbours of a pose whose feasibility is checked in a round.
+MIN_REFINEMENT_GAIN = 1e-6  #: Least relative gain of Phi for which a pose moves to a neighbour [1].
 POSES_AT_ONCE = 32  #: Poses of the plan whose neighbours' rows are computed together.
 
 PlanRows = Callable[[Array, Ids], Array]
-"""Function of joints (poses, n) [rad, m] and places in the plan (poses,) to whitened rows (poses, k, r).
+"""Function of joints (poses, n) [rad, m] and indices in the plan (poses,) to whitened rows (poses, k, r).
 
-Each pose is measured as the pose in its place of the plan is, such as under the same load.
+Each pose is measured as the plan's pose of this index is, such as under the same load.
 """
 WhitenedRows = Callable[[Array, Ids, Array | None], Array]
-"""Function of joints (poses, n) [rad, m], loads (poses,) and lift (n, r) to whitened rows (poses, k, r).
+"""Function of joints (poses, n) [rad, m], indices of loads (poses,) and basis (n, r) to whitened rows.
 
-Rows are per unit of a, where x = lift @ a, or of x itself where the lift is None.
+The rows, (poses, k, r), are per unit of a, where x = basis @ a, or of x itself where the basis is None.
 """
 Feasible = Callable[[Array], Mask]
 """Function of joints (poses, n) [rad, m] to whether each pose is feasible, (poses,)."""
@@ -416,24 +413,23 @@ Feasible = Callable[[Array], Mask]
 
 @dataclass(frozen=True)
 class Feasibility:
-    """Hold two checks: which poses are feasible, and which straight paths between two poses are clear."""
+    """Hold two checks: of poses that the arm can take, and of motions between two poses."""
 
-    feasible: Feasible  #: Which poses (poses, n) [rad, m] the arm can take and the tracker can see.
-    #: Whether the arm can go straight from one pose (n,) to another [rad].
+    feasible: Feasible  #: Function that tells which poses the arm can take and the tracker can see.
+    #: Function of two poses, (n,) [rad, m] each, that tells if the arm can move straight between them.
     path_is_clear: Callable[[Array, Array], bool] = lambda _start, _end: True
 
 
 @dataclass(frozen=True)
 class PoseSearch:
-    """Describe a search for poses: their readings, number, limits and feasibility."""
+    """Describe a search for poses: their readings, number, joint limits and feasibility."""
 
-    whitened_rows: WhitenedRows  #: Whitened rows of poses, each under its own load, whose index is given.
+    whitened_rows: WhitenedRows  #: Function that computes the whitened rows of poses under given loads.
     n_poses: int  #: Number of poses to measure.
     joint_limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
-    #: Which poses near the candidates are feasible, and which ways between them are clear.
-    feasibility: Feasibility
-    rng: np.random.Generator  #: Source of starts and steps.
-    #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
+    feasibility: Feasibility  #: Checks of poses, and of the motions between them.
+    rng: np.random.Generator  #: Source of random starts and steps.
+    #: Function of poses, (..., n) [rad, m], that sets the dependent joints to follow the others.
     with_dependent_joints: Callable[[Array], Array] = lambda q: q
 
     def draw_around(self, q: Array, step: Array) -> Array:
@@ -455,14 +451,14 @@ class PoseSearch:
 def refine_plan(
     q: Array, prior_information: Array, criterion: Criterion, rows: PlanRows, search: PoseSearch
 ) -> Array:
-    """Improve the joint angles of every pose of a plan; no step makes the criterion worse.
+    """Improve the joint angles of every pose of a plan by random local search; Phi never falls.
 
     Args:
         q: Poses of the plan, (poses, n) [rad, m].
-        prior_information: Information before any reading, (r, r).
-        criterion: Information function.
-        rows: Function that gives whitened rows of poses, each measured as the pose in its place of the plan.
-        search: Limits, feasibility and source of the steps.
+        prior_information: Information of the prior, (r, r) [1].
+        criterion: Information function Phi.
+        rows: Function that computes whitened rows of poses, each measured as one pose of the plan.
+        search: Joint limits, feasibility and source of the steps.
 
     Returns:
         Improved poses, (poses, n) [rad, m].
@@ -494,11 +490,11 @@ def refine_plan(
 
 
 def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others: Array) -> Ids:
-    """Find the trials that increase Phi in the place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
+    """Find the trials that increase Phi in place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
 
-    `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r), without which the
-    plan of information M has that of the others, (r, r). Only trials are computed that can
-    help by a tangent: Phi(M') is no more than <Z, M'>.
+    `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r). M is the information
+    of the plan, `others` that of the plan without the pose, (r, r). Phi is only computed for trials that the
+    tangent plane at M does not exclude.
     """
     floor, Z = (1 + MIN_REFINEMENT_GAIN) * criterion.phi(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(replaced[None], Z)
@@ -511,16 +507,16 @@ def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others
 
 
 def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSearch) -> Array:
-    """Improve poses one by one, by a random local search for a measure of usefulness of a single pose.
+    """Improve poses independently by random local search for the largest usefulness of each.
 
     Args:
         q: Poses to start from, (poses, n) [rad, m].
-        usefulness: Function of poses, (count, n) with a multiple of (poses,) rows, to their usefulness,
-            (count,).
-        search: Limits, feasibility and source of the steps.
+        usefulness: Function of poses to their usefulness, (k poses, n) to (k poses,): k neighbours of each
+            pose, in its order.
+        search: Joint limits, feasibility and source of the steps.
 
     Returns:
-        Poses at least as useful as their starts, (poses, n) [rad, m].
+        Poses at least as useful as those to start from, (poses, n) [rad, m].
     """
     value = usefulness(q)
     step = np.full(len(q), FIRST_JOINT_STEP)
@@ -541,8 +537,8 @@ def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search:
 
 # --- Where gauges touch: in every pose of a plan, which markers are read and along which axes ---------------
 
-MIN_GAUGE_GAIN, GAUGE_SWEEPS = 1e-6, 20
-"""Relative gain of Phi below which an exchange does not count [1]; most passes over all poses."""
+MIN_GAUGE_GAIN, MAX_GAUGE_SWEEPS = 1e-6, 20
+"""Least relative gain of Phi for which the gauges of a pose change [1], and most passes over all poses."""
 
 
 @dataclass(frozen=True)
@@ -556,28 +552,29 @@ class Gauges:
 
 @dataclass(frozen=True)
 class GaugePlan:
-    """Hold poses, the marker and the axis that each gauge reads in them, and their information."""
+    """Hold chosen poses, with the marker and the axis that every gauge reads in them."""
 
     pose_index: Ids  #: Indices of the poses among the candidates, (poses,).
-    marker: Ids  #: Index of the marker of every gauge, (poses, count).
-    axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
-    information: Array  #: Information matrix M of all readings, prior included, (r, r).
+    marker: Ids  #: Index of the marker that every gauge reads, (poses, gauges).
+    axis: Ids  #: World axis along which every gauge reads, 0 to 2 for x, y, z, (poses, gauges).
+    information: Array  #: Information matrix M of all readings, prior included, (r, r) [1].
 
 
 def gauge_rows(spec: PlanSpecification, q: Array, load_index: Ids, gauges: Gauges, lift: Array) -> Array:
-    """Compute whitened rows of a gauge at every marker along every axis.
+    """Compute whitened rows of a gauge at every marker along every world axis.
 
-    The row is u . J over sqrt(2 sigma^2 + tilt^2 |u x d|^2), d the deflection that the prior expects.
+    The row of axis u is the deflection along u over its noise sqrt(2 sigma^2 + tilt^2 |u x d|^2), with d the
+    deflection that the prior expects.
 
     Args:
-        spec: PlanSpecification of the plan.
+        spec: Specification of the plan, with its possible loads.
         q: Actuated joints, (poses, n) [rad, m].
-        load_index: Index into the specification's loads, (poses,).
-        gauges: The gauges.
-        lift: Unknowns x per unit of the coordinates a, (n, r).
+        load_index: Index of every pose's load, (poses,).
+        gauges: Noise sigma and tilt of the gauges.
+        lift: Unknowns x per unit of the coordinates a, (n, r) [1].
 
     Returns:
-        Rows per unit of a, (poses, m, 3, r) [1].
+        Rows of the m markers per unit of a, (poses, m, 3, r) [1].
     """
     D = _motions(spec, q, load_index)
     poses, markers = D.shape[:2]
@@ -587,14 +584,14 @@ def gauge_rows(spec: PlanSpecification, q: Array, load_index: Ids, gauges: Gauge
 
 
 def _motions(spec: PlanSpecification, q: Array, load: Ids) -> Array:
-    """Compute motions of all markers per unit of x along world axes, (poses, m, 3, n) [m]."""
+    """Compute deflections of all markers per unit of x along world axes, (poses, m, 3, n) [m]."""
     D = deflection_rows(spec.setup, q, select_loads(spec, load))  # tool axes
     D = D.reshape(len(q), len(spec.setup.targets), 3, -1)
     return np.asarray(np.einsum("pxy,pmyn->pmxn", tool_poses(spec.setup.vjm, q)[1], D))
 
 
 def _deviations(d: Array, gauges: Gauges) -> Array:
-    """Compute the deviation of a gauge along each axis u under the motions d, (poses, m, 3) [m]."""
+    """Compute the noise of a gauge along each world axis u at deflections d, (poses, m, 3) [m]."""
     across = (d**2).sum(axis=2, keepdims=True) - d**2  # |u x d|^2
     return np.asarray(np.sqrt(2 * gauges.sigma**2 + gauges.tilt_deviation**2 * across))
 
@@ -604,20 +601,20 @@ class PlacedGauges:
     """Hold the marker, axis and noise of every gauge reading of a plan, in the order of measuring."""
 
     gauges: Gauges  #: Number and accuracy of the gauges.
-    marker: Ids  #: Index of the marker of every gauge, (poses, count).
-    axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
-    deviation: Array  #: Standard deviation of every reading, a tilt included, (poses, count) [m].
+    marker: Ids  #: Index of the marker that every gauge reads, (poses, gauges).
+    axis: Ids  #: World axis along which every gauge reads, 0 to 2 for x, y, z, (poses, gauges).
+    deviation: Array  #: Standard deviation of every reading, that of the tilt included, (poses, gauges) [m].
 
     def whitened_rows(self, spec: PlanSpecification, q: Array, load_index: Ids) -> Array:
-        """Compute whitened rows of the gauges per unit of a specification's unknowns x.
+        """Compute whitened rows of all gauge readings of the plan per unit of a specification's unknowns x.
 
         Args:
-            spec: PlanSpecification with its unknowns and loads.
-            q: The plan's poses, (poses, n) [rad, m].
-            load_index: Index into the specification's loads, (poses,).
+            spec: The plan's specification, or one with other unknowns, prior or loads.
+            q: Poses of the plan, (poses, n) [rad, m].
+            load_index: Index of every pose's load, (poses,).
 
         Returns:
-            Rows, (poses, count, n) [1].
+            Rows, (poses, gauges, n) [1].
         """
         D = _motions(spec, q, load_index)
         return np.asarray(D[np.arange(len(q))[:, None], self.marker, self.axis] / self.deviation[..., None])
@@ -626,14 +623,14 @@ class PlacedGauges:
 def collect_placed_gauges(
     spec: PlanSpecification, q: Array, load_index: Ids, gauges: Gauges, gauge_plan: GaugePlan
 ) -> PlacedGauges:
-    """Collect the gauges of a plan, with the standard deviation of each reading: noise and tilt.
+    """Collect marker, axis and standard deviation of every gauge reading of a plan.
 
     Args:
-        spec: PlanSpecification of the plan.
-        q: The plan's poses, (poses, n) [rad, m].
-        load_index: Index into the specification's loads, (poses,).
-        gauges: The gauges.
-        gauge_plan: Their markers and axes.
+        spec: Specification of the plan, with its possible loads.
+        q: Poses of the plan, (poses, n) [rad, m].
+        load_index: Index of every pose's load, (poses,).
+        gauges: Number and accuracy of the gauges.
+        gauge_plan: Marker and axis of every gauge in these poses.
     """
     d = _motions(spec, q, load_index) @ spec.setup.scaling.expected_x
     index = np.arange(len(q))[:, None], gauge_plan.marker, gauge_plan.axis
@@ -641,15 +638,16 @@ def collect_placed_gauges(
 
 
 def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
-    """Choose the most sensitive gauges of each pose: each marker's best axis, then the best markers.
+    """Choose the most sensitive gauges of each pose: every marker's best axis, then the best markers.
 
     Args:
-        rows: Rows of the poses, `gauge_rows`, (poses, m, 3, r) [1].
-        Z: Matrix of a supporting plane, (r, r).
-        count: How many gauges are read in a pose.
+        rows: Whitened rows of a gauge at every marker along every axis, `gauge_rows`, (poses, m, 3, r) [1].
+        Z: Matrix of a tangent plane of Phi, (r, r).
+        count: Number of gauges that are read in a pose.
 
     Returns:
-        Markers and axes, (poses, count) each, and the sensitivity <Z, F^T F> of the poses, (poses,).
+        Markers and axes, (poses, count) each, and the sensitivity <Z, F^T F> of the poses with these gauges,
+        (poses,).
     """
     sensitivities = sensitivity(rows.reshape(-1, 1, rows.shape[-1]), Z).reshape(rows.shape[:3])
     best = sensitivities.max(axis=2)
@@ -661,14 +659,15 @@ def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids
 def choose_poses_and_gauges(
     rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges, n_poses: int
 ) -> GaugePlan:
-    """Choose poses, and the gauges in each of them, by exchange over all of both.
+    """Choose poses, and the gauges in each of them, by exchange over all poses with all choices of gauges.
 
     Args:
-        rows: Rows of all candidates, `gauge_rows`, (candidates, m, 3, r) [1].
-        problem: Gives the prior's information.
-        criterion: Information function.
-        gauges: The gauges.
-        n_poses: How many poses are measured.
+        rows: Whitened rows of a gauge at every marker along every axis in all candidate poses, `gauge_rows`,
+            (candidates, m, 3, r) [1].
+        problem: Candidates, for the prior's information.
+        criterion: Information function Phi.
+        gauges: Number of gauges in a pose.
+        n_poses: Number of poses to measure.
 
     Returns:
         The poses with their gauges; a pose may occur more than once.
@@ -688,13 +687,13 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     """Choose the gauges in given poses, pose by pose, until other gauges in one pose do not help.
 
     Args:
-        rows: Rows of the poses, `gauge_rows`, (poses, m, 3, r) [1].
-        problem: Gives the prior's information.
-        criterion: Information function.
-        gauges: The gauges.
+        rows: Whitened rows of a gauge at every marker along every axis, `gauge_rows`, (poses, m, 3, r) [1].
+        problem: Candidates, for the prior's information.
+        criterion: Information function Phi.
+        gauges: Number of gauges in a pose.
 
     Returns:
-        The gauges of all poses, in their order.
+        The gauges of all poses in order.
 
     Raises:
         BenchError: When there are more gauges than markers.
@@ -704,7 +703,7 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     M = problem.prior_information
     way = np.full(poses, -1)
     left = poses
-    for p in islice(cycle(range(poses)), GAUGE_SWEEPS * poses):
+    for p in islice(cycle(range(poses)), MAX_GAUGE_SWEEPS * poses):
         present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
         rest = M - present.T @ present
         reached = criterion.phi_with_candidate(rest, every[p])
@@ -718,7 +717,7 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
 
 
 def _gauge_choices(markers: int, count: int) -> tuple[Ids, Ids]:
-    """List markers and axes of all ways to place gauges in a pose, (ways, count) each."""
+    """List markers and axes of all choices of gauges in a pose, (choices, count) each."""
     if not 1 <= count <= markers:
         raise BenchError(f"gauges: expected 1 to {markers}, one per marker, got {count}")
     choices = [(m, a) for m in combinations(range(markers), count) for a in product(range(3), repeat=count)]

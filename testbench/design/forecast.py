@@ -219,7 +219,7 @@ def linear_fit(
     Args:
         full_setup: The same measurement with every unknown of the arm.
         uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
-        spec: PlanSpecification with the model's unknowns and its prior.
+        spec: Specification with the model's unknowns and its prior.
         whitened_rows: Function that gives whitened rows of all readings per unit of a specification's
             unknowns x, (poses, k, n) [1].
 

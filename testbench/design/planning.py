@@ -230,7 +230,7 @@ class ChosenPoses(Displayed):
 class Plan(ChosenPoses):
     """Hold the poses to measure under loads that are hung and taken off, and their specification."""
 
-    specification: PlanSpecification  #: PlanSpecification of the plan.
+    specification: PlanSpecification  #: Specification of the plan.
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
     def whitened_rows(self, spec: PlanSpecification) -> Array:
@@ -284,7 +284,7 @@ def make_plan(
     """Find the best plan by one of `CRITERIA`, certified against all poses examined.
 
     Args:
-        spec: PlanSpecification of the plan.
+        spec: Specification of the plan.
         criterion_name: One of `CRITERIA`.
         q: Feasible poses, (candidates, n) [rad, m].
         feasibility: Tells which poses near the candidates are feasible, and which paths between them are
