@@ -45,9 +45,8 @@ class AbsoluteSetup:
     L: Array  #: Unknowns per unit x of the prior, (size, r).
     #: Positions of one pose: a row per load in the order of reading, with targets and noise.
     pose_readings: Series
-    unmodelled_joint_deviation: (
-        Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
-    )
+    #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
+    unmodelled_joint_deviation: Array
     #: Threshold of information over the prior's, see `MIN_INFORMATION` [1].
     min_information: float = MIN_INFORMATION
     #: Distances and heights of one pose, which are read instead of positions, for every kind of pose; each of

@@ -3,10 +3,10 @@
 A forecast is linear and normal: the error of a prediction is bias + spread @ N(0, 1). `inflate_intervals`
 adds the effect of nonlinear arms and wrong priors.
 
-`linear_fit` forecasts a model that leaves out some elastic links and joints. All unknowns of the arm are x ~
-N(e, u^2 1) in units of the prior from which it is drawn. Its whitened readings are y = A x + noise. A
-model's fit is affine in them, x_m = K y + k. So its error at the tasks is T x - T_m x_m = D x - T_m (K noise
-+ k) with D = T - T_m K A: normal, with known mean and covariance.
+`linear_fit` forecasts a model that leaves out some elastic links and joints. All unknowns of the arm are
+x ~ N(e, u^2 1) in units of the prior from which the arm is drawn. The whitened readings are y = A x + noise.
+The fit of a model is affine in them, x_m = K y + k. So its error at the tasks, whose deflections are T x, is
+T x - T_m x_m = D x - T_m (K noise + k) with D = T - T_m K A: normal, with known mean and covariance.
 """
 
 import math
@@ -29,7 +29,7 @@ from testbench.identify.prior import PriorUncertainty, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 
-INTERVAL_DRAWS = 4000  #: Draws of the remaining error behind an interval.
+INTERVAL_DRAWS = 4000  #: Number of random draws of the prediction error behind an interval.
 INTERVAL_INFLATION, DEVIATION_INFLATION = (0.7, 1.25), 1.2
 """Factors on the ends of a 90 % interval and on a standard deviation, for nonlinear arms and wrong priors.
 
@@ -39,27 +39,25 @@ planned and random, on two grounds; all links and joints identified with a learn
 97 % of the errors of a deflection along one axis were within 1.2 times the normal interval of 95 %; on cast
 links 92 %.
 """
-#: Share of a prediction's norm along unobservable directions from which it has no bound [1].
+#: Part of a prediction along unobservable directions, over all of it, of an error without bound [1].
 MIN_UNOBSERVABLE_SHARE = 1e-6
 
 
 @dataclass(frozen=True, repr=False)
 class Forecast(Displayed):
-    """Hold RMS distances of predicted from true targets, per pose and over all poses, with intervals.
+    """Hold the expected RMS distances of predicted from true targets, in every pose and over all poses.
 
-    The intervals hold 90 % of the errors that noise and the remaining uncertainty of the prior produce.
+    The percentiles are of the distances that noise and the remaining uncertainty of the prior produce. All are
+    infinite in poses whose prediction depends on unobservable directions.
     """
 
-    #: RMS distance in every pose, (poses,) [m]; infinite where the prediction depends on unseen directions.
-    rms_error: Array
-    percentile_5: Array  #: 5th percentile, (poses,) [m].
-    percentile_95: Array  #: 95th percentile, (poses,) [m].
-    axis_deviation: (
-        Array  #: Root mean square of the error of every target along every axis, (poses, 3 m) [m].
-    )
-    overall_rms_error: float  #: Root mean square over all poses [m].
-    overall_percentile_5: float  #: 5th percentile of that [m].
-    overall_percentile_95: float  #: 95th percentile [m].
+    rms_error: Array  #: RMS distance of a target in every pose, (poses,) [m].
+    percentile_5: Array  #: 5th percentile of this distance, (poses,) [m].
+    percentile_95: Array  #: 95th percentile of this distance, (poses,) [m].
+    axis_deviation: Array  #: RMS error of every target along every axis, (poses, 3 m) [m].
+    overall_rms_error: float  #: RMS distance of a target over all poses [m].
+    overall_percentile_5: float  #: 5th percentile of the distance over all poses [m].
+    overall_percentile_95: float  #: 95th percentile of the distance over all poses [m].
 
     def summary(self) -> dict[str, object]:
         """Summarise the forecast: number of poses, RMS error over them and its 90 % interval."""
@@ -72,11 +70,9 @@ class Forecast(Displayed):
 
 
 def inflate_intervals(forecast: Forecast) -> Forecast:
-    """Widen a forecast's intervals to hold where the arm is nonlinear and the prior wrong.
+    """Widen the 90 % intervals of a forecast to hold for nonlinear arms and wrong priors.
 
-    The factors are those of `INTERVAL_INFLATION`.
-
-    Errors and deviations are unchanged.
+    The percentiles are multiplied by `INTERVAL_INFLATION`; all else is unchanged.
 
     Mathematics: `pose-11`.
     """
@@ -91,35 +87,35 @@ def inflate_intervals(forecast: Forecast) -> Forecast:
 
 
 def unbounded_predictions(problem: DesignProblem, rows: Array) -> Mask:
-    """Tell which predictions depend on directions that neither the candidates show nor a prior bounds.
+    """Tell which predictions depend on directions that no candidate observes and no prior bounds.
 
     Args:
-        problem: Candidates.
-        rows: Predictions per unit of x, (poses, 3 m, n) [m].
+        problem: Candidates, with the unobservable directions of x.
+        rows: Predicted deflections of m targets per unit of x, (poses, 3 m, n) [m].
 
     Returns:
-        True where a pose's prediction error has no bound, (poses,).
+        True where the prediction error has no bound, (poses,).
     """
     open_ = np.linalg.norm(rows @ problem.unobservable_directions, axis=(1, 2))
     return np.asarray(open_ > MIN_UNOBSERVABLE_SHARE * np.linalg.norm(rows, axis=(1, 2)))
 
 
 def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
-    """Forecast the errors of predictions after a plan, by a linear model with normal noise.
+    """Forecast the errors of predictions after the poses of a plan were measured, by a linear normal model.
 
-    The covariance of x is lift M^-1 lift^T + hidden; a root of it spreads the predictions.
+    The covariance of x is then lift M^-1 lift^T + remaining_covariance.
 
     Mathematics: `pose-11`.
 
     Args:
-        problem: Candidates, for lift, hidden and unseen directions.
-        M: Information matrix of the plan, (r, r).
-        rows: Predictions per unit of x, three axes per target, (poses, 3 m, n) [m].
+        problem: Candidates, with lift, remaining covariance and unobservable directions.
+        M: Information matrix of the plan, (r, r) [1].
+        rows: Predicted deflections of m targets per unit of x, (poses, 3 m, n) [m].
 
     Returns:
-        The forecast; infinite in poses that depend on unseen directions.
+        The forecast; infinite in poses whose prediction depends on unobservable directions.
     """
-    # a root of the covariance of x, lift M^-1 lift^T + hidden
+    # a root of the covariance of x, lift M^-1 lift^T + remaining_covariance
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.remaining_covariance)
     errors = forecast_normal_errors(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
@@ -127,14 +123,14 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
 
 
 def with_infinite_errors(forecast: Forecast, unbounded: Mask) -> Forecast:
-    """Set the errors of some poses, and with them the overall error, to infinity.
+    """Set the expected errors of some poses, and with them the error over all poses, to infinity.
 
     Args:
         forecast: A forecast.
-        unbounded: Poses without a bound, (poses,).
+        unbounded: Which poses have an error without bound, (poses,).
 
     Returns:
-        The forecast; unchanged where no pose is without a bound.
+        The forecast; unchanged if all poses have a bound.
     """
     if not unbounded.any():
         return forecast
@@ -147,14 +143,14 @@ def with_infinite_errors(forecast: Forecast, unbounded: Mask) -> Forecast:
 
 
 def forecast_normal_errors(bias: Array, spread: Array) -> Forecast:
-    """Compute RMS distances and their 90 % intervals for errors distributed as bias + spread @ N(0, 1).
+    """Compute RMS distances and their percentiles for prediction errors bias + spread @ N(0, 1).
 
     Args:
-        bias: Mean error, (poses, 3 m) [m].
-        spread: Root of its covariance, (poses, 3 m, k) [m].
+        bias: Mean error of the m targets, (poses, 3 m) [m].
+        spread: Root of the covariance of the errors, (poses, 3 m, k) [m].
 
     Returns:
-        RMS distances with 5th and 95th percentiles over `INTERVAL_DRAWS` draws.
+        RMS distances, with 5th and 95th percentiles over `INTERVAL_DRAWS` draws.
     """
     targets = bias.shape[1] / 3
     draws = _draws(spread.shape[2])
@@ -170,14 +166,14 @@ def forecast_normal_errors(bias: Array, spread: Array) -> Forecast:
 
 
 def mean_square_distance(bias: Array, spread: Array) -> Array:
-    """Compute the mean square distance of a target in every pose, for errors bias + spread @ N(0, 1).
+    """Compute mean square distances of targets for prediction errors bias + spread @ N(0, 1).
 
     Args:
-        bias: Mean error, (poses, 3 m) [m].
-        spread: Root of its covariance, (poses, 3 m, k) [m].
+        bias: Mean error of the m targets, (poses, 3 m) [m].
+        spread: Root of the covariance of the errors, (poses, 3 m, k) [m].
 
     Returns:
-        Mean square distance, (poses,) [m^2].
+        Mean square distance of a target, (poses,) [m^2].
     """
     variance = np.square(bias) + np.square(spread).sum(axis=2)
     return np.asarray(variance.sum(axis=1) / (bias.shape[1] / 3))
@@ -194,16 +190,15 @@ def _draws(k: int) -> Array:
 
 @dataclass(frozen=True)
 class LinearFit:
-    """Hold the affine fit of a model to readings of an arm that has more unknowns, x_m = K y + k."""
+    """Hold the affine fit x_m = K y + k of a model to whitened readings y of an arm with more unknowns."""
 
-    full_setup: MeasurementSetup  #: The measurement with every unknown of the arm.
-    uncertainty: float  #: Relative uncertainty u of the arm's compliances around their expectation [1].
-    model_setup: MeasurementSetup  #: The measurement with the model's unknowns, n of them.
-    noise_response: (
-        Array  #: K of the fit, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
-    )
+    full_setup: MeasurementSetup  #: The measurement with all N unknowns of the arm.
+    uncertainty: float  #: Relative standard deviation u of the arm's compliances about their expectation [1].
+    model_setup: MeasurementSetup  #: The measurement with the n unknowns of the model.
+    #: Response to noise: K, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
+    noise_response: Array
     constant: Array  #: Constant k of the fit, (n,) [1].
-    gain: Array  #: K A, response of the fit to each of the arm's unknowns, (n, unknowns of the arm) [1].
+    gain: Array  #: K A: response of the fit to each unknown of the arm, (n, N) [1].
 
 
 def linear_fit(
@@ -212,19 +207,16 @@ def linear_fit(
     spec: PlanSpecification,
     whitened_rows: Callable[[PlanSpecification], Array],
 ) -> LinearFit:
-    """Fit the model of a specification to a plan, as a linear function of all unknowns of the arm.
+    """Compute the fit of a model to the readings y of a plan, x_m = K y + k, on an arm with more unknowns.
 
     Mathematics: `pose-12`.
 
     Args:
-        full_setup: The same measurement with every unknown of the arm.
-        uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
-        spec: Specification with the model's unknowns and its prior.
-        whitened_rows: Function that gives whitened rows of all readings per unit of a specification's
-            unknowns x, (poses, k, n) [1].
-
-    Returns:
-        The fit x_m = K y + k.
+        full_setup: The measurement with all unknowns of the arm.
+        uncertainty: Relative standard deviation of the arm's compliances about their expectation [1].
+        spec: Specification with the model's unknowns and prior.
+        whitened_rows: Function of a specification to the whitened rows of all readings of the plan per unit
+            of its unknowns x, (poses, k, n) [1].
     """
     A = _flat(whitened_rows(replace(spec, setup=full_setup)))
     K, k = _fit(spec, _flat(whitened_rows(spec)))
@@ -232,28 +224,25 @@ def linear_fit(
 
 
 def forecast_fit(fit: LinearFit, q: Array, load: Load) -> Forecast:
-    """Forecast the errors of the fit's predictions, with intervals.
+    """Forecast the errors of predictions by a linear fit, with percentiles.
 
     Mathematics: `pose-12`.
 
     Args:
-        fit: The fit.
+        fit: The fit of a model to the readings of a plan.
         q: Poses of the predictions, (poses, n_joints) [rad, m].
-        load: Load there, the same in all poses or with one row per pose.
-
-    Returns:
-        RMS distances with their intervals.
+        load: Load in these poses, the same in all or with one row per pose.
     """
     return forecast_normal_errors(*_error(fit, q, load))
 
 
 def fit_error(fit: LinearFit, q: Array, load: Load) -> Array:
-    """Compute the RMS errors of the fit's predictions without intervals, which take most of the time.
+    """Compute the RMS errors of predictions by a linear fit, without percentiles, which take most time.
 
     Args:
-        fit: The fit.
+        fit: The fit of a model to the readings of a plan.
         q: Poses of the predictions, (poses, n_joints) [rad, m].
-        load: Load there, the same in all poses or with one row per pose.
+        load: Load in these poses, the same in all or with one row per pose.
 
     Returns:
         RMS distance of a target, (poses,) [m].

@@ -634,9 +634,8 @@ class PriorInfluence:
     directions_from_readings: int
     #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
     prior_share: float
-    unobservable_mean_square: (
-        float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
-    )
+    #: Mean square error at the tasks in directions that no candidate shows [m^2].
+    unobservable_mean_square: float
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:

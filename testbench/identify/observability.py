@@ -353,9 +353,8 @@ PROPOSED_SIGMA_ROTATION = 250e-6
 """Standard deviation of a proposed orientation reading, as in section 5.2 of the paper [rad]."""
 REPEAT_PROPOSAL = "the same runs once more"
 """Description of the proposal that only averages noise, with which the others are compared."""
-EQUAL_ERROR_SHARE = (
-    0.02  #: Relative difference of two expected errors below which their proposals rank the same [1].
-)
+EQUAL_ERROR_SHARE = 0.02
+"""Relative difference of two expected errors below which their proposals rank the same [1]."""
 PRIOR_DECIDES_SHARE = 0.05
 """Share of a parameter's prior variance that the readings explain, below which the prior decides it [1]."""
 
@@ -378,9 +377,8 @@ class Identifiability:
 
     structure: Structure  #: The unknown parameters pi, n of them.
     parameter_components: tuple[str, ...]  #: Name of the link or joint of every parameter, n names.
-    parameter_entries: (
-        Array  #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
-    )
+    #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
+    parameter_entries: Array
     prior: str  #: Name of the prior.
     uncertainty: float  #: Relative standard deviation of the prior, u [1].
     rank: int  #: Number of directions of pi that the dataset observes.
