@@ -47,8 +47,8 @@ MIN_UNOBSERVABLE_SHARE = 1e-6
 class Forecast(Displayed):
     """Hold the expected RMS distances of predicted from true targets, in every pose and over all poses.
 
-    The percentiles are of the distances that noise and the remaining uncertainty of the prior produce. All are
-    infinite in poses whose prediction depends on unobservable directions.
+    The percentiles are those of the distances that noise and the remaining uncertainty of the prior cause.
+    All are infinite in poses whose prediction depends on unobservable directions.
     """
 
     rms_error: Array  #: RMS distance of a target in every pose, (poses,) [m].

@@ -65,18 +65,18 @@ from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.progress import stepwise
 
-# --- A measurement plan: from candidate poses to those that pay, with certificate, forecast and order -------
+# --- The order of measuring: the shortest way through all poses ---------------------------------------------
 
-NEAREST_PLACES = 12  #: Nearest other places of each place whose legs come first.
-MIN_LEG_SHARE = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
+NEAREST_PLACES = 12  #: Number of nearest places of each place, whose legs are tried first.
+MIN_LEG_SHARE = 1e-7  #: Part of a leg in a linear relaxation above which the leg is used [1].
 MAX_EXACT_PLACES = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
 Surcharge = Callable[[int, int], float]
-"""Function of two places to the cost of their leg beyond its travel, 0 or more."""
+"""Function of the indices of two places to the cost of their leg beyond its length, 0 or more."""
 
 
 def joint_travel(q: Array) -> Array:
-    """Compute the travel between all pairs of poses, (poses, poses) [rad, m]: the largest of a joint.
+    """Compute the largest motion of a joint between all pairs of poses, (poses, poses) [rad, m].
 
     Mathematics: `pose-14`.
     """
@@ -84,14 +84,13 @@ def joint_travel(q: Array) -> Array:
 
 
 def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
-    """Find the shortest way through all places, whatever place it begins and ends at.
+    """Find the shortest open path through all places, from any place to any other.
 
-    Places at distance zero of each other are visited together.
+    Places at distance zero from each other are visited together.
 
     Args:
         cost: Length of every leg, symmetric, zero on the diagonal, (places, places).
-        surcharge: Function of two places that returns the extra cost of their leg beyond its length, 0 or
-            more.
+        surcharge: Function of two places to the cost of their leg beyond its length, 0 or more.
 
     Returns:
         Indices of the places in order, (places,). Optimal up to `MAX_EXACT_PLACES` - 1 places.
@@ -112,12 +111,11 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
 
     Args:
         cost: Length of every leg, symmetric, (places, places).
-        surcharge: Function of two places that returns the extra cost of their leg beyond its length, 0 or
-            more.
+        surcharge: Function of two places to the cost of their leg beyond its length, 0 or more.
 
     Returns:
-        Indices of the places in order, from place 0 to the last one before it, (places,). Optimal up to
-        `MAX_EXACT_PLACES` places; beyond, the shortest that uses legs to near places only.
+        Indices of the places in order, from place 0 on, (places,). Optimal up to `MAX_EXACT_PLACES` places;
+        for more places the shortest trip that uses legs to near places only.
     """
     n = len(cost)
     if n <= 3:
@@ -174,11 +172,14 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool
     return np.flatnonzero(result.x > (0.5 if integer else MIN_LEG_SHARE))
 
 
+# --- A measurement plan: from candidate poses to the best ones, with certificate, forecast and order --------
+
 IMPROVEMENT_ROUNDS, IMPROVED_POSES = 2, 60
-"""Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
-#: Most poses among which those with gauges are exchanged: the ones with the most information.
+"""Rounds in which the poses with most relaxed weight are improved, and number of these poses in a round."""
 MAX_GAUGED_POSES = 1000
-BOUND_ROUNDS = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
+"""Most poses among which poses with gauges are exchanged: those with the most information."""
+BOUND_ROUNDS = 2
+"""Rounds of a bound for gauges: in each they are chosen by the relaxed optimum of the one before."""
 COLLISION_SURCHARGE = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
 
@@ -187,9 +188,9 @@ COLLISION_SURCHARGE = 10.0
 class CandidateSet:
     """Hold the candidates of a plan, one pose and one load each, and the information of their readings."""
 
-    q: Array  #: Actuated joints, (candidates, n) [rad, m].
-    load_index: Ids  #: Index into the specification's loads, (candidates,).
-    problem: DesignProblem  #: Their whitened rows, and the prior.
+    q: Array  #: Actuated joints of every candidate, (candidates, n) [rad, m].
+    load_index: Ids  #: Index of every candidate's load into the possible loads, (candidates,).
+    problem: DesignProblem  #: Whitened rows of all candidates, and the prior.
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -197,18 +198,17 @@ class ChosenPoses(Displayed):
     """Hold the chosen poses in the order of measuring, with the certificate of the choice."""
 
     criterion: Criterion  #: Information function Phi that the plan maximises.
-    q: Array  #: Actuated joints, (poses, n) [rad, m].
-    load_index: Ids  #: Index into the specification's loads, (poses,).
-    #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
+    q: Array  #: Actuated joints of the chosen poses, (poses, n) [rad, m].
+    load_index: Ids  #: Index of every pose's load into the possible loads, (poses,).
+    #: Whether the arm can move straight to each pose from the one before, (poses - 1,).
     clear_paths: tuple[bool, ...]
-    candidates: CandidateSet  #: All candidates examined, those of the plan among them.
-    chosen_indices: Ids  #: Indices of the plan's poses among the examined, (poses,).
+    candidates: CandidateSet  #: All candidates that were examined, the chosen poses among them.
+    chosen_indices: Ids  #: Indices of the chosen poses among the candidates, (poses,).
     criterion_value: float  #: Phi of the plan.
-    #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
-    relaxed_design: RelaxedDesign
+    relaxed_design: RelaxedDesign  #: Relaxed optimum over all candidates, with the bound on Phi of all plans.
 
     def summary(self) -> dict[str, object]:
-        """Summarise the choice: poses, candidates and efficiency."""
+        """Summarise the plan: numbers of poses and candidates, and efficiency."""
         return {
             "poses": len(self.q),
             "candidates": len(self.candidates.q),
@@ -217,40 +217,40 @@ class ChosenPoses(Displayed):
 
     @property
     def efficiency(self) -> float:
-        """Return a lower bound on Phi(plan) / Phi(best plan of as many of the examined poses) [1]."""
+        """Compute a lower bound on Phi of the plan over that of the best plan of as many candidates [1]."""
         return self.criterion_value / self.relaxed_design.bound
 
     @property
     def information(self) -> Array:
-        """Compute the plan's information matrix M, prior included, (r, r)."""
+        """Compute the information matrix M of the plan, prior included, (r, r) [1]."""
         return information(self.candidates.problem, self.chosen_indices)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Plan(ChosenPoses):
-    """Hold the poses to measure under loads that are hung and taken off, and their specification."""
+    """Hold the poses in which deflections under hung loads are measured, and their specification."""
 
     specification: PlanSpecification  #: Specification of the plan.
-    gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
+    gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None if a tracker is read.
 
     def whitened_rows(self, spec: PlanSpecification) -> Array:
-        """Compute whitened rows of the plan's readings.
+        """Compute whitened rows of all readings of the plan per unit of a specification's unknowns x.
 
         Args:
             spec: The plan's specification, or one with other unknowns, prior or loads.
 
         Returns:
-            Rows per unit of the specification's x, (poses, k, n) [1].
+            Rows, (poses, k, n) [1].
         """
         rows = whitened_rows_by_load if self.gauges is None else self.gauges.whitened_rows
         return rows(spec, self.q, self.load_index)
 
 
 def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
-    """Combine all poses with all loads to candidates, and compute the information of their readings.
+    """Combine all poses with all possible loads to candidates, and compute the information of their readings.
 
     Args:
-        spec: Loads, prior and number of poses of the plan.
+        spec: Specification with the possible loads, the prior and the number of poses.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -258,7 +258,7 @@ def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
 
     Raises:
         BenchError: When no load moves a target; or when without a prior the plan has too few poses for all
-            directions that the loads can show: the message counts the directions that would be lost.
+            directions that the candidates observe.
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
@@ -281,15 +281,14 @@ def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
 def make_plan(
     spec: PlanSpecification, criterion_name: str, q: Array, feasibility: Feasibility, rng: np.random.Generator
 ) -> Plan:
-    """Find the best plan by one of `CRITERIA`, certified against all poses examined.
+    """Find the best poses for a specification by one of `CRITERIA`, certified against all poses examined.
 
     Args:
         spec: Specification of the plan.
         criterion_name: One of `CRITERIA`.
-        q: Feasible poses, (candidates, n) [rad, m].
-        feasibility: Tells which poses near the candidates are feasible, and which paths between them are
-            clear.
-        rng: Source of starts and steps.
+        q: Feasible poses to choose from and to improve, (candidates, n) [rad, m].
+        feasibility: Checks of further poses, and of the motions between poses.
+        rng: Source of random starts and steps.
 
     Returns:
         The plan in the order of measuring.
@@ -316,16 +315,14 @@ def make_plan(
 def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.random.Generator) -> Plan:
     """Plan measurements with dial gauges: poses, and the gauges that are read in each of them.
 
-    A place is a pose with its gauges. Places are exchanged one by one by the plan's criterion, among the
-    poses with the most information. Then the joint angles are refined, and the gauges chosen anew. The
-    certificate holds for all gauges in all poses examined.
+    Poses with their gauges are exchanged one by one by the plan's criterion. Then the joint angles are
+    refined, and the gauges chosen anew. The certificate holds for all gauges in all poses examined.
 
     Args:
         plan: A plan for a tracker; its poses are among those that are tried.
-        gauges: The available gauges.
-        feasibility: Tells which poses near the candidates are feasible, and which paths between them are
-            clear.
-        rng: Source of steps.
+        gauges: Number and accuracy of the gauges.
+        feasibility: Checks of further poses, and of the motions between poses.
+        rng: Source of random steps.
 
     Returns:
         The plan in the order of measuring; its certificate and its information are those of the gauges.
@@ -365,7 +362,7 @@ def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: 
 
 
 def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePlan, Ids]:
-    """Exchange poses with gauges among the candidates of most information by the tangent plane at a plan.
+    """Exchange poses with their gauges among the candidates of most information by the plan's tangent plane.
 
     Returns:
         The gauges, and the candidate of every pose, (poses,).
@@ -439,12 +436,12 @@ def choose_poses(search: PoseSearch, criterion: Criterion, candidates: Candidate
     """Find the best poses by a criterion, certified against all poses examined.
 
     Args:
-        search: Measurement, number of poses, limits and feasibility.
-        criterion: Information function.
-        candidates: Candidates to begin with.
+        search: Whitened rows and number of poses, joint limits and feasibility.
+        criterion: Information function Phi.
+        candidates: Candidates to choose from and to improve.
 
     Returns:
-        The plan; its examined poses include those found on the way.
+        The plan in the order of measuring; its candidates include the improved ones.
     """
     # relaxed optimum; its heaviest poses, improved locally, join the candidates
     relaxed = solve_relaxed_design(candidates.problem, criterion, search.n_poses)
@@ -473,16 +470,16 @@ def choose_poses(search: PoseSearch, criterion: Criterion, candidates: Candidate
 def choose_greedily(
     search: PoseSearch, criterion: Criterion, candidates: CandidateSet, min_per_kind: int = 0
 ) -> ChosenPoses:
-    """Choose each pose as the best next one of those examined: fast for many unknowns, with a loose bound.
+    """Choose poses one by one, each the best next candidate: fast for many unknowns, with a loose bound.
 
     Args:
-        search: Number of poses and feasibility of ways.
-        criterion: Information function.
-        candidates: Candidates.
-        min_per_kind: Fewest poses of every kind (in place of a load); these come first.
+        search: Number of poses, and checks of the motions between poses.
+        criterion: Information function Phi.
+        candidates: Candidates; of absolute readings their kinds are in place of loads.
+        min_per_kind: Fewest poses of every kind; these are chosen first.
 
     Returns:
-        The plan in the order of measuring, with the bound of the tangent at the plan itself.
+        The plan in the order of measuring, with the bound of the tangent plane at the plan itself.
     """
     problem, poses = candidates.problem, search.n_poses
     chosen, rest = np.zeros(0, dtype=int), problem
@@ -546,19 +543,16 @@ def _measuring_order(q: Array, load: Ids, feasibility: Feasibility) -> Ids:
 
 
 def _collision_detour(feasibility: Feasibility, poses: Array, a: int, b: int) -> float:
-    """Return the extra cost of the motion from pose a to pose b beyond its length: more if it collides."""
+    """Return the surcharge on the motion from pose a to pose b: not 0 if it would collide."""
     return 0.0 if feasibility.path_is_clear(poses[a], poses[b]) else COLLISION_SURCHARGE
 
 
 def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
-    """Forecast the errors of predictions after the plan was measured and the model identified.
+    """Forecast the errors of predictions after the poses of a plan were measured and the model identified.
 
     Args:
-        plan: A chosen plan.
-        rows: Predictions per unit of x, such as `task_rows`, (poses, 3 m, n) [m].
-
-    Returns:
-        The forecast of the linear model.
+        plan: The plan.
+        rows: Predicted deflections of m targets per unit of x, such as `task_rows`, (poses, 3 m, n) [m].
     """
     return forecast(plan.candidates.problem, plan.information, rows)
 
@@ -568,19 +562,19 @@ def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
 
 @dataclass(frozen=True)
 class Observability:
-    """Hold observability indices O1 to O5 of a plan, from the singular values s of its whitened readings.
+    """Hold the observability indices O1 to O5 of a plan, from the singular values s of its whitened rows.
 
-    The unknowns are in units of the prior, so that all s have one unit, 1. All indices are zero where the
-    plan leaves a direction unseen that the candidates can show.
+    The unknowns are in units of the prior, so that s has no unit. All indices are zero if the plan does not
+    observe a direction that the candidates can observe.
     """
 
-    o1: float  #: (product of s)^(1/r) / sqrt(poses): volume.
-    o2: float  #: s_min / s_max: inverse condition number.
-    o3: float  #: s_min: noise amplification of the worst direction.
-    o4: float  #: s_min^2 / s_max: noise amplification index.
-    o5: float  #: 1 / sum(1 / s): harmonic mean over r.
-    seen: int  #: Directions that the plan sees.
-    of: int  #: Directions that the candidates can show.
+    o1: float  #: (product of s)^(1/r) / sqrt(poses): volume [1].
+    o2: float  #: s_min / s_max: inverse condition number [1].
+    o3: float  #: s_min: noise amplification of the worst direction [1].
+    o4: float  #: s_min^2 / s_max: noise amplification index [1].
+    o5: float  #: 1 / sum(1 / s): harmonic mean of s over r [1].
+    seen: int  #: Number of directions that the plan observes.
+    of: int  #: Number r of directions that the candidates can observe.
 
 
 def observability(problem: DesignProblem, chosen: Ids) -> Observability:
@@ -591,9 +585,6 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
     Args:
         problem: Candidates.
         chosen: Indices of the candidates in the plan, (poses,).
-
-    Returns:
-        The indices, and how many directions the plan sees.
     """
     s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.n_directions), compute_uv=False)
     seen = int((s > RANK_TOLERANCE * s[0]).sum())
@@ -610,46 +601,43 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
     )
 
 
-N_RANDOM_PLANS = 200  #: Random plans per number of poses that the plan is compared with.
-POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are reported.
+N_RANDOM_PLANS = 200  #: Number of random plans of every number of poses that a plan is compared with.
+POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses of greedy and random plans.
 
 
 @dataclass(frozen=True)
 class Baselines:
-    """Hold RMS errors at the tasks after greedy and random plans from the same candidates.
+    """Hold RMS prediction errors at the tasks after greedy and random plans from the candidates of a plan.
 
-    Without a prior an error is infinite where a plan leaves a direction unseen that the candidates can show.
+    Without a prior an error is infinite if a plan does not observe all directions that the candidates can.
     """
 
-    greedy_errors: Array  #: RMS errors of the greedy plans of 1, 2, ... poses, (largest count,) [m].
-    #: RMS errors of `N_RANDOM_PLANS` random plans, (N_RANDOM_PLANS,) [m], by number of poses.
+    greedy_errors: Array  #: RMS errors after greedy plans of 1, 2, ... poses, (largest number,) [m].
+    #: RMS errors after `N_RANDOM_PLANS` random plans, (N_RANDOM_PLANS,) [m], by number of poses.
     random_errors: dict[int, Array]
 
 
 @dataclass(frozen=True)
 class PriorInfluence:
-    """Hold how far a plan's forecast rests on the prior instead of its readings."""
+    """Hold how much of a plan's forecast rests on the prior instead of its readings."""
 
-    #: Number of directions that the readings of the plan determine better than the prior does.
+    #: Number of directions of x that the readings of the plan determine better than the prior does.
     directions_from_readings: int
-    #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
+    #: Share of the mean square prediction error at the tasks that comes from the prior, not from noise [1].
     prior_share: float
     #: Mean square error at the tasks in directions that no candidate shows [m^2].
     unobservable_mean_square: float
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
-    """Compute how far a plan's forecast rests on the prior.
+    """Compute how much of a plan's forecast rests on the prior.
 
-    With M = prior + readings, the error's covariance M^-1 is the part of the noise plus M^-1 prior M^-1, the
-    part that the prior leaves open.
+    The information M is that of the prior plus that of the readings. The covariance M^-1 of the error is a
+    part from noise plus M^-1 prior M^-1, the part from the prior.
 
     Args:
         plan: The plan.
-        rows: Predictions at the tasks per unit of x, (tasks, 3 m, n) [m].
-
-    Returns:
-        Directions in which the readings outweigh the prior, and the prior's share of the mean square error.
+        rows: Predicted deflections at the tasks per unit of x, (tasks, 3 m, n) [m].
     """
     problem, M = plan.candidates.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
@@ -666,17 +654,14 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
 
 
 def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.random.Generator) -> Baselines:
-    """Compute errors at the tasks of greedy and random plans from the same candidates.
+    """Compute RMS prediction errors at the tasks after greedy and random plans from a plan's candidates.
 
     Args:
-        plan: The plan, with the candidates that were examined.
-        rows: Predictions at the tasks per unit of x, (tasks, 3 m, n) [m].
-        n_random_candidates: Number of examined candidates, the first ones, that were drawn at random; random
-            plans use these.
+        plan: The plan, with its candidates.
+        rows: Predicted deflections at the tasks per unit of x, (tasks, 3 m, n) [m].
+        n_random_candidates: Number of candidates, the first ones, that were drawn at random and not improved;
+            random plans use these.
         rng: Source of the random plans.
-
-    Returns:
-        Errors by number of poses.
     """
     spec, problem = plan.specification, plan.candidates.problem
     error = error_function(problem, rows)
@@ -707,27 +692,27 @@ def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.rand
 
 
 def error_function(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
-    """Make a function that predicts the RMS error at some predictions after some candidates were read.
+    """Make a function that computes the RMS error of some predictions after any plan of candidates.
 
     Args:
         problem: Candidates.
-        rows: Predictions per unit of x, (poses, 3 m, n) [m].
+        rows: Predicted deflections of m targets per unit of x, (poses, 3 m, n) [m].
 
     Returns:
-        Function of a plan's indices, (poses,), to its RMS error sqrt(tr(W M^-1) + hidden) [m].
+        Function of the indices of a plan's candidates, (poses,), to the RMS error of a target [m].
     """
     hidden, W = unobservable_mean_square(problem, rows), mean_square_weight(rows @ problem.lift)
     return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
 
 
 def unobservable_mean_square(problem: DesignProblem, rows: Array) -> float:
-    """Compute the mean square prediction error in directions that no candidate shows.
+    """Compute the mean square prediction error in directions of x that no candidate observes.
 
     Args:
         problem: Candidates.
-        rows: Predictions per unit of x, (poses, 3 m, n) [m].
+        rows: Predicted deflections of m targets per unit of x, (poses, 3 m, n) [m].
 
     Returns:
-        Mean square error, at least 0 whatever rounding does [m^2].
+        Mean square error of a target, 0 or more [m^2].
     """
     return max(0.0, float(np.trace(mean_square_weight(rows) @ problem.remaining_covariance)))
