@@ -26,31 +26,32 @@ from testbench.model.vjm import evaluate_chain, translational_jacobian
 
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
 FRAME_DEVIATION = 1.0
-"""Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
+"""Prior standard deviation of tracker frames and mounts, so wide that a few poses determine them [m, rad]."""
 MIN_INFORMATION = 1e-3
-"""Information of a plan of average poses, over the prior's, below which a direction counts as unseen [1]."""
+"""Information of a plan of average poses over the prior's, from which a direction is observable [1]."""
 MIN_FOLLOW_UP_INFORMATION = 0.5
 """Value of `MIN_INFORMATION` for a plan that follows earlier readings [1].
 
-It leaves about a quarter of a thousand unknowns: those about which further readings add enough information.
+It leaves about a quarter of a thousand unknowns: those on which further readings add enough information.
 """
 
 
 @dataclass(frozen=True)
 class AbsoluteSetup:
-    """Describe the unknowns of an absolute calibration with their prior, and the readings of one pose."""
+    """Describe the unknowns of an absolute calibration with their prior, and how every pose is read."""
 
-    unknowns: Unknowns  #: Layout of the unknowns.
+    unknowns: Unknowns  #: Layout of the unknowns, `size` numbers.
     state: ArmState  #: Arm with its unknowns at their expected values.
-    L: Array  #: Unknowns per unit x of the prior, (size, r).
-    #: Positions of one pose: a row per load in the order of reading, with targets and noise.
+    L: Array  #: Unknowns per unit of x, with x ~ N(e, 1) by the prior, (size, r).
+    #: Readings of positions in one pose: one row per load in the order of reading, with targets and noise.
     pose_readings: Series
-    #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
+    #: Standard deviation of each joint's error that the unknowns do not model, (n,) [rad, m].
     unmodelled_joint_deviation: Array
-    #: Threshold of information over the prior's, see `MIN_INFORMATION` [1].
+    #: Information over the prior's, below which a direction counts as unobservable, see `MIN_INFORMATION`
+    #: [1].
     min_information: float = MIN_INFORMATION
-    #: Distances and heights of one pose, which are read instead of positions, for every kind of pose; each of
-    #: one target. Empty if the positions are read.
+    #: Distances and heights that are read in place of positions in one pose, each of one target, for every
+    #: kind of pose; empty if positions are read.
     readings_by_kind: tuple[tuple[Series, ...], ...] = ()
 
 
@@ -61,13 +62,13 @@ def prior_covariance_root(
     geometry_deviation: float,
     joint_error_deviation: float,
 ) -> Array:
-    """Build a root L of the prior's covariance L L^T of all unknowns.
+    """Build a root L of the prior covariance L L^T of all unknowns of an absolute calibration.
 
     Args:
         unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
-        scaling: Units of the compliances' prior.
-        uncertainty: Relative uncertainty of that prior [1].
-        geometry_deviation: Standard deviation of a geometric error along an axis and about one [m, rad].
+        scaling: Compliances in units of their prior, pi = L_C x.
+        uncertainty: Relative standard deviation of the prior of the compliances [1].
+        geometry_deviation: Standard deviation of a geometric error along an axis or about one [m, rad].
         joint_error_deviation: Standard deviation of a coefficient of the joints' errors [rad, m].
 
     Returns:
@@ -82,14 +83,14 @@ def prior_covariance_root(
 
 
 def series_in_poses(pose_readings: Series, q: Array) -> Series:
-    """Build the series of readings that poses would give: one row per pose and load, readings still zero.
+    """Build the series of readings that poses would give, all readings zero.
 
     Args:
-        pose_readings: How one pose is read, a row per load.
+        pose_readings: Readings of one pose, one row per load.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        The series, poses times loads rows.
+        The series, one row per pose and load.
     """
     rows, times = len(q) * pose_readings.n_rows, len(q)
     return replace(
@@ -111,16 +112,17 @@ def series_in_poses(pose_readings: Series, q: Array) -> Series:
 def whitened_rows(
     setup: AbsoluteSetup, q: Array, basis: Array | None = None, pose_kind: Ids | None = None
 ) -> Array:
-    """Compute whitened rows of poses per unit of x.
+    """Compute whitened rows of all readings in some poses per unit of the unknowns x.
 
     Args:
-        setup: The unknowns and how a pose is read.
+        setup: Unknowns, and readings of a pose.
         q: Actuated joints, (poses, n) [rad, m].
-        basis: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
-        pose_kind: Kind of every pose, (poses,); None if there is one.
+        basis: Matrix of coordinates a in place of x, x = basis @ a, (r, k); None for x itself.
+        pose_kind: Kind of every pose, an index into `readings_by_kind`, (poses,); None if all are of the
+            first.
 
     Returns:
-        Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
+        Rows in standard deviations of the readings, (poses, rows, r), or (poses, rows, k) per unit of a [1].
     """
     rows = (_whitened(setup, *batch) for batch in _batches(q, pose_kind))
     if basis is None:
@@ -130,17 +132,17 @@ def whitened_rows(
 
 
 def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
-    """Compute positions of all targets per unit of x, under one load after the other.
+    """Compute the change of all target positions per unit of the unknowns x, under one load after the other.
 
-    Positions are those in the tracker's frame. Distances and heights have none: then the arm's base is moved
-    and turned so that all positions together change least.
+    Positions are those in the tracker's frame. Distances and heights have no such frame: then the arm's base
+    is moved so that all positions together change least.
 
     Args:
-        setup: The unknowns and how a pose is read.
+        setup: Unknowns, and readings of a pose.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Rows, (poses, 3 loads m, r) [m].
+        Changes of m targets along three axes, (poses, 3 loads m, r) [m].
     """
     m = len(setup.pose_readings.markers)
     frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose_readings.frame}")][:6]
@@ -161,15 +163,16 @@ def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
 
 
 def scale_sensitivity(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
-    """Compute the scale of predicted positions per unit of x: how they grow with the distance of each other.
+    """Compute how the scale of all target positions, the size of the arm, changes per unit of the unknowns x.
 
     Args:
-        setup: The unknowns and how a pose is read.
-        rows: Positions per unit of x, `position_rows`, (poses, 3 loads m, r) [m].
-        q: Their poses, (poses, n) [rad, m].
+        setup: Unknowns, and readings of a pose.
+        rows: Change of positions per unit of x, `position_rows`, (poses, 3 loads m, r) [m].
+        q: Actuated joints of these poses, (poses, n) [rad, m].
 
     Returns:
-        Scale, (r,) [m/m], and the RMS distance of a position from the middle of all [m].
+        Relative change of the distances between positions, (r,) [1], and the RMS distance of a position from
+        the mean of all [m].
     """
     series = series_in_poses(setup.pose_readings, q)
     at = series_equilibrium(setup.state, series).chain.tool_points_in_world(setup.state.mount(series).points)
@@ -180,14 +183,14 @@ def scale_sensitivity(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Arra
 
 
 def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
-    """Remove from positions the part that a fitted frame and mount would explain.
+    """Remove the part of position changes that a fitted tracker frame and mount would explain.
 
     Args:
-        setup: The unknowns; frame and mount are its first columns.
-        rows: Positions per unit of x, such as `position_rows`, (poses, 3 loads m, r) [m].
+        setup: Unknowns, of which frame and mount are the first.
+        rows: Change of positions per unit of the unknowns x, `position_rows`, (poses, 3 loads m, r) [m].
 
     Returns:
-        The rest of the rows, the same shape [m].
+        Change of positions beyond frame and mount, (poses, 3 loads m, r) [m].
     """
     first = setup.unknowns.first_columns["geometry"]
     A = rows.reshape(-1, rows.shape[2])
@@ -197,11 +200,11 @@ def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
 
 
 def prior_error_after_alignment(setup: AbsoluteSetup, rows: Array) -> float:
-    """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
+    """Compute the RMS error of predicted positions by the prior alone, with frame and mount fitted.
 
     Args:
-        setup: The unknowns; frame and mount are its first columns.
-        rows: Positions per unit of x, such as `position_rows`, (poses, 3 loads m, r) [m].
+        setup: Unknowns, of which frame and mount are the first.
+        rows: Change of positions per unit of the unknowns x, `position_rows`, (poses, 3 loads m, r) [m].
 
     Returns:
         RMS distance of a target from its prediction [m].
@@ -211,10 +214,10 @@ def prior_error_after_alignment(setup: AbsoluteSetup, rows: Array) -> float:
 
 
 def unmodelled_displacement(setup: AbsoluteSetup, q: Array) -> Array:
-    """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
+    """Compute the RMS displacement of targets by joint errors that the unknowns do not model, in every pose.
 
     Args:
-        setup: The unknowns, and the standard deviations of the joints' errors beyond the model.
+        setup: Targets, and standard deviations of these joint errors.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -227,10 +230,10 @@ def unmodelled_displacement(setup: AbsoluteSetup, q: Array) -> Array:
 
 
 def sag(setup: AbsoluteSetup, q: Array) -> Array:
-    """Compute the RMS displacement of targets by own weight and the last load, at the expected compliances.
+    """Compute the RMS displacement of targets by the arm's own weight and the last load of a pose.
 
     Args:
-        setup: The unknowns and where they are expected.
+        setup: Arm with its expected compliances, and readings of a pose with their loads.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -250,26 +253,27 @@ def sag(setup: AbsoluteSetup, q: Array) -> Array:
 def candidate_set(setup: AbsoluteSetup, q: Array, n_poses: int, pose_kind: Ids | None = None) -> CandidateSet:
     """Compute the candidates of a plan, in the directions of the unknowns that such a plan can observe.
 
-    A direction counts as observed if the information of `n_poses` average candidates is more than
-    `setup.min_information` of it.
+    A direction counts as observable if the information of `n_poses` average candidates on it is more than
+    `setup.min_information` times the prior's.
 
     Args:
-        setup: The unknowns and how a pose is read.
+        setup: Unknowns, and readings of a pose.
         q: Actuated joints, (candidates, n) [rad, m].
         n_poses: Number of poses of the plan.
-        pose_kind: Kind of every pose, (candidates,); None if there is one.
+        pose_kind: Kind of every pose, an index into `readings_by_kind`, (candidates,); None if all are of the
+            first.
 
     Returns:
-        The candidates, one problem for all of them; their kinds are in place of loads.
+        The candidates; their `load_index` holds the kinds of the poses.
 
     Raises:
-        BenchError: When no direction is seen.
+        BenchError: When no direction is observable.
     """
     mean = np.zeros((setup.L.shape[1],) * 2)
     for batch, own in _batches(q, pose_kind):
         A = whitened_rows(setup, batch, pose_kind=own).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
-    # directions in which the information of `poses` average candidates exceeds the threshold
+    # directions in which the information of `n_poses` average candidates exceeds the threshold
     values, V = np.linalg.eigh(mean)
     seen = n_poses * values > setup.min_information
     if not seen.any():
@@ -283,14 +287,16 @@ def candidate_set(setup: AbsoluteSetup, q: Array, n_poses: int, pose_kind: Ids |
 
 
 def position_information(setup: AbsoluteSetup, q: Array) -> Array:
-    """Compute the information matrix of positions that are read in some poses, without a prior.
+    """Compute the information matrix of the readings in some poses, sum of A^T A, without a prior.
+
+    A are the whitened rows of the readings per unit of the unknowns.
 
     Args:
-        setup: The unknowns and how a pose is read.
+        setup: Unknowns, and readings of a pose.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Sum of A^T A of the whitened rows A per unit of the unknowns, (size, size).
+        Information matrix, (size, size), in inverse squared units of the unknowns.
     """
     rows = (_whitened(setup, *batch).reshape(-1, setup.unknowns.size) for batch in _batches(q, None))
     return np.asarray(sum(A.T @ A for A in rows))
