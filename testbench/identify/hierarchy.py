@@ -168,6 +168,7 @@ def solve_normal_equations(H: Array) -> NormalEquationsSolution:
 class EvidencePosterior:
     """Hold the posterior of the unknowns x, and -log p(y, h), at given hyperparameters h."""
 
+    h: Array  #: Hyperparameters, (m,) [1].
     solution: NormalEquationsSolution  #: Most probable unknowns x.
     covariance: Array  #: Posterior covariance V = P^-1 of the unknowns, (c, c).
     prior_deviation: Array  #: Prior deviations d of the unknowns, infinite for those without a prior, (c,).
@@ -214,10 +215,10 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
     for prior in model.hyperpriors:
         of, slope, _ = prior.neg_log_density(prior.rows @ h - prior.offset)
         value, g = value + of.sum(), g + prior.rows.T @ slope
-    return EvidencePosterior(solved, V, d, mean, left, spent, float(value), g)
+    return EvidencePosterior(h, solved, V, d, mean, left, spent, float(value), g)
 
 
-def evidence_hessian(model: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
+def evidence_hessian(model: EvidenceModel, posterior: EvidencePosterior) -> tuple[Array, Array]:
     """Compute the Hessian of the negative log evidence -log p(y, h) with respect to the hyperparameters h.
 
     The most probable unknowns x depend on h, so the differentiation is implicit.
@@ -230,12 +231,12 @@ def evidence_hessian(model: EvidenceModel, h: Array, posterior: EvidencePosterio
 
     Args:
         model: The linear model.
-        h: Hyperparameters, (m,) [1].
         posterior: Posterior of the unknowns at h.
 
     Returns:
         Hessian, (m, m) [1], and dx/dh, (c, m).
     """
+    h = posterior.h
     D = model.log_deviation_rows
     S = model.log_scale_rows
     V = posterior.covariance
@@ -277,7 +278,9 @@ def _shares(model: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array]:
     return [*shares, last]
 
 
-def maximise_evidence(model: EvidenceModel, start: Array, fixed_index: int | None = None) -> Array:
+def maximise_evidence(
+    model: EvidenceModel, start: Array, fixed_index: int | None = None
+) -> EvidencePosterior:
     """Maximise the evidence over the hyperparameters by Newton's method with step halving.
 
     Mathematics: `prior-9`.
@@ -288,42 +291,40 @@ def maximise_evidence(model: EvidenceModel, start: Array, fixed_index: int | Non
         fixed_index: Index of a hyperparameter that keeps its value; None for none.
 
     Returns:
-        Hyperparameters of greatest evidence within the bounds, (m,) [1].
+        The posterior at the hyperparameters of greatest evidence within the bounds.
     """
-    h = start
     posterior = evidence_posterior(model, start)
     low, high = model.bounds
     for _ in range(MAX_NEWTON_STEPS):
+        h = posterior.h
         g = posterior.gradient
         # A hyperparameter at its bound is free only if the loss falls inwards.
         free = ~((h <= low) & (g > 0) | (h >= high) & (g < 0))
         if fixed_index is not None:
             free[fixed_index] = False
-        values, Q = np.linalg.eigh(evidence_hessian(model, h, posterior)[0][np.ix_(free, free)])
+        values, Q = np.linalg.eigh(evidence_hessian(model, posterior)[0][np.ix_(free, free)])
         # Newton's step with |eigenvalues|: it descends even where the loss is not convex.
         step = np.zeros_like(h)
         step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), MIN_CURVATURE))
-        before, (h, posterior) = posterior.neg_log_evidence, _halved_step(model, h, posterior, step)
+        before, posterior = posterior.neg_log_evidence, _halved_step(model, posterior, step)
         if before - posterior.neg_log_evidence < MIN_EVIDENCE_GAIN:
             break
-    return h
+    return posterior
 
 
-def _halved_step(
-    model: EvidenceModel, h: Array, posterior: EvidencePosterior, step: Array
-) -> tuple[Array, EvidencePosterior]:
+def _halved_step(model: EvidenceModel, posterior: EvidencePosterior, step: Array) -> EvidencePosterior:
     """Find the point where a step, or a part of it, increases the evidence; the start if none does."""
     step = step * min(1.0, MAX_STEP_LENGTH / np.abs(step).max(initial=MAX_STEP_LENGTH))
     for _ in range(MAX_HALVINGS):
-        there = np.clip(h + step, *model.bounds)
+        there = np.clip(posterior.h + step, *model.bounds)
         try:
             trial = evidence_posterior(model, there)
         except BenchError:
             trial = posterior
         if trial.neg_log_evidence < posterior.neg_log_evidence:
-            return there, trial
+            return trial
         step = step / 2
-    return h, posterior
+    return posterior
 
 
 # --- A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used ------
@@ -537,7 +538,8 @@ def learn_prior(
         BenchError: If the data require a common scale of the prior that is not above 0.
     """
     model = prior_evidence_model(regression, scaling)
-    h = maximise_evidence(model.evidence, model.hyperparameter_medians)
+    posterior = maximise_evidence(model.evidence, model.hyperparameter_medians)
+    h = posterior.h
     u, c, kappa = np.exp(h[-3:])
     shares, first = (
         np.ones(len(scaling.block_orders)),
@@ -553,8 +555,8 @@ def learn_prior(
     has_both_kinds = 0 < (scaling.block_kinds == 1).sum() < len(scaling.block_kinds)
     if not (has_both_kinds or for_intervals):
         return weighted_prior
-    posterior, m = evidence_posterior(model.evidence, h), len(h) - 1  # kappa stays at its optimum
-    H, J = evidence_hessian(model.evidence, h, posterior)
+    H, J = evidence_hessian(model.evidence, posterior)
+    m = len(h) - 1  # kappa stays at its optimum
     values, Q = np.linalg.eigh(H[:m, :m])
     values = np.maximum(
         values, MAX_HYPERPARAMETER_DEVIATION**-2
@@ -618,13 +620,13 @@ def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> t
         ),
         bounds=np.array([[0.0], [MAX_LOG_MISFIT]]),
     )
-    h = maximise_evidence(problem, np.zeros(1))
+    posterior = maximise_evidence(problem, np.zeros(1))
     # Its determinant, the common scale integrated out.
     size = 2 * n * math.log(JOINTS_ONLY_DEVIATION) + math.log(
         scaling.expected_x @ scaling.expected_x / JOINTS_ONLY_DEVIATION**2
     )
-    kappa = math.exp(h[0])
-    return -evidence_posterior(problem, h).neg_log_evidence - size / 2, WeightedPrior(
+    kappa = math.exp(posterior.h[0])
+    return -posterior.neg_log_evidence - size / 2, WeightedPrior(
         scaling, PriorUncertainty(JOINTS_ONLY_FIT_DEVIATION / kappa), noise_factor=kappa
     )
 
@@ -699,17 +701,12 @@ def undetermined_compliances(regression: Regression, scaling: PriorScaling) -> U
     return UndeterminedCompliances(stiffer, softer)
 
 
-def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float:
+def _loss_at(model: LearntPriorModel, best: EvidencePosterior, k: int, size: float) -> float:
     """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
-    start, kind = best.copy(), model.n_scales + model.scale_kinds[k]
-    start[k] = best[kind] + size
-    h = maximise_evidence(model.evidence, start, fixed_index=k)
+    start, kind = best.h.copy(), model.n_scales + model.scale_kinds[k]
+    start[k] = best.h[kind] + size
+    rejected = maximise_evidence(model.evidence, start, fixed_index=k)
     penalty, penalty_before = (
-        float(student_neg_log_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best)
+        float(student_neg_log_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (rejected.h, best.h)
     )
-    return (
-        evidence_posterior(model.evidence, h).neg_log_evidence
-        - evidence_posterior(model.evidence, best).neg_log_evidence
-        - penalty
-        + penalty_before
-    )
+    return rejected.neg_log_evidence - best.neg_log_evidence - penalty + penalty_before

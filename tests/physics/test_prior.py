@@ -216,7 +216,7 @@ def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campai
     ends = [
         [evidence_posterior(seen.evidence, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
     ]
-    H, J = evidence_hessian(seen.evidence, h, own)
+    H, J = evidence_hessian(seen.evidence, own)
     of_slopes = (
         (own.gradient, lambda x: x.neg_log_evidence),
         (H, lambda x: x.gradient),
@@ -305,7 +305,7 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
         hierarchy.learn_prior(regression, own),
         hierarchy.prior_evidence_model(regression, own),
     )
-    h = maximise_evidence(seen.evidence, seen.hyperparameter_medians)
+    h = maximise_evidence(seen.evidence, seen.hyperparameter_medians).h
 
     def estimate(h):
         L = seen.scaling.L * seen.entry_scales(h)
@@ -639,7 +639,7 @@ def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(
         h[seen.n_scales + k], h[: seen.n_scales][seen.scale_kinds == k] = own, own
     at = evidence_posterior(mute, h)
     some = np.setdiff1d(np.arange(len(h) - 1), [seen.n_scales])
-    values = np.linalg.eigvalsh(evidence_hessian(mute, h, at)[0][np.ix_(some, some)])
+    values = np.linalg.eigvalsh(evidence_hessian(mute, at)[0][np.ix_(some, some)])
     assert at.neg_log_evidence == pytest.approx(0, abs=1e-9)
     assert hierarchy._log_evidence(seen, at.neg_log_evidence, values) == pytest.approx(0, abs=1e-9)
 
@@ -682,9 +682,9 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     r = reduce(kr500.vjm, own.structure, campaign.identification)
     weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.prior_evidence_model(r, own)
-    h = maximise_evidence(seen.evidence, seen.hyperparameter_medians)
+    h = maximise_evidence(seen.evidence, seen.hyperparameter_medians).h
     values, Q = np.linalg.eigh(
-        evidence_hessian(seen.evidence, h, evidence_posterior(seen.evidence, h))[0][:-1, :-1]
+        evidence_hessian(seen.evidence, evidence_posterior(seen.evidence, h))[0][:-1, :-1]
     )
     draws = (
         Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPERPARAMETER_DEVIATION**-2))

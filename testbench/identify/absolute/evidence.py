@@ -355,7 +355,8 @@ def _maximise_scales(
         bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
     )
     deviation = start.deviation.copy()
-    h = maximise_evidence(problem, np.log(np.r_[[deviation[of[0]] for _, of in groups], start.noise_factor]))
+    first = np.log(np.r_[[deviation[of[0]] for _, of in groups], start.noise_factor])
+    h = maximise_evidence(problem, first).h
     for (_, of), size in zip(groups, np.exp(h), strict=False):
         deviation[of] = size
     return ErrorScales(deviation, np.exp(h[len(groups) :]))

@@ -216,16 +216,16 @@ def fit_residual_model(loads: LoadedRuns, hyperparameters: Array | None = None) 
     vjm, data, structure = loads.vjm, loads.data, loads.compliance_prior.structure
     reduced = reduce(vjm, structure, data)
     model = prior_evidence_model(reduced, loads.compliance_prior, shared_link_uncertainty=True)
-    hyperparameters = (
+    evidence = (
         maximise_evidence(model.evidence, model.hyperparameter_medians)
         if hyperparameters is None
-        else hyperparameters
+        else evidence_posterior(model.evidence, hyperparameters)
     )
     read = weighted_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n_parameters) @ model.scaling.L
     # The most probable compliances: least squares over the rows of the readings and of the prior.
-    s, kappa = model.entry_scales(hyperparameters), np.exp(hyperparameters[-1])
-    width = np.exp(model.evidence.log_deviation_rows @ hyperparameters)
+    s, kappa = model.entry_scales(evidence.h), np.exp(evidence.h[-1])
+    width = np.exp(model.evidence.log_deviation_rows @ evidence.h)
     residual = read.y.ravel() - G @ (s * model.scaling.expected_x)
     half = G * width
     expected = np.concatenate([residual, np.zeros(len(width))])
@@ -237,8 +237,8 @@ def fit_residual_model(loads: LoadedRuns, hyperparameters: Array | None = None) 
     left, size, _ = np.linalg.svd(half, full_matrices=False)
     U = left * (size / np.hypot(size, kappa) / kappa)
     weighted_residual = residual / kappa**2 - U @ (U.T @ residual)
-    least = evidence_posterior(model.evidence, hyperparameters).neg_log_evidence
-    return ResidualModel(read, least, pi, U, weighted_residual, hyperparameters)
+    least = evidence.neg_log_evidence
+    return ResidualModel(read, least, pi, U, weighted_residual, evidence.h)
 
 
 def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
