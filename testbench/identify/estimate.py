@@ -168,7 +168,7 @@ class ModelAverage:
     under_each_prior: "tuple[tuple[float, Estimate], ...]" = ()
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Displayed):
     """Hold a stiffness model identified from a dataset: compliances, fit, certificate, status.
 

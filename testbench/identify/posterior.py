@@ -9,6 +9,7 @@ compliance is at the boundary of the positive semi-definite cone.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from statistics import NormalDist
 from typing import Protocol, runtime_checkable
 
@@ -265,8 +266,11 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
     return nonlinear_deflection(vjm, data.q, again, points) - first_order_deflection(where, theta, points)
 
 
+@lru_cache(maxsize=16)
 def posterior_of_estimate(estimate: Estimate) -> Posterior:
     """Compute mean and covariance of an estimate's parameters, Eq. (14)-(15); rows of a prior count as data.
+
+    The last ones are kept: intervals, predictions, figures and the model's folder need the same one.
 
     Mathematics: `int-1`, `int-3`, `int-5`.
 
