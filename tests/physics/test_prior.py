@@ -131,7 +131,7 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     light, heavy = (runs(kr500, 1, payload=mass) for mass in (200.0, 460.3))
     structure = template56(kr500.arm)
     assert len(shrinkage.every_fold(kr500.vjm, structure, heavy)) == 8
-    names = "run pose q wrench point before after".split()
+    names = "run_id pose_id q wrench point before after".split()
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
     folds = shrinkage.every_fold(kr500.vjm, structure, both)
     assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * light.n_runs, 9 * heavy.n_runs]

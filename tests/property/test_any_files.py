@@ -210,7 +210,7 @@ def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: SimpleNamespa
     back = read(written(data, own))
     assert sorted(back.markers) == sorted(data.markers)  # wide ones stand in the order of their columns
     order = [back.markers.index(name) for name in data.markers]
-    for what in ("run", "pose"):
+    for what in ("run_id", "pose_id"):
         np.testing.assert_array_equal(getattr(back, what), getattr(data, what))
     for what in ("q", "wrench", "point", "sigma"):
         np.testing.assert_allclose(getattr(back, what), getattr(data, what), rtol=1e-12, atol=1e-12)

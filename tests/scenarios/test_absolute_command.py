@@ -31,7 +31,7 @@ def test_files_of_a_simulation_are_read_back_as_it_was(kr500, flags, rows, asked
         assert f"{path}: {rows} rows in 15 poses, targets P1" in said
         [found] = read_series(path, kr500.arm).series
         assert found.name == found.frame == found.mount == f"ur_{k}"
-        for name in ("markers", "pose", "q", "wrench", "position", "sigma", "sigma_rotation"):
+        for name in ("markers", "pose_id", "q", "wrench", "position", "sigma", "sigma_rotation"):
             np.testing.assert_array_equal(getattr(found, name), getattr(own, name), err_msg=name)
         if own.rotation is not None:
             np.testing.assert_allclose(found.rotation, own.rotation, rtol=0, atol=1e-14)
