@@ -398,7 +398,7 @@ def test_targets_side_by_side_are_read_as_by_the_map_that_was_written_by_hand(tm
     fine("data", "map", ARM, file, "--out", tmp_path / "map.toml")
     maps = (tmp_path / "map.toml", file.with_suffix(".toml"))
     [found], [expected] = (read_series(file, arm, own).series for own in maps)
-    for name in ("q", "wrench", "position", "seen"):
+    for name in ("q", "wrench", "position", "is_measured"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     other = tmp_path / "other.csv"
     other.write_text(file.read_text("cp1252").replace("Ziel ", "Kugel_"), "cp1252")
