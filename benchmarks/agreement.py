@@ -96,7 +96,7 @@ def moved(cell: Cell, regression: Regression, weighted_prior: WeightedPrior, tru
     M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
     own = solve_with_prior("psd", regression, weighted_prior).pi
     sharp = squares_by_clarabel(M, r, scaling.block_orders)
-    x = [np.linalg.solve(scaling.L, own), sharp.x[M.shape[1] :]]
+    x = [np.linalg.solve(scaling.L, own), sharp.unknowns[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     estimates = (
         make_estimate(regression, scaling.L @ one, method=METHOD_NAMES["psd"], constraint="none") for one in x

@@ -154,7 +154,7 @@ MIN_SINGULAR_VALUE = 0.05
 There a rotation of one milliradian moves the joints by 20 mrad, more than a degree.
 """
 #: Singular value of J_p over its largest below which the tool counts as unable to move in a direction [1].
-RANK_SHARE = 1e-7
+TRANSLATION_RANK_TOLERANCE = 1e-7
 
 
 def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> Array:
@@ -175,7 +175,7 @@ def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> 
     # position: pseudo-inverse J_p^+ without directions in which the tool cannot move
     U, s, Vt = np.linalg.svd(J[:, :3])
     r = s.shape[1]
-    keep = s > RANK_SHARE * s[:, :1]
+    keep = s > TRANSLATION_RANK_TOLERANCE * s[:, :1]
     inverse = np.where(keep, 1 / np.where(keep, s, 1), 0)
     position = (Vt[:, :r].swapaxes(1, 2) * inverse[:, None]) @ U[:, :, :r].swapaxes(1, 2)
     G = np.zeros((len(J), J.shape[2], 6))

@@ -66,7 +66,7 @@ class ConeProgram:
 class Solution:
     """Hold the solution of a conic program: unknowns, dual variables, cost and its proven lower bound."""
 
-    x: Array  #: The unknowns v, (n,).
+    unknowns: Array  #: The unknowns v, (n,).
     #: Dual variables of every `ConeConstraint`, (rows,) each, then of every PSD block as svec.
     duals: tuple[Array, ...]
     cost: float  #: Cost of the unknowns.
@@ -319,7 +319,7 @@ def run_solver(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution
     ]
     ends = np.cumsum(sizes)[:-1]
     return Solution(
-        x=np.array(result.x),
+        unknowns=np.array(result.x),
         duals=tuple(np.split(np.array(result.z), ends)),
         cost=result.obj_val,
         lower_bound=result.obj_val_dual,

@@ -463,7 +463,7 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
             quadratic_diagonal=np.r_[np.ones(k), np.zeros(n)],
         )
     )
-    return program.to_pi(clip_negative_eigenvalues(s, solution.x[k:]), regression.structure.n_parameters)
+    return program.to_pi(clip_negative_eigenvalues(s, solution.unknowns[k:]), regression.structure.n_parameters)
 
 
 def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
@@ -488,7 +488,7 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
             constraints=norm_constraints(program.R, program.z, program.unexplained),
         )
     )
-    pi = program.to_pi(clip_negative_eigenvalues(s, solution.x[count:]), n)
+    pi = program.to_pi(clip_negative_eigenvalues(s, solution.unknowns[count:]), n)
     z = np.array(solution.duals[:count])
     z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
     return ConicSolution(pi, solution.seconds, solution.failure, normalise_dual(z[:, 1:-1], -z[:, -1]))

@@ -574,7 +574,7 @@ def learn_prior(
     return replace(
         weighted_prior,
         hyperparameter_effect=moves,
-        size_uncertainty=unsure,
+        uncertainty_factors=unsure,
         learnt_scales=_scales(model, h, root @ root.T),
     )
 

@@ -412,12 +412,12 @@ def _noise_and_prior_roots(
     With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
     (M^T M)^-1: the effect of noise on the estimate, and that of an error of the prior. Learnt sizes of these
     errors are uncertain: by the law of total variance their mean squares count, rows of B times
-    `size_uncertainty`. The changes of the estimate with the sizes are further rows.
+    `uncertainty_factors`. The changes of the estimate with the sizes are further rows.
     """
     assert weighted_prior.hyperparameter_effect is not None
-    assert weighted_prior.size_uncertainty is not None
+    assert weighted_prior.uncertainty_factors is not None
     *readings, prior = (
-        row @ back.T for row in [*rows[:-1], weighted_prior.size_uncertainty[:, None] * rows[-1]]
+        row @ back.T for row in [*rows[:-1], weighted_prior.uncertainty_factors[:, None] * rows[-1]]
     )
     noise = np.linalg.qr(np.vstack(readings), mode="r") @ back
     open_ = np.linalg.qr(prior, mode="r") @ back

@@ -284,7 +284,7 @@ class WeightedPrior:
     hyperparameter_effect: Array | None = None
     #: Factor on the uncertainty of every entry of x because the learnt uncertainty is itself uncertain, (n,)
     #: [1]; None where the uncertainty was stated, not learnt.
-    size_uncertainty: Array | None = None
+    uncertainty_factors: Array | None = None
     learnt_scales: tuple[LearntScale, ...] = ()  #: Factors on links and joints that the readings determine.
     #: Logarithm of the density of the readings under this model, up to a constant that all models share [1];
     #: None if it was not requested.

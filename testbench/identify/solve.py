@@ -163,7 +163,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
         return replace(plain, status=why, solver_seconds=solution.seconds)
     # Remove the solver's last digits, then check that the fit did not change by more than rounding.
     pi = free.parameter_units * clip_negative_eigenvalues(
-        regression.structure, free.minimum_norm_solution + free.null_space @ solution.x[1:]
+        regression.structure, free.minimum_norm_solution + free.null_space @ solution.unknowns[1:]
     )
     estimate = make_estimate(regression, pi, method=COMPLETED_METHOD_NAME, constraint="free")
     allowed = EQUAL_FIT_TOLERANCE * plain.f_m + EXACT_FIT_SHARE * f_m(regression, np.zeros(len(pi)))
@@ -347,7 +347,7 @@ def solve_by_reference(
         return PriorSolution(pi, time.perf_counter() - start, "solved", by_our_solver=False)
     solution = solve_by_clarabel(M, r, scaling.block_orders)
     return PriorSolution(
-        scaling.L @ scaling.clip_negative_eigenvalues(solution.x[1:]),
+        scaling.L @ scaling.clip_negative_eigenvalues(solution.unknowns[1:]),
         solution.seconds,
         solution.status,
         by_our_solver=False,

@@ -51,10 +51,10 @@ class Fold:
 
     fitted_groups: Ids  #: Numbers of the groups of runs that are fitted, (k,).
     fitted_equations: GroupedRegression  #: The equations of these groups.
-    held_out: Regression  #: The equations of all other groups.
+    held_out_regression: Regression  #: The equations of all other groups.
 
     @cached_property
-    def fitted(self) -> Regression:
+    def fitted_regression(self) -> Regression:
         """Return the fitted equations of all groups together."""
         return self.fitted_equations.to_regression()
 

@@ -137,7 +137,7 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     )
     estimate = make_estimate(
         regression,
-        scaling.L @ scaling.clip_negative_eigenvalues(solution.x[count:]),
+        scaling.L @ scaling.clip_negative_eigenvalues(solution.unknowns[count:]),
         method="GCO, least trace in the metric",
         constraint="psd",
         advice=(
@@ -179,7 +179,11 @@ def choose_strength(
 
     def error(uncertainty: PriorUncertainty) -> float:
         weighted_prior = WeightedPrior(scaling, uncertainty)
-        return float(np.mean([f_m(fold.held_out, fit(fold.fitted, weighted_prior)) for fold in held]))
+        return float(
+            np.mean(
+                [f_m(fold.held_out_regression, fit(fold.fitted_regression, weighted_prior)) for fold in held]
+            )
+        )
 
     return min(map(PriorUncertainty, UNCERTAINTIES), key=error)
 

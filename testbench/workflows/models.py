@@ -531,7 +531,7 @@ def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
         return fit_model(cell, model, select_runs(runs.data, np.isin(runs.part, fold.fitted_groups))).pi
 
     held = folds(runs.parts[model.structure.name])
-    return np.array([f_m(fold.held_out, fit(fold)) for fold in stepwise(held, "cross-validating")])
+    return np.array([f_m(fold.held_out_regression, fit(fold)) for fold in stepwise(held, "cross-validating")])
 
 
 # --- Priors that are wrong on purpose, and models that are fitted with them ---------------------------------

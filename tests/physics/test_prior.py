@@ -134,16 +134,25 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     names = "run_id pose_id q wrench point before after".split()
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
     folds = shrinkage.every_fold(kr500.vjm, structure, both)
-    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * light.n_runs, 9 * heavy.n_runs]
+    assert [fold.held_out_regression.n_equations for fold in folds[8:]] == [
+        9 * light.n_runs,
+        9 * heavy.n_runs,
+    ]
     turned = np.where(np.arange(heavy.n_runs)[:, None] % 3 == 0, [0, 0, 0, 0, 40.0, 0], 0.0)
     folds = shrinkage.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
     some = -(-heavy.n_runs // 3)
-    assert [fold.held_out.n_equations for fold in folds[8:]] == [9 * (heavy.n_runs - some), 9 * some]
+    assert [fold.held_out_regression.n_equations for fold in folds[8:]] == [
+        9 * (heavy.n_runs - some),
+        9 * some,
+    ]
     own, errors = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure), {}
     folds = shrinkage.every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in shrinkage.UNCERTAINTIES:
-        fits = [solve(fold.fitted, "none", WeightedPrior(own, PriorUncertainty(u))).pi for fold in folds]
-        errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
+        fits = [
+            solve(fold.fitted_regression, "none", WeightedPrior(own, PriorUncertainty(u))).pi
+            for fold in folds
+        ]
+        errors[u] = np.mean([f_m(fold.held_out_regression, pi) for fold, pi in zip(folds, fits, strict=True)])
     chosen = shrinkage.choose_strength(folds, own, lambda *case: solve_with_prior("none", *case).pi)
     assert chosen.relative == min(errors, key=errors.get)
 
@@ -291,7 +300,7 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
     # entries as large as the mean of their squares: what the readings leave of them
     left = rows @ (np.eye(153) - (P[:, None] * A.T) @ np.linalg.solve(S, A))
-    variance += left**2 @ (P * (weighted_prior.size_uncertainty**2 - 1))
+    variance += left**2 @ (P * (weighted_prior.uncertainty_factors**2 - 1))
     variance += np.square(functionals @ weighted_prior.hyperparameter_effect.T).sum(axis=1)
     np.testing.assert_allclose(
         posterior_of_estimate(estimate).standard_deviations(functionals), np.sqrt(variance), rtol=1e-5
@@ -691,10 +700,10 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     ) @ rng.standard_normal((len(values), 20000))
     size = np.exp(seen.evidence.log_deviation_rows[:, :-1] @ draws)  # over that at the best h
     middle = np.quantile(size, 0.84, axis=1)  # one standard deviation above the median
-    np.testing.assert_allclose(weighted_prior.size_uncertainty, np.exp(np.log(middle) ** 2), rtol=0.1)
+    np.testing.assert_allclose(weighted_prior.uncertainty_factors, np.exp(np.log(middle) ** 2), rtol=0.1)
     found = solve(r, "none", weighted_prior)
     B = (
-        weighted_prior.size_uncertainty[:, None]
+        weighted_prior.uncertainty_factors[:, None]
         * prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     )
     A, _ = rows_in_prior_units(r, weighted_prior.scaling)

@@ -127,7 +127,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
 
     def wrongly(program):
         found = sound(program)
-        return replace(found, x=size * found.x)
+        return replace(found, unknowns=size * found.unknowns)
 
     monkeypatch.setattr(interior, "solve_program", wrongly)
     assert not solve_with_prior("psd", regression, weighted_prior).by_our_solver
@@ -154,7 +154,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
     found = nearest(np.r_[cone.svec(A), cone.svec(B)], cone.psd_blocks(1, (4, 3)))
     assert found.status == "solved"
     expected = np.r_[cone.svec(cone.nearest_psd(A)), cone.svec(cone.nearest_psd(B))]
-    np.testing.assert_allclose(found.x[1:], expected, atol=1e-6)
+    np.testing.assert_allclose(found.unknowns[1:], expected, atol=1e-6)
     lost = [np.minimum(np.linalg.eigvalsh(M), 0) for M in (A, B)]
     assert found.cost == pytest.approx(np.linalg.norm(np.concatenate(lost)), rel=1e-8)
     assert found.lower_bound == pytest.approx(found.cost, rel=1e-8)
@@ -162,7 +162,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
     places = np.zeros((6, 4))
     places[[0, 2, 5, 1], [0, 1, 2, 3]] = 1, 1, 1, np.sqrt(2)
     found = nearest(z, (cone.Block(1 + np.arange(4), 3, places),))
-    x = found.x[1:]
+    x = found.unknowns[1:]
     X = np.array([[x[0], x[3], 0], [x[3], x[1], 0], [0, 0, x[2]]])
     assert np.linalg.eigvalsh(X)[0] > -1e-7
     assert x[2] == pytest.approx(3.0, abs=1e-6)
@@ -217,7 +217,7 @@ def best_within(regression, t):
             constraints=(*norms, cone.ConeConstraint("nonnegative", room, np.ones(len(room)))),
         )
     )
-    return program.to_pi(found.x[count:], regression.structure.n_parameters)
+    return program.to_pi(found.unknowns[count:], regression.structure.n_parameters)
 
 
 def refuted(regression, certificate, cost, pi):

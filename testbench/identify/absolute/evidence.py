@@ -264,7 +264,7 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: Pri
     e = certified_solution(M, r, compliance_prior.block_orders)
     if e is None:
         e = compliance_prior.clip_negative_eigenvalues(
-            solve_by_clarabel(M, r, compliance_prior.block_orders).x[1:]
+            solve_by_clarabel(M, r, compliance_prior.block_orders).unknowns[1:]
         )
     # The other unknowns follow.
     step = U[:rigid, rigid:] @ (e - optimum.x[rigid:])
