@@ -463,7 +463,9 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
             quadratic_diagonal=np.r_[np.ones(k), np.zeros(n)],
         )
     )
-    return program.to_pi(clip_negative_eigenvalues(s, solution.unknowns[k:]), regression.structure.n_parameters)
+    return program.to_pi(
+        clip_negative_eigenvalues(s, solution.unknowns[k:]), regression.structure.n_parameters
+    )
 
 
 def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:

@@ -482,7 +482,7 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     first, across = own.unknowns.first_columns["geometry"], replace(own, L=np.eye(own.unknowns.size))
     on = np.r_[:first, first + model.uncertain_columns]
     P = np.eye(len(on)) / absolute.FRAME_DEVIATION**2
-    P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
+    P[first:, first:] = np.linalg.inv(model.posterior.covariance_root.T @ model.posterior.covariance_root)
     P += absolute.position_information(own, q)[np.ix_(on, on)]
     A = absolute.position_rows(across, places[-20:])[:, :, on].reshape(-1, len(on))
     error = np.sqrt(3 * np.einsum("ki,ik->k", A, np.linalg.solve(P, A.T)).mean())

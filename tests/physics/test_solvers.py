@@ -127,7 +127,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
 
     def wrongly(program):
         found = sound(program)
-        return replace(found, unknowns=size * found.unknowns)
+        return replace(found, x=size * found.x)
 
     monkeypatch.setattr(interior, "solve_program", wrongly)
     assert not solve_with_prior("psd", regression, weighted_prior).by_our_solver
