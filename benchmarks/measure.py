@@ -13,7 +13,7 @@ import numpy.typing as npt
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array
 from testbench.model.vjm import Vjm, WorkArea, random_poses
-from testbench.plant.site import find_collisions
+from testbench.plant.rigid_cell import find_collisions
 from testbench.workflows.cell import Cell
 
 MODELS = Path(__file__).resolve().parents[1] / "models"

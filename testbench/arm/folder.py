@@ -199,41 +199,40 @@ class JointMap:
         moved[..., others] = at[..., others]
         return moved
 
-    def followed_joint(self, joint: int) -> tuple[int, float, float] | None:
+    def followed_joint(self, joint_index: int) -> tuple[int, float, float] | None:
         """Find the free chain joint j that a dependent chain joint follows, q_joint = c q_j + offset.
 
         Args:
-            joint: Index of the dependent chain joint, from 0.
+            joint_index: Index of the dependent chain joint, from 0.
 
         Returns:
             Index j, multiplier c [1] and offset [rad, m]; None if the joint is free, or follows none or
             several joints.
         """
-        drivers = np.flatnonzero(self.dependence_matrix[joint])
-        if joint in self.free_joints or len(drivers) != 1:
+        drivers = np.flatnonzero(self.dependence_matrix[joint_index])
+        if joint_index in self.free_joints or len(drivers) != 1:
             return None
-        j, c = int(drivers[0]), float(self.dependence_matrix[joint, drivers[0]])
-        return j, c, float(self.q_0[joint] - c * self.q_0[j])
+        j, c = int(drivers[0]), float(self.dependence_matrix[joint_index, drivers[0]])
+        return j, c, float(self.q_0[joint_index] - c * self.q_0[j])
 
-    def joint_formula(self, joint: int) -> str:
+    def joint_formula(self, joint_index: int) -> str:
         """Write a chain joint as a sum of file joints, for people, such as "joint_3 - joint_2 + 90 deg".
 
         Args:
-            joint: Index of the chain joint, from 0.
+            joint_index: Index of the chain joint, from 0.
 
         Returns:
             The sum, with the offset in degrees or millimetres.
         """
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
-            for name, c in zip(self.file_joint_names, self.L[joint].tolist(), strict=True)
+            for name, c in zip(self.file_joint_names, self.L[joint_index].tolist(), strict=True)
             if c
         ]
-        if self.q_0[joint]:
-            size = 1e3 * self.q_0[joint] if self.chain_prismatic[joint] else np.degrees(self.q_0[joint])
-            terms.append(
-                f"{'-' if size < 0 else '+'} {abs(size):.6g} {'mm' if self.chain_prismatic[joint] else 'deg'}"
-            )
+        if offset := self.q_0[joint_index]:
+            slides = self.chain_prismatic[joint_index]
+            size = 1e3 * offset if slides else np.degrees(offset)
+            terms.append(f"{'-' if size < 0 else '+'} {abs(size):.6g} {'mm' if slides else 'deg'}")
         text = " ".join(terms).removeprefix("+ ") or "0"
         return f"-{text[2:]}" if text.startswith("- ") else text
 

@@ -14,7 +14,7 @@ from testbench.data.dataset import Series
 from testbench.errors import BenchError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
-from testbench.plant.site import check_station_position
+from testbench.plant.rigid_cell import check_station_position
 from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
 from testbench.runs.rows import trial_rng

@@ -40,7 +40,7 @@ from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_it
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, rotation_vectors_between, tool_pose_and_jacobian
-from testbench.plant.site import Site, find_collisions
+from testbench.plant.rigid_cell import RigidCell, find_collisions
 
 # --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
 
@@ -474,7 +474,7 @@ def compensate(
     q: Array,
     loads: Sequence[Load],
     aim: Aim | None = None,
-    site: Site | None = None,
+    site: RigidCell | None = None,
 ) -> Compensated:
     """Correct a program: find joints that bring the loaded tool to the programmed poses, within the limits.
 
@@ -560,7 +560,7 @@ def solve_within_limits(
 
 
 def _refused(
-    arm: Arm, corrected: InverseStaticsSolution, q: Array, site: Site | None
+    arm: Arm, corrected: InverseStaticsSolution, q: Array, site: RigidCell | None
 ) -> list[Refusal | None]:
     """Find why a point is not corrected: reach, equilibrium, a limit, or a new collision; None if it is."""
     lower, upper = arm.limits

@@ -53,7 +53,7 @@ class NominalDeflections:
     x_1: Array  #: Under the load, (n, runs) [rad, m].
     #: Width of the friction loop over its half width: 1 after a load was put on, 2 after it was also taken
     #: off; one number or (runs,) [1].
-    loop_half_widths: Array | float = 1.0
+    loop_width_factor: Array | float = 1.0
 
 
 class JointLaw(Protocol):
@@ -201,7 +201,7 @@ class Friction:
         Returns:
             Deflection per unit of size, (n, runs) [rad, m].
         """
-        width = nominal.loop_half_widths * UNIT_FRICTION_RAD
+        width = nominal.loop_width_factor * UNIT_FRICTION_RAD
         return np.asarray(-width * np.clip((nominal.x_1 - nominal.x_0) / width, -1, 1))
 
     def slope(self, nominal: NominalDeflections) -> Array:
@@ -214,7 +214,7 @@ class Friction:
             Slope per unit of size, (n, runs) [1].
         """
         return np.asarray(
-            -1.0 * (np.abs(nominal.x_1 - nominal.x_0) < nominal.loop_half_widths * UNIT_FRICTION_RAD)
+            -1.0 * (np.abs(nominal.x_1 - nominal.x_0) < nominal.loop_width_factor * UNIT_FRICTION_RAD)
         )
 
 
@@ -281,7 +281,7 @@ class JointLaws:
     compensator: Compensator | None  #: Spring from link 1 to link 2; None where there is none.
     laws_by_kind: Mapping[str, JointLaw]  #: Laws of every joint by kind.
     #: Width of the friction loop over its half width, one or (runs,) [1].
-    loop_half_widths: Array | float = 1.0
+    loop_width_factor: Array | float = 1.0
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -328,7 +328,7 @@ class JointLaws:
     def _nominal_deflections(self, chain: ChainState, u: Array) -> NominalDeflections:
         """Compute the nominal deflections of all joints before and under the load."""
         c, before = self.joint_compliances[:, None], self.torques_before_load(chain)
-        return NominalDeflections(c * before, c * (before + u), self.loop_half_widths)
+        return NominalDeflections(c * before, c * (before + u), self.loop_width_factor)
 
     def torques_before_load(self, chain: ChainState) -> Array:
         """Compute the torques tau_0 at the actuated joints before a load is put on the arm.
@@ -466,7 +466,7 @@ def set_load_history(vjm: Vjm, unloaded_after_load: Mask | None, runs: Ids | sli
         return vjm
     return replace(
         vjm,
-        joint_laws=replace(vjm.joint_laws, loop_half_widths=np.where(unloaded_after_load[runs], 2.0, 1.0)),
+        joint_laws=replace(vjm.joint_laws, loop_width_factor=np.where(unloaded_after_load[runs], 2.0, 1.0)),
     )
 
 

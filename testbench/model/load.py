@@ -108,11 +108,11 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
     return Load(wrench, np.broadcast_to(vjm.load_point, (*np.shape(mass), 3)))
 
 
-def resultant_wrench(rotation: Array, loads: Sequence[Load]) -> Array:
+def resultant_wrench(tool_rotation: Array, loads: Sequence[Load]) -> Array:
     """Sum all loads to one wrench, its moment about the tool's origin.
 
     Args:
-        rotation: Orientation of the tool, world from tool, (poses, 3, 3) [1].
+        tool_rotation: Orientation of the tool, world from tool, (poses, 3, 3) [1].
         loads: Loads that act together, each the same in all poses or with one row per pose.
 
     Returns:
@@ -121,10 +121,10 @@ def resultant_wrench(rotation: Array, loads: Sequence[Load]) -> Array:
     Raises:
         BenchError: When a load has rows for another number of poses.
     """
-    total = np.zeros((len(rotation), 6))
+    total = np.zeros((len(tool_rotation), 6))
     for load in loads:
         expanded = load.for_poses(len(total))
-        lever = np.matvec(rotation, expanded.point)
+        lever = np.matvec(tool_rotation, expanded.point)
         total[:, :3] += expanded.wrench[:, :3]
         total[:, 3:] += expanded.wrench[:, 3:] + np.cross(lever, expanded.wrench[:, :3])
     return total

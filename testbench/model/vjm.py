@@ -285,17 +285,17 @@ def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     return transform_tool_points(tool_poses(vjm, q), points)
 
 
-def transform_tool_points(pose: tuple[Array, Array], points: Array) -> Array:
+def transform_tool_points(tool_pose: tuple[Array, Array], points: Array) -> Array:
     """Compute world positions of points of the tool from the tool's poses.
 
     Args:
-        pose: Tool positions, world, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3) [1].
+        tool_pose: Tool positions, world, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3) [1].
         points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
         Points in the world, (runs, k, 3) [m].
     """
-    position, rotation = pose
+    position, rotation = tool_pose
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 

@@ -373,7 +373,7 @@ class PoseDependence:
     Every link has its own s between -1 and 1, s = sin(phase_per_joint q + phase).
     """
 
-    log_change: Array  #: Log of the factor at s = 1, for every axis of every link, (links, 6) [1].
+    log_compliance_change: Array  #: Log of the factor at s = 1, for every axis of every link, (links, 6) [1].
     phase_per_joint: Array  #: Change of the sine's phase per unit of every joint, (links, n) [1, rad/m].
     phase: Array  #: Phase of every link's sine at q = 0, (links,) [rad].
 
@@ -389,7 +389,7 @@ class PoseDependence:
             Square roots, (poses, 6 links) [1].
         """
         s = np.sin((q[:, None, :] * self.phase_per_joint).sum(axis=2) + self.phase)
-        return np.asarray(np.exp(s[..., None] * self.log_change / 2).reshape(len(q), -1))
+        return np.asarray(np.exp(s[..., None] * self.log_compliance_change / 2).reshape(len(q), -1))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
-from testbench.plant.site import VISUAL_GROUPS, Site
+from testbench.plant.rigid_cell import VISUAL_GROUPS, RigidCell
 
 if TYPE_CHECKING:  # it takes long to import, and few commands draw
     from scipy.spatial import ConvexHull
@@ -83,33 +83,33 @@ def select_frames(frames: BodyFrames, pose_indices: Ids) -> BodyFrames:
     return BodyFrames(frames.positions[pose_indices], frames.rotations[pose_indices])
 
 
-def body_origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
+def body_origins(rigid_cell: RigidCell, names: Sequence[str], frames: BodyFrames) -> Array:
     """Return the world positions of the origins of named bodies.
 
     Args:
-        site: The rigid cell, for the order of its bodies.
+        rigid_cell: The rigid cell, for the order of its bodies.
         names: Names of the bodies, k of them.
         frames: Frames of all bodies.
 
     Returns:
         Origins, world, (runs, k, 3) [m].
     """
-    return np.asarray(frames.positions[:, [site.body_names.index(name) for name in names]])
+    return np.asarray(frames.positions[:, [rigid_cell.body_names.index(name) for name in names]])
 
 
-def mjcf_visual_shapes(site: Site) -> list[Shape]:
+def mjcf_visual_shapes(rigid_cell: RigidCell) -> list[Shape]:
     """List the visual geoms of the rigid MJCF; the list is empty if it has none."""
-    return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
+    return _shapes(rigid_cell.model, rigid_cell.model.geom_group < VISUAL_GROUPS)
 
 
-def visual_shapes(site: Site) -> list[Shape]:
+def visual_shapes(rigid_cell: RigidCell) -> list[Shape]:
     """List the visual geoms of the rigid MJCF, or sticks from body to body if it has none."""
-    return mjcf_visual_shapes(site) or _sticks(site.model)
+    return mjcf_visual_shapes(rigid_cell) or _sticks(rigid_cell.model)
 
 
-def collision_shapes(site: Site) -> list[Shape]:
+def collision_shapes(rigid_cell: RigidCell) -> list[Shape]:
     """List the geoms of the rigid MJCF that take part in collisions."""
-    return _shapes(site.model, site.model.geom_contype != 0)
+    return _shapes(rigid_cell.model, rigid_cell.model.geom_contype != 0)
 
 
 def _shapes(model: mujoco.MjModel, wanted: Mask) -> list[Shape]:
@@ -253,11 +253,11 @@ def quaternions_from_rotations(rotations: Array) -> Array:
     return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
-def rigid_frames(site: Site, q: Array) -> BodyFrames:
+def rigid_frames(rigid_cell: RigidCell, q: Array) -> BodyFrames:
     """Compute the frames of all bodies of the rigid arm in some poses.
 
     Args:
-        site: The rigid cell.
+        rigid_cell: The rigid cell.
         q: Actuated joints, (runs, n) [rad, m].
 
     Returns:
@@ -266,8 +266,8 @@ def rigid_frames(site: Site, q: Array) -> BodyFrames:
     Raises:
         BenchError: When q has another shape or is not finite.
     """
-    q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
-    return _frames(site.model, site.joint_addresses, q, np.arange(site.model.nbody))
+    q = check_array(q, (None, rigid_cell.arm.n_joints), "q [rad, m]")
+    return _frames(rigid_cell.model, rigid_cell.joint_addresses, q, np.arange(rigid_cell.model.nbody))
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:

@@ -3,7 +3,7 @@
 An isotropic instrument has equal noise along every axis, as in the paper. A laser tracker measures a range,
 accurate to microns, and two angles, accurate to microns per metre. The covariance of its readings therefore
 depends on the target's position. Whether a target is visible depends on distance, elevation and incidence;
-`testbench.plant.site` tests obstacles.
+`testbench.plant.rigid_cell` tests obstacles.
 
 Gauges and distance meters read one coordinate of a marker's motion. Their readings follow from the
 equilibria of the arm, unloaded and loaded. A gauge stands on the floor, and its tip touches a plane face of
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array, BenchError, Ids, Mask, check_least
-from testbench.plant.site import check_station_position
+from testbench.plant.rigid_cell import check_station_position
 
 # --- Measuring instruments: noise of readings, and the targets that a tracker can see -----------------------
 

@@ -58,7 +58,7 @@ JOINT_LOG_DEVIATION = 0.5
 """Standard deviation of the log of a joint's compliance over the folder's, for the kind "joints" [1]."""
 JOINT_FACTOR_RANGE = 0.3, 3.0
 """Range of a joint's compliance over the folder's, for the kind "far_joints" [1]."""
-STIFFER_FACTORS = 3, 10, 30, 100, 300
+STIFFNESS_FACTORS = 3, 10, 30, 100, 300
 """Factors by which all links are stiffer, so that the joints dominate [1]."""
 BEARING_RADIUS, BEARING_TILTS = 0.15, (0.1, 1.0)
 """Radius of a bearing [m], and range of its tilt compliance over the compliance of the folder's joint [1]."""
@@ -202,7 +202,7 @@ def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
     return _scaled_links(drawn, factors)
 
 
-def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
+def with_random_couplings(C: Array, rng: np.random.Generator) -> Array:
     """Replace the off-diagonal entries of a compliance, by a random correlation matrix.
 
     The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
@@ -223,7 +223,7 @@ def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
 
 def _coupled_links(arm: Arm, rng: np.random.Generator) -> Arm:
     def couple(link: Link) -> Link:
-        C = couple_compliance(link.compliance, rng)
+        C = with_random_couplings(link.compliance, rng)
         return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
 
     return replace(arm, links=tuple(couple(link) for link in arm.links))
@@ -306,7 +306,7 @@ _SPRINGS: Mapping[str, DrawSprings] = {
     "slipping": _slipping,
 }
 HELD_OUT_TRUE_ARMS: Mapping[str, TrueArm] = {
-    **{f"stiffer_{n}": TrueArm(partial(_stiffer_links, n)) for n in STIFFER_FACTORS},
+    **{f"stiffer_{n}": TrueArm(partial(_stiffer_links, n)) for n in STIFFNESS_FACTORS},
     "soft_link": TrueArm(_soft_link),
     "coupled": TrueArm(_coupled_links),
     "far_joints": TrueArm(_far_joints),

@@ -39,8 +39,8 @@ from testbench.model.structure import all153
 from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL_DISTURBANCES
 from testbench.plant.equilibrium import ArmEquilibrium, solve_equilibrium, solve_unloaded_and_loaded
+from testbench.plant.rigid_cell import Payload
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.plant.true_arms import (
     FAMILY_DESCRIPTIONS,

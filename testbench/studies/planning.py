@@ -27,7 +27,7 @@ from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.model.laws import remove_law_parameters
 from testbench.model.load import weight
 from testbench.model.vjm import WorkArea, evaluate_chain
-from testbench.plant.site import Payload
+from testbench.plant.rigid_cell import Payload
 from testbench.plant.tracker import Station
 from testbench.plant.true_arms import FAMILY_NAME, FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import of_rivals

@@ -91,7 +91,7 @@ def tool_sag(cell: Cell) -> ToolSag:
 
 def work_area(cell: Cell) -> Array:
     """Draw poses over the joint limits, clear of collision where shapes can tell, (poses, n) [rad, m]."""
-    from testbench.plant.site import find_collisions
+    from testbench.plant.rigid_cell import find_collisions
 
     lower, upper = cell.arm.limits
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does
     from testbench.identify.estimate import Estimate
     from testbench.identify.posterior import ArmModel, ModelSource
     from testbench.plant.build import Plant
-    from testbench.plant.site import Site
+    from testbench.plant.rigid_cell import RigidCell
 
 AGREEMENT, POSES = 1e-9, 8
 """Distance between two readings of an arm [m] over one metre plus that from the origin; poses compared."""
@@ -48,11 +48,11 @@ class Cell(Displayed):
         return self.truth or build_plant(self.arm)
 
     @cached_property
-    def room(self) -> "Site":
+    def room(self) -> "RigidCell":
         """Return the arm's surroundings, for collisions."""
-        from testbench.plant.site import build_site
+        from testbench.plant.rigid_cell import build_rigid_cell
 
-        return build_site(self.arm, floor_height=self.floor)
+        return build_rigid_cell(self.arm, floor_height=self.floor)
 
     def model(self, found: "Estimate | ModelSource") -> "ArmModel":
         """Make the model of this arm that `predict`, `compensate`, `stiffness` and `save_model` take.
@@ -145,7 +145,7 @@ def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Ge
     Returns:
         Actuated joints, (count, n) [rad, m].
     """
-    from testbench.plant.site import find_collisions
+    from testbench.plant.rigid_cell import find_collisions
 
     def clear(q: Array) -> Mask:
         return np.array([pair is None for pair in find_collisions(cell.room, q)], dtype=bool)

@@ -304,7 +304,7 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
     Raises:
         BenchError: When fewer are found.
     """
-    from testbench.plant.site import find_collisions  # here: few commands need it
+    from testbench.plant.rigid_cell import find_collisions  # here: few commands need it
 
     assert isinstance(own.instrument, PlaneProbe)
     assert own.fixed is not None

@@ -59,7 +59,7 @@ from testbench.identify.registration import MIN_REGISTRATION_POSES, Frame
 from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.vjm import Vjm, marker_positions, tool_points
-from testbench.plant.site import build_site, find_contacts
+from testbench.plant.rigid_cell import build_rigid_cell, find_contacts
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
@@ -289,7 +289,7 @@ def build_path_check(cell: Cell, station: Station | None) -> Callable[[Array, Ar
     Returns:
         A function that tells whether the way between two poses is clear.
     """
-    site = build_site(cell.arm, None, None if station is None else station.position, cell.floor)
+    site = build_rigid_cell(cell.arm, None, None if station is None else station.position, cell.floor)
     step = np.array([SLIDE_STEP if joint.prismatic else STEP for joint in cell.arm.joints])
 
     def clear(start: Array, end: Array) -> bool:

@@ -21,11 +21,11 @@ from testbench.files.mapping import read_map
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, WorkArea, evaluate_chain, in_work_area
-from testbench.plant.site import (
+from testbench.plant.rigid_cell import (
     ContactCategory,
     Payload,
-    Site,
-    build_site,
+    RigidCell,
+    build_rigid_cell,
     find_contacts,
     find_hidden_markers,
 )
@@ -161,7 +161,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
         InputError: Names line, joint or bodies, and what was expected.
     """
     from testbench.design.rows import Tasks  # here: only plans have tasks
-    from testbench.plant.site import find_collisions
+    from testbench.plant.rigid_cell import find_collisions
 
     names = read_map(mapping, cell.arm)
     table = read_table(path, names.knows, names.map.file)
@@ -209,7 +209,7 @@ def given_poses(
         BenchError: When both or none are given, or the runs are too many.
     """
     from testbench.files.program import read_poses  # here: plans read none
-    from testbench.plant.site import check_poses
+    from testbench.plant.rigid_cell import check_poses
 
     if (file is None) == (poses is None):
         raise BenchError("poses: expected either a file of poses or --poses NUMBER")
@@ -330,7 +330,7 @@ class Checks:
     """Hold the conditions of a pose, with the model and the collision shapes that check them."""
 
     vjm: Vjm  #: The model, for its nominal kinematics.
-    site: Site  #: Arm, payload and tracker as shapes.
+    site: RigidCell  #: Arm, payload and tracker as shapes.
     conditions: PoseConditions  #: What is asked.
 
 
@@ -355,7 +355,7 @@ def build_checks(cell: Cell, conditions: PoseConditions) -> Checks:
     """
     station = conditions.station
     place = None if station is None else station.position
-    site = build_site(cell.arm, conditions.payload, place, cell.floor)
+    site = build_rigid_cell(cell.arm, conditions.payload, place, cell.floor)
     return Checks(cell.vjm, site, conditions)
 
 

@@ -31,7 +31,7 @@ from testbench.errors import Array, Ids
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, tool_poses
-from testbench.plant.site import has_surroundings
+from testbench.plant.rigid_cell import has_surroundings
 from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at, rms
 from testbench.workflows.plan import AbsolutePlanned, Planned, scale_forecast, undetermined_by

@@ -16,7 +16,7 @@ from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.prior import UNCERTAINTY_RANGE
 from testbench.model.structure import Structure
 from testbench.model.vjm import WorkArea
-from testbench.plant.site import Payload
+from testbench.plant.rigid_cell import Payload
 from testbench.plant.tracker import Station
 from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
 from testbench.workflows.cell import Cell

@@ -49,7 +49,7 @@ from testbench.files.write import write_program
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.vjm import WorkArea, tool_poses
-from testbench.plant.site import Site
+from testbench.plant.rigid_cell import RigidCell
 from testbench.runs.rows import trial_rng
 from testbench.runs.whole import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
@@ -90,7 +90,7 @@ class CorrectedProgram:
 
 
 def correct_program(
-    model: ArmModel, program: Program, aim: Aim, room: Site | None = None, *, start: Array | None = None
+    model: ArmModel, program: Program, aim: Aim, room: RigidCell | None = None, *, start: Array | None = None
 ) -> CorrectedProgram:
     """Correct a program, in a room where collisions are to be checked.
 

@@ -17,7 +17,7 @@ from testbench.arm.folder import load_arm
 from testbench.files.robot.chain import read_chain
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_poses
-from testbench.plant.site import build_site, find_collisions
+from testbench.plant.rigid_cell import build_rigid_cell, find_collisions
 from testbench.workflows.arm_check import check
 from testbench.workflows.new_arm import sentence
 
@@ -132,7 +132,7 @@ def test_rods_hinder_no_pose_of_a_robot_that_states_no_collision_shapes(tmp_path
     for file in files:
         file.write_text(re.sub("<collision>.*?</collision>", "", file.read_text(), flags=re.DOTALL))
         fine("new", tmp_path / file.stem, "--from", file, "--payload-kg", 300)
-        rooms.append(build_site(load_arm(tmp_path / file.stem)))
+        rooms.append(build_rigid_cell(load_arm(tmp_path / file.stem)))
     lower, upper = rooms[0].arm.limits
     q = np.random.default_rng(0).uniform(lower, upper, (50, 6))
     mine, bare = (find_collisions(room, q) for room in rooms)

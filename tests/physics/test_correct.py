@@ -33,7 +33,7 @@ from testbench.model.load import massless_bodies, read_body_masses, resultant_wr
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.plant.site import find_collisions
+from testbench.plant.rigid_cell import find_collisions
 from testbench.workflows.program import extrapolation_warnings
 
 POSES = 60  #: Drawn all over the limits.

@@ -42,7 +42,7 @@ from testbench.identify.prior import (
 )
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import WorkArea, marker_positions, random_poses, tool_points
-from testbench.plant.site import find_collisions
+from testbench.plant.rigid_cell import find_collisions
 from testbench.plant.tracker import Gauge
 from testbench.runs.rows import trial_rng
 from testbench.workflows import predicted_error

@@ -325,7 +325,10 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
     together = solve_equilibrium(plant, q, wrench, point), solve_linear_equilibrium(plant, q, wrench, point)
     for pose in range(3):
         s = np.sin(follows.phase_per_joint @ q[pose] + follows.phase)
-        roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.log_change, strict=True)]
+        roots = [
+            np.diag(np.exp(own * share / 2))
+            for own, share in zip(s, follows.log_compliance_change, strict=True)
+        ]
         scaled = [
             replace(link, compliance=D @ link.compliance @ D)
             for link, D in zip(kr500.arm.links, roots, strict=True)

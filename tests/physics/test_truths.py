@@ -210,7 +210,7 @@ def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):
 def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_matrices():
     """An entry of a uniform correlation matrix of order n is Beta(n/2, n/2) on -1 to 1, variance 1/(n+1)."""
     rng = np.random.default_rng(4)
-    found = np.array([true_arms.couple_compliance(TUBE, rng) for _ in range(2000)])
+    found = np.array([true_arms.with_random_couplings(TUBE, rng) for _ in range(2000)])
     scale = np.sqrt(np.diag(TUBE))
     R = found / np.outer(scale, scale)
     np.testing.assert_allclose(R[:, range(6), range(6)], 1, rtol=1e-12)

@@ -15,7 +15,7 @@ from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
 from testbench.identify.method import least_squares
 from testbench.model.vjm import evaluate_chain
-from testbench.plant.site import find_collisions
+from testbench.plant.rigid_cell import find_collisions
 from testbench.plant.tracker import Station
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import MODELS

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.vjm import WorkArea
+from testbench.plant.rigid_cell import Payload, find_contacts, find_hidden_markers
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import Payload, find_contacts, find_hidden_markers
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, find_out_of_view
 from testbench.workflows.plan_input import (
     ADVICE,

@@ -14,7 +14,7 @@ from testbench.errors import InputError
 from testbench.files.program import read_program, unread_columns
 from testbench.files.write import write_program
 from testbench.model.vjm import tool_poses
-from testbench.plant.site import find_collisions
+from testbench.plant.rigid_cell import find_collisions
 
 ROOT = Path(__file__).parents[2]
 

@@ -35,6 +35,7 @@ from testbench.files.robot.robot import (
     substitute_limits,
 )
 from testbench.plant.build import COMPILE_ERRORS, MAX_HULL_CORNERS
+from testbench.plant.rigid_cell import VISUAL_GROUPS, body_name
 from testbench.plant.shapes import (
     GEOM_KINDS,
     convex_hull,
@@ -43,7 +44,6 @@ from testbench.plant.shapes import (
     geom_rgba,
     rotation_from_quaternion,
 )
-from testbench.plant.site import VISUAL_GROUPS, body_name
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()

@@ -39,6 +39,7 @@ from testbench.files.robot.robot import (
     visible_shapes,
 )
 from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
+from testbench.plant.rigid_cell import compute_contacts
 from testbench.plant.shapes import (
     PLAUSIBLE_DENSITY,
     Faces,
@@ -47,7 +48,6 @@ from testbench.plant.shapes import (
     convex_hull_vertices,
     decimate,
 )
-from testbench.plant.site import compute_contacts
 from testbench.runs.whole import whole_files
 
 # --- Writer of an imported robot's rigid.xml in the strict dialect, and of its meshes -----------------------

@@ -104,7 +104,7 @@ TARGET_RADIUS = 0.06
 COLLISION_XML = " ".join(f'{key}="{value}"' for key, value in COLLISION_ATTRIBUTES.items())
 """`COLLISION_ATTRIBUTES` as text of an XML element."""
 RAY_GROUPS = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
-"""Geom groups that block a ray, 1 or 0 for each of MuJoCo's six: in `Site.ray_model` opaque geoms are in
+"""Geom groups that block a ray, 1 or 0 for each of MuJoCo's six: in `RigidCell.ray_model` opaque geoms are in
 group 0, all others in group 5."""
 
 
@@ -152,7 +152,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Site:
+class RigidCell:
     """Hold the MuJoCo model of a rigid cell: the arm, its room, the payload and the tracker."""
 
     arm: Arm  #: Description of the arm.
@@ -192,12 +192,12 @@ def check_station_position(position: object) -> Array:
     return where
 
 
-def build_site(
+def build_rigid_cell(
     arm: Arm,
     payload: Payload | None = None,
     tracker_position: tuple[float, float, float] | None = None,
     floor_height: float | None = None,
-) -> Site:
+) -> RigidCell:
     """Build the rigid MuJoCo model of an arm, alone or with its payload and its tracker.
 
     Args:
@@ -227,7 +227,7 @@ def build_site(
     _check_head(model, part, where)
     slides = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == _body(model, weight))
     markers = np.array([model.body(name).id for name in arm.markers])
-    return Site(
+    return RigidCell(
         arm=arm,
         payload=payload,
         tracker_position=where,
@@ -330,25 +330,25 @@ def _facing(model: mujoco.MjModel, tool: int, markers: Ids) -> Array:
     return np.asarray(data.xmat[markers].reshape(-1, 3, 3)[:, :, 2] @ data.xmat[tool].reshape(3, 3))
 
 
-def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
+def _poses(rigid_cell: RigidCell, q: Array) -> Iterator[mujoco.MjData]:
     """Set the cell to every pose, with the payload straight below the load point; the data are one object."""
-    q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
-    model, data = site.model, site.data
-    qpos, load = data.qpos, data.xpos[site.load_point_body]
+    q = check_array(q, (None, rigid_cell.arm.n_joints), "q [rad, m]")
+    model, data = rigid_cell.model, rigid_cell.data
+    qpos, load = data.qpos, data.xpos[rigid_cell.load_point_body]
     for pose in q:
-        qpos[site.joint_addresses] = pose
+        qpos[rigid_cell.joint_addresses] = pose
         mujoco.mj_kinematics(model, data)
-        if site.payload is not None:
-            qpos[site.payload_addresses] = load
+        if rigid_cell.payload is not None:
+            qpos[rigid_cell.payload_addresses] = load
             mujoco.mj_kinematics(model, data)
         yield data
 
 
-def find_contacts(site: Site, q: Array) -> list[Contact | None]:
+def find_contacts(rigid_cell: RigidCell, q: Array) -> list[Contact | None]:
     """Find a contact of the arm or its payload in every pose.
 
     Args:
-        site: The rigid cell.
+        rigid_cell: The rigid cell.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -359,26 +359,26 @@ def find_contacts(site: Site, q: Array) -> list[Contact | None]:
     """
     first_contacts: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
-    for data in _poses(site, q):
-        compute_contacts(site.arm.mjcf_path, site.model, data)
+    for data in _poses(rigid_cell, q):
+        compute_contacts(rigid_cell.arm.mjcf_path, rigid_cell.model, data)
         first_contacts.append(None)
         geoms.append(data.contact.geom.copy())
         depths.append(data.contact.dist.copy())
     pose = np.repeat(np.arange(len(first_contacts)), [len(depth) for depth in depths[1:]])
     pairs = np.concatenate(geoms)
-    for k in _touching(site, pose, pairs, np.concatenate(depths)):
-        pair = sorted(pairs[k], key=lambda g: site.geom_categories[g])
-        first, second = (site.body_names[site.model.geom_bodyid[g]] for g in pair)
+    for k in _touching(rigid_cell, pose, pairs, np.concatenate(depths)):
+        pair = sorted(pairs[k], key=lambda g: rigid_cell.geom_categories[g])
+        first, second = (rigid_cell.body_names[rigid_cell.model.geom_bodyid[g]] for g in pair)
         first_contacts[pose[k]] = Contact(
-            CONTACT_CATEGORIES[site.geom_categories[pair].max()], (first, second)
+            CONTACT_CATEGORIES[rigid_cell.geom_categories[pair].max()], (first, second)
         )
     return first_contacts
 
 
-def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
+def _touching(rigid_cell: RigidCell, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     """Select the first contact of every pose by the order of `CONTACT_CATEGORIES`, if it is close enough."""
-    clearance = 0.0 if site.payload is None else site.payload.clearance
-    kind = site.geom_categories[pairs].max(axis=1)
+    clearance = 0.0 if rigid_cell.payload is None else rigid_cell.payload.clearance
+    kind = rigid_cell.geom_categories[pairs].max(axis=1)
     # geoms of a user's MJCF may have margins
     near = np.where(kind == CONTACT_CATEGORIES.index("payload"), clearance, 0.0)
     touching = np.flatnonzero(distance < near)
@@ -386,57 +386,57 @@ def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
 
 
-def find_collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
+def find_collisions(rigid_cell: RigidCell, q: Array) -> list[tuple[str, str] | None]:
     """Find two bodies that touch in every pose.
 
     Args:
-        site: The rigid cell.
+        rigid_cell: The rigid cell.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
         Per pose the names of the bodies of its first contact; None if there is no contact.
     """
-    return [contact.bodies if contact else None for contact in find_contacts(site, q)]
+    return [contact.bodies if contact else None for contact in find_contacts(rigid_cell, q)]
 
 
-def check_poses(site: Site, q: Array) -> None:
+def check_poses(rigid_cell: RigidCell, q: Array) -> None:
     """Check that all poses are within the joint limits and free of collisions.
 
     Args:
-        site: The rigid cell.
+        rigid_cell: The rigid cell.
         q: Actuated joints, (poses, n) [rad, m].
 
     Raises:
         PoseError: At the first pose that is not; the message names the limit or the colliding bodies.
     """
-    q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
-    lower, upper = site.arm.limits
+    q = check_array(q, (None, rigid_cell.arm.n_joints), "q [rad, m]")
+    lower, upper = rigid_cell.arm.limits
     for i, k in np.argwhere((q < lower) | (q > upper)):
-        joint = site.arm.joints[k]
+        joint = rigid_cell.arm.joints[k]
         limits = f"{joint.lower:.4f} to {joint.upper:.4f}"
         raise PoseError(f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} {joint.unit}, expected {limits}")
-    for i, pair in enumerate(find_collisions(site, q)):
+    for i, pair in enumerate(find_collisions(rigid_cell, q)):
         if pair:
             raise PoseError(
-                f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {site.arm.pose_text(q[i])}"
+                f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {rigid_cell.arm.pose_text(q[i])}"
             )
 
 
-def has_surroundings(site: Site) -> bool:
+def has_surroundings(rigid_cell: RigidCell) -> bool:
     """Tell whether the world has geoms that can collide with the arm, such as a floor or a wall."""
-    model = site.model
+    model = rigid_cell.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     return bool((collides & (model.geom_bodyid == 0)).any())
 
 
-def find_hidden_markers(site: Site, q: Array) -> list[tuple[str, str] | None]:
+def find_hidden_markers(rigid_cell: RigidCell, q: Array) -> list[tuple[str, str] | None]:
     """Find the first marker of every pose whose line of sight from the tracker is blocked.
 
     The marker's own body does not block it, nor does anything nearer to the marker than `TARGET_RADIUS`.
     Another marker, the load point's shackle and the payload do.
 
     Args:
-        site: The rigid cell, with a tracker.
+        rigid_cell: The rigid cell, with a tracker.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -445,22 +445,30 @@ def find_hidden_markers(site: Site, q: Array) -> list[tuple[str, str] | None]:
     Raises:
         BenchError: When the cell has no tracker.
     """
-    if site.tracker_position is None:
-        raise BenchError("line of sight: expected a site with a station, got one without")
-    return [_first_hidden(site, site.tracker_position, data) for data in _poses(site, q)]
+    if rigid_cell.tracker_position is None:
+        raise BenchError("line of sight: expected a cell with a tracker, got one without")
+    return [_first_hidden(rigid_cell, rigid_cell.tracker_position, data) for data in _poses(rigid_cell, q)]
 
 
-def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str, str] | None:
+def _first_hidden(rigid_cell: RigidCell, station: Array, data: mujoco.MjData) -> tuple[str, str] | None:
     """Find the first marker that a body hides from the station, and that body; None if there is none."""
     hit = np.empty(1, dtype=np.int32)
-    beams = data.xpos[site.marker_bodies] - station
+    beams = data.xpos[rigid_cell.marker_bodies] - station
     lengths = np.sqrt((beams**2).sum(axis=1))
     for k, (beam, length) in enumerate(zip(beams, lengths, strict=True)):
         if length <= TARGET_RADIUS:
             continue
         share = mujoco.mj_ray(
-            site.ray_model, data, station, beam, RAY_GROUPS, True, site.marker_bodies[k], hit, None
+            rigid_cell.ray_model,
+            data,
+            station,
+            beam,
+            RAY_GROUPS,
+            True,
+            rigid_cell.marker_bodies[k],
+            hit,
+            None,
         )
         if share >= 0 and share * length < length - TARGET_RADIUS:
-            return site.arm.markers[k], site.body_names[site.model.geom_bodyid[hit[0]]]
+            return rigid_cell.arm.markers[k], rigid_cell.body_names[rigid_cell.model.geom_bodyid[hit[0]]]
     return None

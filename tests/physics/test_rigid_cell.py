@@ -10,17 +10,17 @@ from loads import random_q
 from testbench import BenchError, load_arm
 from testbench.errors import PoseError
 from testbench.model.vjm import tool_points
-from testbench.plant import site as places
-from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import (
+from testbench.plant import rigid_cell as places
+from testbench.plant.rigid_cell import (
     Contact,
     Payload,
-    build_site,
+    build_rigid_cell,
     find_collisions,
     find_contacts,
     find_hidden_markers,
     has_surroundings,
 )
+from testbench.plant.shapes import rigid_frames
 
 STATION = (4.5, -2.5, 1.6)
 READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
@@ -52,12 +52,18 @@ def test_a_floor_that_is_laid_is_one_that_stands_in_the_file(kr500, tmp_path, rn
     raised = altered(kr500, tmp_path / "raised", (floor, floor.replace("/>", ' pos="0 0 0.3"/>')))
     bare = altered(kr500, tmp_path / "bare", (floor, ""))
     q = random_q(kr500, rng, 300)
-    assert find_contacts(build_site(bare, floor_height=0.3), q) == find_contacts(build_site(raised), q)
-    assert find_collisions(build_site(bare, floor_height=0.3), q) == find_collisions(build_site(raised), q)
-    assert find_collisions(build_site(bare), q) != find_collisions(build_site(bare, floor_height=0.3), q)
-    assert has_surroundings(build_site(raised))
-    assert has_surroundings(build_site(bare, floor_height=0.3))
-    assert not has_surroundings(build_site(bare))
+    assert find_contacts(build_rigid_cell(bare, floor_height=0.3), q) == find_contacts(
+        build_rigid_cell(raised), q
+    )
+    assert find_collisions(build_rigid_cell(bare, floor_height=0.3), q) == find_collisions(
+        build_rigid_cell(raised), q
+    )
+    assert find_collisions(build_rigid_cell(bare), q) != find_collisions(
+        build_rigid_cell(bare, floor_height=0.3), q
+    )
+    assert has_surroundings(build_rigid_cell(raised))
+    assert has_surroundings(build_rigid_cell(bare, floor_height=0.3))
+    assert not has_surroundings(build_rigid_cell(bare))
 
 
 def test_alone_the_arm_touches_itself_and_the_floor(kr500, arm_6r, rng):
@@ -82,13 +88,13 @@ def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_o
     payload = Payload(460.3)
     d = payload.diameter
     assert np.pi / 4 * d**3 * 7850 == pytest.approx(460.3, rel=1e-12)  # rounding
-    model = build_site(kr500.arm, payload).model
+    model = build_rigid_cell(kr500.arm, payload).model
     weight = np.flatnonzero(model.geom_bodyid == model.body("payload").id)[0]
     np.testing.assert_allclose(model.geom_size[weight, :2], d / 2, rtol=1e-15)
     stands = '<body name="payload"/><body name="tracker"/>'
     sling = load_point(kr500)[2] - 0.3
     arm = furnished(kr500, tmp_path, stands)
-    found = find_contacts(build_site(arm, Payload(460.3, sling_length=sling), STATION), READY)
+    found = find_contacts(build_rigid_cell(arm, Payload(460.3, sling_length=sling), STATION), READY)
     assert found == [Contact("payload", ("world", "payload_"))]
 
 
@@ -98,7 +104,7 @@ def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_o
 def test_the_weight_hangs_above_the_floor_by_its_clearance(kr500, gap, clear):
     """By Pinocchio's load point; the sling is as long as leaves the gap below the weight."""
     sling = load_point(kr500)[2] - Payload(460.3).diameter - gap
-    site = build_site(kr500.arm, Payload(460.3, sling_length=sling, clearance=0.05))
+    site = build_rigid_cell(kr500.arm, Payload(460.3, sling_length=sling, clearance=0.05))
     expected = None if clear else Contact("payload", ("world", "payload"))
     assert find_contacts(site, READY) == [expected]
 
@@ -115,7 +121,7 @@ CHANGES = {
 def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr500, tmp_path, rng, change):
     """Against MuJoCo's distances, pair by pair: no broad phase, no filter, no margin, no bits."""
     q, payload = random_q(kr500, rng, 300), Payload(460.3)
-    site = build_site(altered(kr500, tmp_path, *CHANGES[change]), payload, (1.2, -1.6, 1.2))
+    site = build_rigid_cell(altered(kr500, tmp_path, *CHANGES[change]), payload, (1.2, -1.6, 1.2))
     model, data = site.model, mujoco.MjData(site.model)
     hanging, head = (
         np.flatnonzero(site.geom_categories == places.CONTACT_CATEGORIES.index(name))
@@ -158,25 +164,27 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
         ("kr500", (np.nan, 0, 1), "position of the station"),
         ("kr500", (5e3, 0, 1), "position of the station"),
         ("kr500", (1, 2), "position of the station"),
-        ("kr500", None, "expected a site with a station"),
+        ("kr500", None, "expected a cell with a tracker"),
     ],
 )
 def test_a_tracker_inside_what_does_not_move_or_nowhere_is_refused_in_one_line(name, station, said, request):
     with pytest.raises(BenchError, match=said) as err:
-        find_hidden_markers(build_site(request.getfixturevalue(name).arm, tracker_position=station), READY)
+        find_hidden_markers(
+            build_rigid_cell(request.getfixturevalue(name).arm, tracker_position=station), READY
+        )
     assert "\n" not in str(err.value)
 
 
 def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
     """Whether the wall is drawn, only collides, or is fully transparent."""
-    assert find_hidden_markers(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
+    assert find_hidden_markers(build_rigid_cell(kr500.arm, Payload(460.3), STATION), READY) == [None]
     middle = (tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
     wall = f'type="sphere" size="0.3" pos="{" ".join(map(str, middle))}"'
     for looks in ("", 'group="3"', 'rgba="1 1 1 0"', 'contype="0" conaffinity="0"'):
         arm = furnished(kr500, tmp_path, f"<geom {wall} {looks}/>")
-        assert find_hidden_markers(build_site(arm, Payload(460.3), STATION), READY) == [("P1", "world")], (
-            looks
-        )
+        assert find_hidden_markers(build_rigid_cell(arm, Payload(460.3), STATION), READY) == [
+            ("P1", "world")
+        ], looks
 
 
 @pytest.mark.parametrize("name", ["kr500", "arm_6r"])
@@ -188,10 +196,10 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     ball = f'<geom type="sphere" size="{radius}" pos="2.5 -1.5 1.8"/>'
     arm = furnished(cell, tmp_path, ball)
     by_arm = np.array(
-        [h is not None for h in find_hidden_markers(build_site(cell.arm, tracker_position=STATION), q)]
+        [h is not None for h in find_hidden_markers(build_rigid_cell(cell.arm, tracker_position=STATION), q)]
     )
     by_both = np.array(
-        [h is not None for h in find_hidden_markers(build_site(arm, tracker_position=STATION), q)]
+        [h is not None for h in find_hidden_markers(build_rigid_cell(arm, tracker_position=STATION), q)]
     )
     beams = tool_points(cell.vjm, q, cell.vjm.markers) - station
     beams *= 1 - places.TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
@@ -208,9 +216,9 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
     P1 = '<body name="P1" pos="0.12 0.40 0.24">'
     hull = '<geom class="collision" type="sphere" size="0.3" pos="0.12 0.40 0.24"/>'
     arm = altered(kr500, tmp_path, (P1, hull + P1))
-    assert find_hidden_markers(build_site(arm, tracker_position=STATION), READY) == [None]
+    assert find_hidden_markers(build_rigid_cell(arm, tracker_position=STATION), READY) == [None]
     bare = altered(kr500, tmp_path, (P1, f'<body name="case">{hull}</body>{P1}'))
-    assert find_hidden_markers(build_site(bare, tracker_position=STATION), READY) == [("P1", "case")]
+    assert find_hidden_markers(build_rigid_cell(bare, tracker_position=STATION), READY) == [("P1", "case")]
     P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
     for beyond, expected in ((-0.005, None), (0.005, ("P1", "world"))):
@@ -218,14 +226,14 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
             P1 + (places.TARGET_RADIUS + beyond - 0.001) * toward
         )  # its face towards the tracker is 1 mm nearer
         geom = f'<geom type="sphere" size="0.001" pos="{" ".join(map(repr, bead.tolist()))}"/>'
-        site = build_site(furnished(kr500, tmp_path, geom), tracker_position=STATION)
+        site = build_rigid_cell(furnished(kr500, tmp_path, geom), tracker_position=STATION)
         assert find_hidden_markers(site, READY) == [expected]
 
 
 def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
     marker = '<body name="P2" pos="0.48 -0.32 0.26"'
     arm = altered(kr500, tmp_path, (marker, f'{marker} quat="0.8 0.1 -0.5 0.3"'))
-    room = build_site(arm)
+    room = build_rigid_cell(arm)
     facing = room.marker_directions
     np.testing.assert_allclose(facing[[0, 2]], [[0, 0, 1]] * 2, atol=1e-15)  # rounding, as below
     frames = rigid_frames(room, random_q(kr500, rng, 1))
