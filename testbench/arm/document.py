@@ -143,8 +143,8 @@ EXPECTED_TEXTS: Mapping[str, str] = {
     "tuple_type": "expected a list",
     "too_short": "expected a list of at least {min_length}",
     "too_long": "expected a list of at most {max_length}",
-    "dict_type": "expected a table, written as { key = value, ... }",
-    "model_type": "expected a table, written as { key = value, ... }",
+    "dict_type": "expected a table, written as {{ key = value, ... }}",
+    "model_type": "expected a table, written as {{ key = value, ... }}",
 }
 """Message by pydantic's error type; other types keep pydantic's own message."""
 
