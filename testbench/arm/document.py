@@ -250,6 +250,14 @@ def unused_name(name: str, taken_names: Container[str]) -> str:
     return name
 
 
+TOML_HINTS = {
+    "Invalid value": "; a text needs quotation marks",
+    "Cannot overwrite": "; the key is there twice",
+    "Cannot declare": "; the table is there twice",
+}
+"""Ways out of some errors of the parser."""
+
+
 def parse_toml(path: Path, text: str) -> dict[str, object]:
     """Parse the text of a TOML file.
 
@@ -266,7 +274,8 @@ def parse_toml(path: Path, text: str) -> dict[str, object]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as err:  # also an integer of thousands of digits
-        raise InputError(path, "", f"not TOML: {err}") from err
+        hint = next((hint for text, hint in TOML_HINTS.items() if text in str(err)), "")
+        raise InputError(path, "", f"not TOML: {err}{hint}") from err
 
 
 def parse_xml(path: Path, text: str) -> ET.Element:

@@ -389,7 +389,8 @@ def find_arm(name: str | Path) -> Path:
     if str(name) in folders:
         return folders[str(name)]
     ours = ", ".join(sorted(folders))
-    raise InputError(Path(name), "", f"expected a folder with rigid.xml and elastic.toml, or one of {ours}")
+    problem = f"expected the folder of an arm, with rigid.xml and elastic.toml, or one of {ours}"
+    raise InputError(Path(name), "", problem)
 
 
 @dataclass(frozen=True)

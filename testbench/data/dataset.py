@@ -417,7 +417,8 @@ def split_by_pose(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
         raise BenchError(f"no pose {missing[0]} in the dataset; poses are {some_of(np.unique(data.pose_id))}")
     inside = np.isin(data.pose_id, poses)
     if inside.all() or not inside.any():
-        raise BenchError(f"split: expected runs on both sides, got {inside.sum()} of {data.n_runs}")
+        count = f"{inside.sum()} of {data.n_runs}"
+        raise BenchError(f"expected runs in these poses and in others, got {count} in these")
     return select_runs(data, inside), select_runs(data, ~inside)
 
 

@@ -460,7 +460,7 @@ def _check_map(table: TableCells, names: Names, named: dict[int, Named]) -> None
     used = {own.mapped for own in named.values()}
     for name, own in names.theirs.items():
         if own.mapped not in used and not own.optional:
-            problem = f"no column {name!r} in {table.path.name}; columns are {some_of(table.names)}"
+            problem = f"no column like {name!r} in {table.path.name}; columns are {some_of(table.names)}"
             raise names.error(table.path, f"columns.{own.mapped}", problem)
 
 

@@ -639,7 +639,11 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     """
     names = read_map(mapping, arm)
     table = read_table(path, names.knows, names.map.file)
-    q = joint_coordinates(find_columns(table, names, arm), arm)
+    columns = find_columns(table, names, arm)
+    if further := [name for name in columns.ignored if looks_like(name, "joints")]:
+        problem = f"expected the joints of {arm.name} only, got also {some_of(further)}; remove them"
+        raise table.header_error(problem)
+    q = joint_coordinates(columns, arm)
     if not table.rows:
         raise table.error(0, "", "expected at least one pose")
     return q

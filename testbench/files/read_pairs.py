@@ -342,7 +342,7 @@ def _blocks(columns: Columns) -> dict[tuple[str, str], list[ReadColumn]]:
         if k not in triple
     ]
     if not found:
-        missing = [name for when in WHEN for name in columns_of("reading", when)]
+        raise columns.lack(["x_mm, y_mm, z_mm (or before_x_mm ... after_z_mm)"])
     for marker, when in found:
         others = ("after", DEFLECTION) if when == "before" else ("before",)
         if when and not any((marker, other) in found for other in others):

@@ -185,10 +185,9 @@ def check_station_position(position: object) -> Array:
     """
     where = check_array(position, (3,), "position of the station [m]")
     if np.abs(where).max() > MAX_STATION_COORDINATE:
-        raise BenchError(
-            f"position of the station [m]: expected coordinates up to {MAX_STATION_COORDINATE:g}, got "
-            f"{where.tolist()}"
-        )
+        expected, got = f"{MAX_STATION_COORDINATE:g} m", ", ".join(f"{x:g}" for x in where)
+        problem = f"expected coordinates up to {expected}, got {got}: are they in mm?"
+        raise BenchError(f"position of the station [m]: {problem}")
     return where
 
 

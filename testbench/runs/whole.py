@@ -525,9 +525,8 @@ def check_folder(
     status = look(out)
     for source in inputs:
         if inside(source, out):
-            raise InputError(
-                out, "", f"this folder holds {source}, which the command reads: choose another folder"
-            )
+            holds = "is read by this command" if source == out else f"holds {source}, which the command reads"
+            raise InputError(out, "", f"{holds}; choose another folder")
     if status is not None and not out.is_dir():
         raise InputError(out, "", "expected a folder, got a file, a device or a link to nothing")
     if not force:

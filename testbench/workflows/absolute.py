@@ -136,7 +136,8 @@ def files_of(
     def each(flag: str, given: Sequence[T] | None) -> Sequence[T | None]:
         count = len(paths)
         if given and len(given) not in (1, count):
-            raise BenchError(f"{flag}: expected it once, or once for each of {count} files, got {len(given)}")
+            expected = f"expected one value, or one for each of {count} files"
+            raise BenchError(f"{flag}: {expected}, got {len(given)}")
         return given if given and len(given) == count else [given[0] if given else None] * count
 
     both = zip(each("--map", mappings), each("--load", loads), strict=True)

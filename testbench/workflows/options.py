@@ -49,11 +49,9 @@ QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
 def read_mass(text: str) -> float:
     """Read a hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg]; BenchError if wrong."""
     parts = QUANTITY.fullmatch(text)
-    if parts is None or not is_decimal(parts[1]):
-        raise BenchError("expected a mass such as 240, 240kg or 530lb")
-    unit = find_unit(parts[2] or "kg")
-    if unit is None or unit.name not in MASSES:
-        raise BenchError(f"expected one of the units {', '.join(MASSES)}")
+    unit = find_unit(parts[2] or "kg") if parts is not None else None
+    if parts is None or not is_decimal(parts[1]) or unit is None or unit.name not in MASSES:
+        raise BenchError(f"expected a mass such as 240, 240kg or 530lb; units are {', '.join(MASSES)}")
     found = float(parts[1]) * unit.scale / (GRAVITY if unit.si == "N" else 1.0)
     low, high = PAYLOAD_RANGE
     if not low <= found <= high:

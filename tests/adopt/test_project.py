@@ -150,7 +150,7 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
         ),
         (
             '\nload = "12 stone"',
-            "line 2, column 1, load.0: expected one of the units N, daN, kN, lbf, kgf, kg, lb",
+            "line 2, column 1, load.0: expected a mass such as 240, 240kg or 530lb; units are N",
         ),
         ("tracker = [1, 2]", "line 1, column 1, tracker: expected a text, got [1, 2]"),
         ('arm = "--help"', "arm: expected a text that does not begin with -, got '--help'"),
@@ -175,7 +175,10 @@ def test_words_that_are_no_arm_are_files_and_missing_ones_are_named(cell):
     NAME.write_text(f'arm = "{ARM}"\n')
     assert "error: typo.csv: cannot be read" in do("data", "check", "typo.csv").stderr
     assert "Missing argument 'dataset'" in do("data", "check", ARM).stderr
-    assert "no_arm: expected a folder with rigid.xml" in do("data", "check", "no_arm", "may.csv").stderr
+    assert (
+        "no_arm: expected the folder of an arm, with rigid.xml"
+        in do("data", "check", "no_arm", "may.csv").stderr
+    )
     assert "Missing argument 'arm'" in (NAME.unlink() or do("check").stderr)
 
 

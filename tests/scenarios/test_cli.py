@@ -100,7 +100,7 @@ def test_masses_are_read_in_their_units():
         " 0.24 t": 240,
     }.items():
         assert mass(text) == pytest.approx(kilograms, rel=1e-4)
-    with pytest.raises(typer.BadParameter, match="expected one of the units N, daN, kN, lbf, kgf, kg, lb"):
+    with pytest.raises(typer.BadParameter, match="expected a mass such as 240, 240kg"):
         mass("240 stone")
     assert read_masses("100lb,240 kg, 981 daN") == pytest.approx([45.359237, 240, 1000], rel=1e-4)
 

@@ -128,13 +128,29 @@ def test_both_examples_hold_the_same_loads_and_deflections():
         (
             '"Point"',
             '"Pint"',
-            "columns.marker: no column like 'pint' in spatialanalyzer.csv; columns are 'Collection'",
+            "columns.marker: no column like 'pint' in spatialanalyzer.csv; columns are Collection",
         ),
         ("A{n}", "A{k}", "columns.joint_{n}_deg: expected the same {...} in both names, got 'A{k}'"),
         ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore, lost, or"),
         ("Pose {pose} /", "Pose {pose} :", "line 4, column Group: expected 'Pose {pose} : {mass_kg} kg'"),
         ("_mm", "_deg", "columns.{axis}_deg: expected one of our quantities"),
         ("frame =", "= frame", "not TOML"),
+        (
+            '"tracker"',
+            "tracker",
+            "not TOML: Invalid value (at line 1, column 9); a text needs quotation marks",
+        ),
+        (
+            "frame =",
+            "values = 5\nframe =",
+            "values: expected a table, written as { key = value, ... }, got 5",
+        ),
+        (
+            "frame =",
+            "mass = 5\nframe =",
+            "values, scale; names of columns go below [columns], one number for",
+        ),
+        ('"Point"', "5", "columns.marker: expected the name of a column in quotation marks, got 5; names of"),
     ],
 )
 def test_a_wrong_map_is_one_line(tmp_path, old, new, text):

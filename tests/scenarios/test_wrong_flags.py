@@ -15,7 +15,7 @@ WRONG = [
     (
         "gravity_calibration",
         "--arm no/arm",
-        "no/arm: expected a folder with rigid.xml and elastic.toml",
+        "no/arm: expected the folder of an arm, with rigid.xml and elastic.toml",
     ),
     ("identifiability", "--campaigns 0", "--campaigns"),
     ("identifiability", f"--arm {LINK}", "expected an arm of at least 4 links"),

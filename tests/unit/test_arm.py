@@ -63,7 +63,7 @@ def test_limits_are_degrees_unless_the_compiler_says_radian(tmp_path, compiler, 
 def test_what_is_no_folder_of_an_arm_is_named(tmp_path):
     folder = copy_arm(tmp_path)
     for path in (tmp_path / "no_such_arm", tmp_path / "nul\0byte", folder / "rigid.xml"):
-        assert "expected a folder with rigid.xml and elastic.toml" in refused(load_arm, path)
+        assert "expected the folder of an arm, with rigid.xml and elastic.toml" in refused(load_arm, path)
     (folder / "rigid.xml").write_bytes(b"")
     assert "rigid.xml" in refused(load_arm, folder)
     (folder / "elastic.toml").unlink()

@@ -166,7 +166,10 @@ def test_a_target_at_the_station_is_too_near_and_nothing_else():
     ("wrong", "message"),
     [
         ({"position": (0.0, np.nan, 0.0)}, r"position of the station \[m\]: expected finite numbers"),
-        ({"position": (4500.0, -2500.0, 1600.0)}, r"expected coordinates up to 1000, got \[4500.0"),
+        (
+            {"position": (4500.0, -2500.0, 1600.0)},
+            "got 4500, -2500, 1600: are they in mm",
+        ),
         ({"acceptance_angle": 30.0}, r"acceptance_angle \[rad\].* at most 1.571, got 30.0"),
     ],
 )

@@ -392,11 +392,11 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
         ),
         (
             lambda data: split_by_pose(data, np.array([4, 7, 9])),
-            "split: expected runs on both sides, got 4 of 4",
+            "expected runs in these poses and in others, got 4 of 4",
         ),
         (
             lambda data: split_by_pose(data, np.array([], int)),
-            "split: expected runs on both sides, got 0 of 4",
+            "expected runs in these poses and in others, got 0 of 4",
         ),
         (
             lambda data: select_runs(data, np.ones(3, bool)),

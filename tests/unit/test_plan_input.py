@@ -70,6 +70,12 @@ def test_a_plan_is_read_like_any_poses_and_brings_its_loads(kr500, tmp_path):
     assert read_loads(write(tmp_path / "poses.csv", RAD, np.deg2rad(POSES))) == (None, None)
 
 
+def test_a_joint_that_the_arm_lacks_is_refused(kr500, tmp_path):
+    path = write(tmp_path / "poses.csv", [*DEG, "joint_7_deg", "speed"], [[*POSES[0], 3, 9]])
+    said = "line 1: expected the joints of kr500_l480 only, got also joint_7_deg; remove them"
+    assert said in refused(read_poses, path, kr500.arm)
+
+
 def test_a_slide_is_read_in_metres_or_millimetres(slides, tmp_path):
     """Of the arm's joints the second and fourth slide, by 0 to 0.4 m."""
     header = ["joint_1_deg", "joint_2_mm", "joint_3_rad", "joint_4_m", "joint_5_rad"]
