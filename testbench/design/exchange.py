@@ -161,7 +161,7 @@ def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) 
     # criterion; multiplicative steps where there is none
     Z, inverse = plane.Z / plane.height, np.asarray(np.linalg.inv(M))
     try:
-        goal = _best_of_model(every @ Z.ravel(), plane.curvature * _curvature(rows, every, inverse, Z), w)
+        goal = _best_of_model(every @ Z.ravel(), plane.curvature * _curvature(rows, inverse, Z), w)
     except (np.linalg.LinAlgError, RuntimeError):  # without a prior few poses cost too many digits
         return _multiply(prior, criterion, every, w)
     # halve the step until Phi does not fall
@@ -174,10 +174,15 @@ def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) 
     return w
 
 
-def _curvature(rows: Array, grams: Array, I: Array, Z: Array) -> Array:  # noqa: E741
-    """Compute <Z, S_i M^-1 S_j> of all pairs of S = F^T F, with I = M^-1, (candidates, candidates)."""
-    half = row_products(rows, I).swapaxes(1, 2) @ row_products(rows, Z)
-    return np.asarray((half + half.swapaxes(1, 2)).reshape(len(rows), -1) @ grams.T / 2)
+def _curvature(rows: Array, I: Array, Z: Array) -> Array:  # noqa: E741
+    """Compute <Z, S_i M^-1 S_j> of all pairs of S = F^T F, with I = M^-1, (candidates, candidates).
+
+    It is the sum over the entries of (F_i I F_j^T) * (F_i Z F_j^T).
+    """
+    candidates, k, r = rows.shape
+    F = rows.reshape(-1, r)
+    of_I, of_Z = ((F @ X @ F.T).reshape(candidates, k, candidates, k) for X in (I, Z))
+    return np.asarray(np.einsum("iajb,iajb->ij", of_I, of_Z))
 
 
 def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
@@ -466,7 +471,7 @@ def refine_plan(
     step = np.full(len(q), FIRST_JOINT_STEP)
     read = rows(q, np.arange(len(q)))
     q = q.copy()
-    M = add_information(prior_information, read)
+    reached = _reach(criterion, add_information(prior_information, read))
     for _ in stepwise(range(REFINEMENT_ROUNDS), "refining poses"):
         before, after = prior_information, suffix_information(read)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
@@ -478,32 +483,45 @@ def refine_plan(
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
                 # the best feasible neighbour that helps replaces the pose; without one its step shrinks
-                better = _better(criterion, M, read[k], tells, rest)
+                better = _better(criterion, reached, read[k], tells, rest)
                 allowed = better[search.feasibility.feasible(trial[better])] if len(better) else better
                 if len(allowed):
                     q[k], read[k] = trial[allowed[0]], tells[allowed[0]]
-                    M = rest + read[k].T @ read[k]
+                    reached = _reach(criterion, rest + read[k].T @ read[k])
                 else:
                     step[k] *= STEP_SHRINKAGE
                 before = before + read[k].T @ read[k]
     return q
 
 
-def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others: Array) -> Ids:
+@dataclass(frozen=True)
+class _Reached:
+    """Hold how good a plan is, which trials have to beat, and a bound on what they can reach."""
+
+    phi: float  #: Phi(M) of the plan.
+    M: Array  #: Its information, (r, r).
+    Z: Array  #: Matrix of a tangent at M, (r, r): Phi(M') is no more than <Z, M'>.
+
+
+def _reach(criterion: Criterion, M: Array) -> _Reached:
+    return _Reached(criterion.phi(M), M, criterion.tangent(M).Z)
+
+
+def _better(criterion: Criterion, reached: _Reached, replaced: Array, rows: Array, others: Array) -> Ids:
     """Find the trials that increase Phi in place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
 
-    `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r). M is the information
-    of the plan, `others` that of the plan without the pose, (r, r). Phi is only computed for trials that the
-    tangent plane at M does not exclude.
+    `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r). `others` is the
+    information of the plan without the pose, (r, r). Phi is only computed for trials that the tangent plane
+    does not exclude.
     """
-    floor, Z = (1 + MIN_REFINEMENT_GAIN) * criterion.phi(M), criterion.tangent(M).Z
-    without = (Z * M).sum() - sensitivity(replaced[None], Z)
+    floor, Z = (1 + MIN_REFINEMENT_GAIN) * reached.phi, reached.Z
+    without = (Z * reached.M).sum() - sensitivity(replaced[None], Z)
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
         return hopeful
-    reached = criterion.phi_with_candidate(others, rows[hopeful])
-    first = np.argsort(-reached)[:CHECKED_NEIGHBOURS]
-    return np.asarray(hopeful[first[reached[first] > floor]])
+    values = criterion.phi_with_candidate(others, rows[hopeful])
+    first = np.argsort(-values)[:CHECKED_NEIGHBOURS]
+    return np.asarray(hopeful[first[values[first] > floor]])
 
 
 def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search: PoseSearch) -> Array:

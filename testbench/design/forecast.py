@@ -30,6 +30,7 @@ from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 
 INTERVAL_DRAWS = 4000  #: Number of random draws of the prediction error behind an interval.
+POSES_AT_ONCE = 16  #: Number of poses whose draws are computed together.
 INTERVAL_INFLATION, DEVIATION_INFLATION = (0.7, 1.25), 1.2
 """Factors on the ends of a 90 % interval and on a standard deviation, for nonlinear arms and wrong priors.
 
@@ -152,17 +153,25 @@ def forecast_normal_errors(bias: Array, spread: Array) -> Forecast:
     Returns:
         RMS distances, with 5th and 95th percentiles over `INTERVAL_DRAWS` draws.
     """
-    targets = bias.shape[1] / 3
-    draws = _draws(spread.shape[2])
-    pairs = zip(bias, spread, strict=True)
+    parts = -(-len(bias) // POSES_AT_ONCE)
+    pairs = zip(np.array_split(bias, parts), np.array_split(spread, parts), strict=True)
     # mean square distance of every draw in every pose, (poses, draws)
-    square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in pairs])  # (poses, draws)
-    square /= targets
+    square = np.concatenate([_square_distances(b, S) for b, S in pairs])
     variance = np.square(bias) + np.square(spread).sum(axis=2)
     mean = mean_square_distance(bias, spread)
     low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
     over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
     return Forecast(np.sqrt(mean), low, high, np.sqrt(variance), *map(math.sqrt, (mean.mean(), *over)))
+
+
+def _square_distances(bias: Array, spread: Array) -> Array:
+    """Compute the mean square distance of a target by every draw of bias + spread @ N(0, 1), (poses, draws).
+
+    One product for several poses is twice as fast as one for each.
+    """
+    poses, rows, k = spread.shape
+    error = bias.reshape(-1, 1) + spread.reshape(-1, k) @ _draws(k)
+    return np.asarray(np.square(error).reshape(poses, rows, -1).sum(axis=1) / (rows / 3))
 
 
 def mean_square_distance(bias: Array, spread: Array) -> Array:

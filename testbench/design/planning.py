@@ -55,6 +55,7 @@ from testbench.design.rows import (
     PlanSpecification,
     add_information,
     build_design_problem,
+    candidate_rows,
     information,
     task_rows,
     whitened_rows_by_load,
@@ -262,9 +263,7 @@ def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
-    problem = build_design_problem(
-        spec.setup, whitened_rows_by_load(spec, every, load), spec.prior_uncertainty
-    )
+    problem = build_design_problem(spec.setup, candidate_rows(spec, every, load), spec.prior_uncertainty)
     seen, r = (
         min(problem.n_directions, spec.n_poses * int(np.linalg.matrix_rank(problem.rows[0]))),
         problem.n_directions,
@@ -517,10 +516,13 @@ def _improve_heaviest(search: PoseSearch, examined: CandidateSet, relaxed: Relax
     """Improve the poses that carry most weight of the relaxed optimum, and add them as candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:IMPROVED_POSES]]
     load = examined.load_index[top]
+    # with Z = root root^T the sensitivity <Z, F^T F> is the sum of squares of F root
+    values, V = np.linalg.eigh(relaxed.dual)
+    basis = examined.problem.lift @ (V * np.sqrt(np.maximum(values, 0)))
 
     def usefulness(q: Array) -> Array:
-        rows = search.whitened_rows(q, np.resize(load, len(q)), examined.problem.lift)
-        return sensitivity(rows, relaxed.dual)
+        rows = search.whitened_rows(q, np.resize(load, len(q)), basis)
+        return np.asarray(np.square(rows).sum(axis=(1, 2)))
 
     return _add_candidates(search, examined, improve_single_poses(examined.q[top], usefulness, search), load)
 

@@ -169,6 +169,23 @@ def whitened_rows_by_load(
     return whitened_rows(spec.setup, q, select_loads(spec, load_index), basis)
 
 
+def candidate_rows(spec: PlanSpecification, q: Array, load: Ids) -> Array:
+    """Compute whitened rows of many candidates in blocks, whose memory is used again and again.
+
+    Fresh memory for thousands of candidates at once takes longer than their rows.
+
+    Args:
+        spec: Specification with its loads.
+        q: Actuated joints, (candidates, n_joints) [rad, m].
+        load: Index into the specification's loads, (candidates,).
+
+    Returns:
+        Rows per unit of x, (candidates, k, n) [1].
+    """
+    parts = np.array_split(np.arange(len(q)), -(-len(q) // CANDIDATES_PER_BLOCK))
+    return np.concatenate([whitened_rows_by_load(spec, q[part], load[part]) for part in parts])
+
+
 def _rows(setup: MeasurementSetup, q: Array, load: Load, motion: Array, basis: Array | None = None) -> Array:
     """Compute motion (k, 6) times the tool's twist per unit of x or a, in the tool's own axes, (poses, k, n).
 
