@@ -324,7 +324,7 @@ def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[InverseKinemat
     turn = np.linalg.norm(rotation_vectors_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (KNOT_DISTANCE * vjm.reach) + turn / KNOT_ROTATION + 1e-9)])
-    places, q = path_knots(vjm, target, _first_knots(way), first)
+    places, q = _path_knots(vjm, target, _first_knots(way), first)
     start = np.stack([np.interp(way, way[places], joint) for joint in q.T], axis=1)
     # a motion far larger than the interpolated one is a jump to another branch
     steady = MAX_CONTINUOUS_MOTION + np.minimum(
@@ -356,19 +356,12 @@ def _retry_unreached(vjm: Vjm, target: Target, reached: InverseKinematics) -> In
     return replace_rows(reached, lost[other.converged], select_rows(other, np.flatnonzero(other.converged)))
 
 
-def solve_from_predecessors(
+def _solve_from_predecessors(
     vjm: Vjm, target: Target, guess: InverseKinematics, unsolved: Ids
 ) -> InverseKinematics:
-    """Solve poses of a path again, each from the joints of the pose before it, until none changes.
+    """Solve some poses of a path, (k,) without pose 0, from the pose before, until no pose changes.
 
-    Args:
-        vjm: Kinematics of the rigid arm.
-        target: Poses of the tool's origin along the path.
-        guess: Joints and errors of all poses so far.
-        unsolved: Indices of the poses to solve first, (k,), without pose 0.
-
-    Returns:
-        Joints and remaining errors of all poses; a pose that was reached before is still reached.
+    A pose that was reached before is still reached.
     """
     while len(unsolved):
         # solve from the pose before; where that changes a pose, the pose after it must be solved again
@@ -387,23 +380,16 @@ def solve_from_predecessors(
     return guess
 
 
-def path_knots(vjm: Vjm, target: Target, indices: Ids, first: Array) -> tuple[Ids, Array]:
-    """Solve the knots of a path one after the other, and add knots where joints move far between two.
+def _path_knots(vjm: Vjm, target: Target, indices: Ids, first: Array) -> tuple[Ids, Array]:
+    """Solve knots one after the other, and add knots where joints move far between two of them.
 
-    Args:
-        vjm: Kinematics of the rigid arm.
-        target: Poses of the tool's origin along the path.
-        indices: Indices of the knots to begin with, (k,).
-        first: Joints near the first point, (n,) [rad, m].
-
-    Returns:
-        Indices of all knots, (knots,), and their joints, (knots, n) [rad, m].
+    Returns indices of all knots, (knots,), and their joints, (knots, n) [rad, m].
     """
     knots = solve_inverse_kinematics(vjm, select_rows(target, indices), np.tile(first, (len(indices), 1)))
     open_ = np.arange(1, len(indices))
     for _ in range(MAX_KNOT_ROUNDS):
         # solve the knots so far, each from the one before
-        knots = solve_from_predecessors(vjm, select_rows(target, indices), knots, open_)
+        knots = _solve_from_predecessors(vjm, select_rows(target, indices), knots, open_)
         far = np.abs(np.diff(knots.q, axis=0)).max(axis=1, initial=0) > MAX_JOINT_MOTION_BETWEEN_KNOTS
         wide = np.flatnonzero(far & knots.converged[1:] & knots.converged[:-1] & (np.diff(indices) > 1))
         if not len(wide):
@@ -505,7 +491,7 @@ def compensate(
     # programmed poses of the tool point, and the error without correction
     target = programmed_target(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).position_of(point) - target.position
-    solution, held = solve_within_limits(model, q, loads, target, aim)
+    solution, held = _solve_within_limits(model, q, loads, target, aim)
     refused = _refused(model.arm, solution, q, site)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     # refused points keep their joints and their error before correction
@@ -522,23 +508,13 @@ def compensate(
     )
 
 
-def solve_within_limits(
+def _solve_within_limits(
     model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
 ) -> tuple[InverseStaticsSolution, Mask]:
-    """Solve the inverse statics of all points, with joints inside their limits.
+    """Solve the inverse statics of all points; return also which joints are fixed at a limit, (points, n).
 
     A joint that would exceed its limit is fixed at it, and the point is solved again with the other joints,
     until no joint exceeds its limit.
-
-    Args:
-        model: Identified model of the arm.
-        q: Joints to start from, (points, n) [rad, m].
-        loads: Loads at the points, each with one row per point.
-        target: Target poses of the tool point.
-        aim: Tool point, and the part of its pose to correct.
-
-    Returns:
-        The solution, and whether a joint is fixed at its limit, (points, n).
     """
     arm, (lower, upper) = model.arm, model.arm.limits
     free_joints = True if arm.dependence_matrix is None else arm.dependence_matrix.any(axis=0)

@@ -97,7 +97,39 @@ def solve(problem: ConeProgram, *, tolerance: float = SOLVER_TOLERANCE) -> Solut
     Returns:
         The last iterate; its status says whether the program is solved.
     """
-    return run_solver(build_solver(problem, clarabel_settings(tolerance)), problem)
+    from scipy import sparse  # here: it takes long to import, and who uses a model solves no program
+
+    options = clarabel.DefaultSettings()
+    options.verbose = False
+    options.max_threads = 1
+    options.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
+    options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = tolerance
+    # All constraints below each other: those of the program, then svec of every PSD block in its cone.
+    n, rows = len(problem.cost), list(problem.constraints)
+    for block in problem.blocks:
+        if block.matrix_order:
+            A = np.zeros((svec_length(block.matrix_order), n))
+            A[:, block.indices] = (
+                -np.eye(len(A)) if block.svec_per_unknown is None else -block.svec_per_unknown
+            )
+            rows.append(ConeConstraint("psd", A, np.zeros(len(A))))
+    P = np.zeros(n) if problem.quadratic_diagonal is None else problem.quadratic_diagonal
+    result = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.diag(P)),
+        problem.cost,
+        sparse.csc_matrix(np.vstack([row.A for row in rows])),
+        np.concatenate([row.b for row in rows]),
+        [CLARABEL_CONES[row.kind](len(row.b)) for row in rows],
+        options,
+    ).solve()
+    return Solution(
+        unknowns=np.array(result.x),
+        duals=tuple(np.split(np.array(result.z), np.cumsum([len(row.b) for row in rows])[:-1])),
+        cost=result.obj_val,
+        lower_bound=result.obj_val_dual,
+        solver_status=str(result.status),
+        seconds=result.solve_time,
+    )
 
 
 def psd_blocks(first_index: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
@@ -260,69 +292,3 @@ def nearest_psd(X: Array) -> Array:
     """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become 0."""
     values, Q = np.linalg.eigh(X)
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
-
-
-def clarabel_settings(tolerance: float) -> clarabel.DefaultSettings:
-    """Make settings of Clarabel with a tolerance of feasibility and duality gap [1]."""
-    options = clarabel.DefaultSettings()
-    options.verbose = False
-    options.max_threads = 1
-    options.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
-    options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = tolerance
-    return options
-
-
-def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
-    """Set up Clarabel for a conic program.
-
-    Args:
-        problem: The program.
-        options: Settings of Clarabel.
-
-    Returns:
-        The solver, not yet run.
-    """
-    from scipy import sparse  # here: it takes long to import, and who uses a model solves no program
-
-    n, rows = len(problem.cost), list(problem.constraints)
-    for block in problem.blocks:
-        if block.matrix_order:
-            A = np.zeros((svec_length(block.matrix_order), n))
-            A[:, block.indices] = (
-                -np.eye(len(A)) if block.svec_per_unknown is None else -block.svec_per_unknown
-            )
-            rows.append(ConeConstraint("psd", A, np.zeros(len(A))))
-    P = np.zeros(n) if problem.quadratic_diagonal is None else problem.quadratic_diagonal
-    return clarabel.DefaultSolver(
-        sparse.csc_matrix(np.diag(P)),
-        problem.cost,
-        sparse.csc_matrix(np.vstack([row.A for row in rows])),
-        np.concatenate([row.b for row in rows]),
-        [CLARABEL_CONES[row.kind](len(row.b)) for row in rows],
-        options,
-    )
-
-
-def run_solver(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
-    """Run Clarabel, and collect its solution.
-
-    Args:
-        solver: Clarabel, as `build_solver` sets it up for the program.
-        problem: The program.
-
-    Returns:
-        The unknowns, dual variables, cost, lower bound, status and time.
-    """
-    result = solver.solve()
-    sizes = [len(row.b) for row in problem.constraints] + [
-        svec_length(b.matrix_order) for b in problem.blocks if b.matrix_order
-    ]
-    ends = np.cumsum(sizes)[:-1]
-    return Solution(
-        unknowns=np.array(result.x),
-        duals=tuple(np.split(np.array(result.z), ends)),
-        cost=result.obj_val,
-        lower_bound=result.obj_val_dual,
-        solver_status=str(result.status),
-        seconds=result.solve_time,
-    )

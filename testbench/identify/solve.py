@@ -157,7 +157,7 @@ def complete_conservatively(regression: Regression) -> Estimate:
     if solution.status != "solved":
         why = (
             NO_CONSERVATIVE_FIT
-            if least_eigenvalue_shift(regression.structure, free) > EIGENVALUE_SHIFT_TOLERANCE
+            if _least_eigenvalue_shift(regression.structure, free) > EIGENVALUE_SHIFT_TOLERANCE
             else solution.failure
         )
         return replace(plain, status=why, solver_seconds=solution.seconds)
@@ -193,17 +193,10 @@ def equal_fits(regression: Regression, pi: Array) -> EqualFits:
     return EqualFits(unit, pi / unit, N / length[:, None])
 
 
-def least_eigenvalue_shift(structure: Structure, equal_fits: EqualFits) -> float:
-    """Compute how far eigenvalues of all equal fits are from zero, as a proof that none is conservative.
+def _least_eigenvalue_shift(structure: Structure, equal_fits: EqualFits) -> float:
+    """Bound the least t >= -1 for which some x + N w + t 1 is positive semi-definite from below [1].
 
-    It is a lower bound of the least t >= -1 for which some x + N w + t 1 is positive semi-definite.
-
-    Args:
-        structure: Structure of the unknowns, which defines the blocks.
-        equal_fits: The parameters x + N w that fit equally well.
-
-    Returns:
-        The bound in units in which the data are of order one [1]; above 0 no equal fit is conservative.
+    Above 0 it proves that no model of equal fit is conservative.
     """
     identity = np.where(structure.rows == structure.columns, 1.0, 0.0)
     first = np.eye(1, 1 + equal_fits.null_space.shape[1])
