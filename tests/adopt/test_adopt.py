@@ -160,7 +160,7 @@ def test_fixed_links_of_the_file_and_its_free_things_are_no_links_of_the_arm(arm
 def test_what_stands_beside_the_arm_is_not_weighed_with_it(tmp_path):
     file, table = mounted_mjcf(tmp_path), '<body name="table" pos="3 0 0"><geom size="0.2"/></body>'
     file.write_text(file.read_text().replace("</worldbody>", f"{table}</worldbody>"))
-    [said] = [note for note in notes(read_chain(file)) if "weighs the geoms" in note]
+    [said] = [note for note in notes(read_chain(file)) if "computes masses from the geoms" in note]
     assert "link_6" in said
     assert "table" not in said
 

@@ -125,7 +125,7 @@ def test_angles_that_no_notation_explains_are_not_read(tmp_path):
     assert "no notation fits the nominal arm; the nearest is " in propose(file, ARM, None, tmp_path).asked
     few = tuple(own[:3] for own in made)
     file = export(tmp_path / "few.csv", few, ["A", "B", "C"], wrong[:3])
-    assert "it is found from 4 poses or more" in propose(file, ARM, None, tmp_path).asked
+    assert "from 4 poses or more" in propose(file, ARM, None, tmp_path).asked
 
 
 def test_data_check_names_the_notation_and_how_well_it_fits(tmp_path):

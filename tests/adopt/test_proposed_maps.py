@@ -419,7 +419,7 @@ def test_a_log_is_joined_or_refused_line_by_line(known, tmp_path):
             "line 2: expected a row of robot.csv within 0.1 s, the near",
         ),
         ('"robot.csv"', '"none.csv"', r"none.csv: cannot be read"),
-        ('"Datum"', '"Tag"', r"no column 'Tag' to join by; columns are \['PunktNr'"),
+        ('"Datum"', '"Tag"', r"no column 'Tag' to join by; columns are PunktNr, X"),
         ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, parts, within_s, rows"),
     ):
         map_.write_text(whole.replace(old, new))

@@ -352,8 +352,7 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     [doubt] = [
         scale for scale in hierarchy.contradicted_scales(estimate.weighted_prior) if scale.name == "joints"
     ]
-    assert f"make the joints {joints.factor:.2g} times" in of_scale(doubt).sentence
-    assert "relative to the links" in of_scale(doubt).sentence
+    assert f"compared with the links, the joints are {joints.factor:.2g} times" in of_scale(doubt).sentence
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
 
 

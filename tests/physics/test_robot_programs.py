@@ -539,7 +539,7 @@ end
     before, after = (own.read_text().splitlines() for own in (path, tmp_path / "right.script"))
     assert [k for k, line in enumerate(after[2:], 2) if line != before[k - 1]] == [3, 5]
     path.write_text(text.replace(", qnear=W_q", ""))
-    with pytest.raises(InputError, match=r"line 3: the program begins with a pose: nothing says .*--start"):
+    with pytest.raises(InputError, match=r"line 3: the program begins with a pose: .*--start"):
         correct_program(model, read_program(path, model.arm), Aim())
 
 
@@ -576,7 +576,7 @@ def test_poses_count_in_the_base_whose_numbers_the_program_states(form, tmp_path
     for own in (found, read(path, controller=Controller(base=base))):
         np.testing.assert_allclose(own.position[posed], wanted.position[posed], rtol=0, atol=1e-6)
         np.testing.assert_allclose(own.rotation[posed], wanted.rotation[posed], rtol=0, atol=1e-6)
-    assert any(note.startswith("The base that the program states") for note in found.motions.notes)
+    assert any(note.startswith("The program's base") for note in found.motions.notes)
     at, turned = (np.nan_to_num(own) for own in (found.position, found.rotation))
     for source, content in changed_texts(
         found.motions.text, changed_numbers(found.motions, ARM, found.q, at, turned)

@@ -128,7 +128,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
             "--gears is only for a file of an ABB controller",
         ),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
-        (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
+        (("model", "--into", "in/twice.dat"), "$MAMES[1]: is there twice"),
         (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
         (
             ("model", "--into", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"),
