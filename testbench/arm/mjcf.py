@@ -66,7 +66,8 @@ def read_mjcf(path: Path) -> ET.Element:
         Root element of the MJCF.
 
     Raises:
-        InputError: When it is missing, too large, not well-formed, or contains what an arm may not.
+        InputError: When it is missing, too large, not well-formed, or has an element or attribute that is not
+            allowed.
     """
     root = parse_xml(path, read_text(path, MAX_MJCF_BYTES))
     if root.tag != "mujoco":
@@ -272,8 +273,8 @@ def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
         Content of every file, by the same names.
 
     Raises:
-        InputError: When a file is no plain file, of a kind that MuJoCo does not read, or too large; or when
-            all files together are too large.
+        InputError: When a file is a folder or device, of a kind that MuJoCo does not read, or too large; or
+            when all files together are too large.
     """
     contents: dict[str, bytes] = {}
     for name, file in files.items():

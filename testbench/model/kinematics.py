@@ -125,12 +125,12 @@ def _add_frame(model: pin.Model, name: str, joint: int, placement: pin.SE3) -> N
 
 
 def urdf_link_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array) -> Array:
-    """Compute poses of a URDF's link in its root link, by Pinocchio's own reader of URDF.
+    """Compute poses of a URDF's link in its root link, by Pinocchio's reader of URDF.
 
     Args:
         file: Path of the URDF, for messages.
         text: Text of the URDF; its links and joints must form a tree.
-        joints: Names of the joints that move, n; all others are held at zero.
+        joints: Names of the joints that move, n; all others are fixed at zero.
         link: Name of the link.
         q: Values of the joints that move, (poses, n) [rad, m].
 

@@ -166,7 +166,7 @@ class Backlash:
         return np.asarray(b * (np.tanh(nominal.x_1 / b) - np.tanh(nominal.x_0 / b)))
 
     def slope(self, nominal: NominalDeflections) -> Array:
-        """Compute the derivative of a gear's backlash with respect to x_1, 1 - tanh(x_1 / b)^2.
+        """Compute the derivative of the backlash deflection with respect to x_1, 1 - tanh(x_1 / b)^2.
 
         Args:
             nominal: Nominal deflections x_0 and x_1 before and under the load.
@@ -205,7 +205,7 @@ class Friction:
         return np.asarray(-width * np.clip((nominal.x_1 - nominal.x_0) / width, -1, 1))
 
     def slope(self, nominal: NominalDeflections) -> Array:
-        """Compute the derivative of friction's deflection by x_1: -1 if the joint is held, 0 if it slips.
+        """Compute the derivative of the friction deflection by x_1: -1 if the joint sticks, 0 if it slips.
 
         Args:
             nominal: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.
@@ -285,13 +285,13 @@ class JointLaws:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,): a name in `joint_laws`, or "compensator"."""
+        """Name the kind of every joint law, (laws,): a name in `joint_laws`, or "compensator"."""
         every = tuple(np.repeat(list(self.laws_by_kind), len(self.joint_compliances)).tolist())
         return every if self.compensator is None else (*every, COMPENSATOR_KIND)
 
     @property
     def joint_indices(self) -> Ids:
-        """Return the index of the actuated joint that each law deflects, (laws,)."""
+        """Return the index of the actuated joint that each joint law deflects, (laws,)."""
         every = np.tile(np.arange(len(self.joint_compliances)), len(self.laws_by_kind))
         return every if self.compensator is None else np.append(every, 1)
 
@@ -301,7 +301,7 @@ class JointLaws:
         Mathematics: `law-1`, `law-6`.
 
         Args:
-            chain: The arm in its poses, with origins and axes of its bodies.
+            chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
             load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
@@ -315,7 +315,7 @@ class JointLaws:
         """Compute the derivative of the laws' unit deflections with respect to the torque of their joint.
 
         Args:
-            chain: The arm in its poses.
+            chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
             load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
@@ -339,7 +339,7 @@ class JointLaws:
         Mathematics: `law-2`.
 
         Args:
-            chain: The arm in its poses.
+            chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
 
         Returns:
             Torques tau_0, (n, runs) [N m, N].
@@ -382,10 +382,10 @@ def add_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
 
     Args:
         vjm: Kinematics of the arm, with or without joint laws.
-        kinds: Kinds of the laws, names in `joint_laws`; None for all of `joint_laws`.
+        kinds: Kinds of the laws, names in `joint_laws`; None for all.
 
     Returns:
-        The kinematics with laws, n_theta = 7 n + 6 + number of laws; remembered for the next call.
+        The kinematics with laws, n_theta = 7 n + 6 + number of laws; cached.
     """
     names = joint_laws if kinds is None else kinds
     return _with_laws_of_kinds(vjm, tuple((name, joint_laws[name]) for name in names))
@@ -434,11 +434,11 @@ def law_sizes(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     """Read the sizes of joint laws from the diagonal of C_theta.
 
     Args:
-        vjm: Kinematics, with or without laws.
-        C_theta: Compliances and, after them, sizes of laws, (n_theta, n_theta) [m/N, rad/(N m), 1].
+        vjm: Kinematics, with or without joint laws.
+        C_theta: Compliances and, after them, sizes of joint laws, (n_theta, n_theta) [m/N, rad/(N m), 1].
 
     Returns:
-        Size by joint's name and kind of law [1], in units of `law_unit`; empty for a model without laws.
+        Size by joint's name and kind of joint law [1], a multiple of `law_unit`; empty without joint laws.
     """
     if vjm.joint_laws is None:
         return {}
@@ -519,11 +519,11 @@ def add_law_parameters(structure: Structure, arm: Arm, kinds: Sequence[str] | No
     Args:
         structure: Structure of the compliances.
         arm: Description of the arm.
-        kinds: Kinds of the laws; None for all of `joint_laws`.
+        kinds: Kinds of the laws, names in `joint_laws`; None for all.
 
     Returns:
-        The structure with the laws as its last parameters; unchanged if it has them, or the arm has no
-        joints.
+        The structure with these sizes as its last parameters; unchanged if it has sizes of laws already, or
+        the arm has no joints.
     """
     if structure.n_laws or not arm.joints:
         return structure

@@ -134,7 +134,7 @@ def sum_generalised_loads(chain: ChainState, loads: Sequence[Load]) -> Array:
     """Sum the generalised loads J_F^T w of all loads on every virtual joint, Eq. (10).
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         loads: Loads that act together, each with one row per run.
 
     Returns:
@@ -269,7 +269,7 @@ def own_weight_matrix(chain: ChainState) -> Array:
     e)^T g for e = x, y, z. All others are zero, also those of joint laws.
 
     Args:
-        chain: Tool, bodies and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
 
     Returns:
         Columns, (n_theta, runs, bodies, 4) [N/kg, N m/kg; N/(kg m), N m/(kg m)]; their sum times
@@ -305,7 +305,7 @@ def own_weight_load(chain: ChainState, body_masses: BodyMasses) -> Array:
     Mathematics: `vjm-6`.
 
     Args:
-        chain: Tool, bodies and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         body_masses: Masses and centres of the bodies.
 
     Returns:
@@ -341,7 +341,7 @@ def geometric_stiffness(chain: ChainState, wrench: Array, point: Array) -> Array
     Mathematics: `loaded-3`.
 
     Args:
-        chain: Tool and Jacobian of every run, without joint laws.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`, without joint laws.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
@@ -379,7 +379,7 @@ def load_jacobian(chain: ChainState, point: Array) -> Array:
     """Compute the Jacobian J_theta = dg / d theta of Eq. (2) at the point where the load acts.
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         point: Where the load acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
@@ -441,7 +441,7 @@ def secant_theta(
     Mathematics: `loaded-5`, `vjm-7`.
 
     Args:
-        chain: Tool and Jacobian of every run, the springs at zero.
+        chain: Poses and Jacobian of the chain at theta = 0 in every run, from `evaluate_chain`.
         C_theta: Compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
@@ -469,7 +469,7 @@ def first_order_deflection(chain: ChainState, theta: Array, targets: Array) -> A
     Mathematics: `vjm-8`.
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
         targets: Points in the tool's frame, (m, 3) [m].
 

@@ -5,7 +5,7 @@ MGCO147, MGCO69 and the other structures of the paper; a structure of your own i
 
     Structure.of(arm, links=["link_2", "link_3"], joints=["joint_2", "joint_3"])
 
-Only the least squares of section 5.1 leaves the symmetry open: 36 free entries per link.
+Only the least squares of section 5.1 has matrices that need not be symmetric: 36 free entries per link.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -91,7 +91,7 @@ class Structure(Displayed):
             links: Names of the elastic links.
             joints: Names of the elastic joints.
             entries: Unknown entries (a, b) of every link's compliance, 0 to 5, in its beam frame: a <= b for
-                a symmetric one, or every pair with its mirror to leave the symmetry open.
+                a symmetric one, or every pair with its mirror for one that need not be symmetric.
             name: Name for reports.
 
         Returns:
@@ -332,7 +332,7 @@ def _named(
 
 
 mls36 = _named("MLS36", entries=UNSYMMETRIC_ENTRIES)
-"""All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
+"""All links with 36 free entries each, not symmetric: least squares of section 5.1."""
 mgco147 = _named("MGCO147")
 """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
 all153 = _named("ALL153", joints=slice(None))

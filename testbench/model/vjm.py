@@ -28,17 +28,17 @@ class JointLawSet(Protocol):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,)."""
+        """Name the kind of every joint law, (laws,)."""
 
     @property
     def joint_indices(self) -> Ids:
-        """Return the index of the actuated joint that each law deflects, (laws,)."""
+        """Return the index of the actuated joint that each joint law deflects, (laws,)."""
 
     def unit_deflections(self, chain: "ChainState", load_torques: Array) -> Array:
         """Compute the deflection that every joint law adds to its joint, per unit of the law's size.
 
         Args:
-            chain: The arm in its poses.
+            chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
             load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
@@ -49,7 +49,7 @@ class JointLawSet(Protocol):
         """Compute the derivative of the laws' deflections with respect to the torque of their joint.
 
         Args:
-            chain: The arm in its poses.
+            chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
             load_torques: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
@@ -447,7 +447,7 @@ def translational_jacobian(chain: ChainState, points: Array) -> Array:
     Mathematics: `vjm-4`.
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         points: Points in the tool's frame, (p, 3) [m].
 
     Returns:
@@ -462,7 +462,7 @@ def generalised_load(chain: ChainState, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of every virtual joint, Eq. (10), J_F the Jacobian where the wrench acts.
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
@@ -482,7 +482,7 @@ def generalised_load_without_laws(chain: ChainState, wrench: Array, point: Array
     Mathematics: `obs-7`, `vjm-5`.
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
@@ -505,7 +505,7 @@ def append_law_unit_deflections(chain: ChainState, loads_without_laws: Array) ->
     """Append the deflections of joint laws, per unit of size, to the generalised loads of links and joints.
 
     Args:
-        chain: Tool and Jacobian of every run, and the joint laws of the model.
+        chain: Chain in every run, from `evaluate_chain`, with the joint laws of the model.
         loads_without_laws: Generalised loads of links and joints, (7 n + 6, runs) [N, N m].
 
     Returns:
@@ -530,7 +530,7 @@ def observation_matrix(
     Mathematics: `obs-1`.
 
     Args:
-        chain: Tool and Jacobian of every run.
+        chain: Poses and Jacobian of the chain in every run, from `evaluate_chain`.
         structure: Structure of the unknowns, n_par of them.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
@@ -591,8 +591,8 @@ def rotation_vectors_between(start: Array, end: Array) -> Array:
         end: Second orientations, world from tool, (points, 3, 3) [1].
 
     Returns:
-        Rotation vectors, world axes, (points, 3) [rad]; zero for a turn of exactly 180 degrees, whose axis
-        the formula loses.
+        Rotation vectors, world axes, (points, 3) [rad]; zero for a rotation by exactly 180 degrees, whose
+        axis the formula loses.
     """
     R = end @ start.swapaxes(1, 2)
     sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
@@ -615,7 +615,7 @@ def rotation_matrices(rotation_vectors: Array) -> Array:
 
 
 def rotation_vectors_between_axes(start: Array, end: Array) -> Array:
-    """Compute rotation vectors of the shortest turns that take unit vectors to others.
+    """Compute rotation vectors of the shortest rotations that take unit vectors to others.
 
     Args:
         start: First unit vectors, (points, 3) [1].
@@ -704,7 +704,7 @@ def random_poses(
     is_collision_free: Callable[[Array], Mask],
     rng: np.random.Generator,
 ) -> Array:
-    """Draw poses evenly over the joint limits; keep those in the work area that are clear of collision.
+    """Draw random poses within the joint limits, in a work area and free of collisions.
 
     Args:
         vjm: Nominal kinematics of the arm.

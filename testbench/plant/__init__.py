@@ -1,4 +1,4 @@
-"""The truth side: MuJoCo. Shares the arm's description with the model side, and no code.
+"""The simulated true arm, in MuJoCo. It shares the arm's description with the model, but no code.
 
 Arguments are the same everywhere: q are actuated joints, (runs, n) [rad, m]; wrench is force and moment in
 world axes, (runs, 6) [N, N m]; point is where it acts, in the tool's frame, (runs, 3) [m]. Another

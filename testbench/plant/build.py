@@ -51,27 +51,13 @@ it."""
 
 
 def _virtual_joint_name(link: str, axis: str) -> str:
-    """Name the slide or hinge of a link's virtual joint in the elastic MJCF, such as link_2_theta_phi_x.
-
-    Args:
-        link: Name of the link.
-        axis: Name of the axis, such as "phi_x".
-
-    Returns:
-        The name.
-    """
+    """Name the slide or hinge of a link's virtual joint in the elastic MJCF, such as link_2_theta_phi_x."""
     return f"{link}_theta_{axis}"
 
 
 def _joint_spring_name(joint: str) -> str:
     """Name the spring in series with an actuated joint in the elastic MJCF, such as joint_2_theta."""
     return f"{joint}_theta"
-
-
-def _theta_joint_names(arm: Arm) -> list[str]:
-    """List the names of the virtual joints in the order of theta, (n_theta,)."""
-    links = [_virtual_joint_name(link.name, axis) for link in arm.links for axis in VIRTUAL_JOINT_AXES]
-    return links + [_joint_spring_name(j.name) for j in arm.joints]
 
 
 def elastic_mjcf(arm: Arm, foundation_compliance: Array | None = None) -> str:
@@ -368,7 +354,9 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
     Returns:
         The true arm.
     """
-    theta = np.array([model.joint(name).dofadr[0] for name in _theta_joint_names(arm)])
+    names = [_virtual_joint_name(link.name, axis) for link in arm.links for axis in VIRTUAL_JOINT_AXES]
+    names += [_joint_spring_name(joint.name) for joint in arm.joints]
+    theta = np.array([model.joint(name).dofadr[0] for name in names])
     # Compliances in the order of MuJoCo's degrees of freedom.
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta

@@ -64,7 +64,9 @@ class CrossSections:
     def second_moments(self) -> Array:
         """Compute second moments of area about the centroid, (yy, yz; yz, zz), (sections, 2, 2) [m^4]."""
         weights, at = BENDING_QUADRATURE
-        p = self._wall_points(at)
+        # points on every wall, from the centroid, (sections, walls, points, 2)
+        starts = (self.wall_corners - self.centroid[:, None])[:, :, None]
+        p = starts + at[:, None] * self.wall_vectors[:, :, None]
         return np.asarray(np.einsum("sw,g,swgi,swgj->sij", self.thickness * self.wall_lengths, weights, p, p))
 
     @cached_property
@@ -141,11 +143,6 @@ class CrossSections:
         torque = np.stack([zero, e[:, 1], -e[:, 0], zero + 1, zero, zero], axis=1)
         twist = torque / np.sqrt(G * self.torsion_constant)[:, None]
         return np.asarray(c + twist[:, :, None] * twist[:, None, :])
-
-    def _wall_points(self, at: Array) -> Array:
-        """Compute points on every wall, from the centroid, (sections, walls, points, 2) [m]."""
-        p = self.wall_corners - self.centroid[:, None]
-        return np.asarray(p[:, :, None] + at[:, None] * self.wall_vectors[:, :, None])
 
 
 def equivalent_plate_thickness(

@@ -131,7 +131,7 @@ class GeometryErrors:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """Describe the effects in a true arm beside linear elasticity; all are off by default.
+    """Describe the effects in a true arm other than linear elasticity; all are off by default.
 
     Quantities in radians at a hinge are in metres at a slide.
     """
@@ -308,16 +308,16 @@ def joint_deflection(joints: NonlinearJoints, torque: Array) -> Array:
     Returns:
         Deflection, (..., n) [rad].
     """
-    target = _frictionless_turn(joints, torque)
+    target = _frictionless_deflection(joints, torque)
     if joints.start_deflection is None:
         return target
     held = np.clip(joints.start_deflection, target - joints.hysteresis, target + joints.hysteresis)
-    return (
-        held
-        if joints.max_slip_half_width is None
-        else joints.start_deflection
-        + _gradual_slip_motion(held - joints.start_deflection, joints.max_slip_half_width)
-    )
+    if joints.max_slip_half_width is None:
+        return held
+    # mean motion of play operators with half widths from 0 to H: d^2 / (2 H) up to d = H, then d - H / 2
+    motion, H = held - joints.start_deflection, joints.max_slip_half_width
+    d = np.abs(motion)
+    return np.asarray(joints.start_deflection + np.sign(motion) * np.where(d < H, d**2 / (2 * H), d - H / 2))
 
 
 def joint_tangent_compliance(joints: NonlinearJoints, torque: Array) -> Array:
@@ -331,39 +331,37 @@ def joint_tangent_compliance(joints: NonlinearJoints, torque: Array) -> Array:
         Compliance, (..., n) [rad/(N m)].
     """
     x = joints.compliance * torque
-    phi = _spring_turn(joints, x)
+    phi = _spring_deflection(joints, x)
     rate = 1 / (1 + 3 * joints.stiffening * (phi / STIFFENING_REFERENCE_ANGLE) ** 2)
     if joints.user_law is not None:
         rate = rate + joints.user_law.slope(x)
     if joints.backlash:
         rate += 1 - np.tanh(x / joints.backlash) ** 2
     if joints.start_deflection is not None:
-        away = _frictionless_turn(joints, torque) - joints.start_deflection
+        away = _frictionless_deflection(joints, torque) - joints.start_deflection
         rate[np.abs(away) < joints.hysteresis] = 0
         if joints.max_slip_half_width is not None:
-            rate *= _slipping_fraction(
-                np.maximum(np.abs(away) - joints.hysteresis, 0), joints.max_slip_half_width
-            )
+            # fraction of play operators that slip, min(d / H, 1)
+            d = np.maximum(np.abs(away) - joints.hysteresis, 0)
+            rate *= np.minimum(d / joints.max_slip_half_width, 1.0)
     return joints.compliance * rate
 
 
-def _frictionless_turn(law: NonlinearJoints, torque: Array) -> Array:
+def _frictionless_deflection(joints: NonlinearJoints, torque: Array) -> Array:
     """Compute the deflection without friction, (..., n) [rad]."""
-    x = law.compliance * torque
-    target = _spring_turn(law, x) + _backlash_turn(law, x)
-    return target if law.user_law is None else target + law.user_law.deflection(x)
+    x = joints.compliance * torque
+    deflection = _spring_deflection(joints, x)
+    if joints.backlash:
+        deflection = deflection + joints.backlash * np.tanh(x / joints.backlash)
+    return deflection if joints.user_law is None else deflection + joints.user_law.deflection(x)
 
 
-def _spring_turn(law: NonlinearJoints, x: Array) -> Array:
+def _spring_deflection(joints: NonlinearJoints, x: Array) -> Array:
     """Solve phi + beta phi^3 / phi_ref^2 = x for its real root phi in closed form, (..., n) [rad]."""
-    if not law.stiffening:
+    if not joints.stiffening:
         return x
-    a = np.sqrt(3 * law.stiffening) / STIFFENING_REFERENCE_ANGLE
+    a = np.sqrt(3 * joints.stiffening) / STIFFENING_REFERENCE_ANGLE
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
-
-
-def _backlash_turn(law: NonlinearJoints, x: Array) -> Array:
-    return law.backlash * np.tanh(x / law.backlash) if law.backlash else np.zeros_like(x)
 
 
 @dataclass(frozen=True)
@@ -402,36 +400,3 @@ class SpringEffects:
     #: Largest half width H of friction that slips gradually, of every joint, (n,) [rad, m].
     max_slip_half_width: Array | None = None
     joint_law: TrueJointLaw | None = None  #: Joint law that adds a deflection to those of the linear springs.
-
-
-def _gradual_slip_motion(target_motion: Array, max_half_width: Array) -> Array:
-    """Compute how far a joint with gradually slipping friction follows a target that moves by d.
-
-    The joint moves by the mean of play operators with half widths from 0 to H: d^2 / (2 H) up to d = H, then
-    d - H / 2.
-
-    Args:
-        target_motion: Motion d of the frictionless deflection, (..., n) [rad].
-        max_half_width: Largest half width H of every joint, (n,) [rad].
-
-    Returns:
-        Motion of the joint, (..., n) [rad].
-    """
-    far = np.abs(target_motion)
-    return np.asarray(
-        np.sign(target_motion)
-        * np.where(far < max_half_width, far**2 / (2 * max_half_width), far - max_half_width / 2)
-    )
-
-
-def _slipping_fraction(target_motion: Array, max_half_width: Array) -> Array:
-    """Compute the derivative of `_gradual_slip_motion`, min(|d| / H, 1): the fraction of operators that slip.
-
-    Args:
-        target_motion: Motion d of the frictionless deflection, (..., n) [rad].
-        max_half_width: Largest half width H of every joint, (n,) [rad].
-
-    Returns:
-        Fraction, (..., n) [1].
-    """
-    return np.asarray(np.minimum(np.abs(target_motion) / max_half_width, 1.0))

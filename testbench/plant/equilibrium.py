@@ -663,31 +663,31 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
-
-    return _solve_in_batches(
-        plant,
-        len(q),
-        lambda part, row: _linear_equilibrium(plant, row, q[part], wrench[part], point[part]),
-    )
-
-
-def _linear_equilibrium(
-    plant: Plant, row: ArmCopies, q: Array, wrench: Array, point: Array
-) -> ArmEquilibrium:
-    """Compute the equilibrium of the linear model: one step from the undeflected arm."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few truths are linear
 
     tool, markers = plant.tool_body, plant.marker_bodies.tolist()
-    state = evaluate_bodies(row, undeflected_configurations(plant, q), {tool, *markers})
-    at = point_position(state, tool, point)
-    theta = np.matvec(plant.compliance(q), generalised_force(plant, state, tool, wrench, at))
-    places = [
-        state.body_positions[body] + _body_motion(plant, state, body, theta)[0] for body in (*markers, tool)
-    ]
-    turned = Rotation.from_rotvec(_body_motion(plant, state, tool, theta)[1]).as_matrix()
-    return ArmEquilibrium(
-        theta=theta[:, plant.theta_indices],
-        marker_positions=np.stack(places[:-1], axis=1),
-        tool_positions=places[-1],
-        tool_rotations=turned @ state.body_rotations[tool],
-    )
+
+    def solve_runs(runs: slice, copies: ArmCopies) -> ArmEquilibrium:
+        """Compute the first-order equilibria of some runs: one step from the undeflected arm.
+
+        Args:
+            runs: Slice of the runs.
+            copies: Copies of the arm in one MuJoCo model.
+
+        Returns:
+            Equilibria of these runs.
+        """
+        state = evaluate_bodies(copies, undeflected_configurations(plant, q[runs]), {tool, *markers})
+        at = point_position(state, tool, point[runs])
+        Q = generalised_force(plant, state, tool, wrench[runs], at)
+        theta = np.matvec(plant.compliance(q[runs]), Q)
+        moved = {body: _body_motion(plant, state, body, theta) for body in (*markers, tool)}
+        positions = {body: state.body_positions[body] + shift for body, (shift, _) in moved.items()}
+        return ArmEquilibrium(
+            theta=theta[:, plant.theta_indices],
+            marker_positions=np.stack([positions[body] for body in markers], axis=1),
+            tool_positions=positions[tool],
+            tool_rotations=Rotation.from_rotvec(moved[tool][1]).as_matrix() @ state.body_rotations[tool],
+        )
+
+    return _solve_in_batches(plant, len(q), solve_runs)

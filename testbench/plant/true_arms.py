@@ -77,7 +77,7 @@ JOINT_COUPLING_RANGE = 0.2, 0.5
 SLIP_RANGE = 5e-5, 4e-4
 """Range of the largest half width H of friction that slips gradually [rad]."""
 FAMILY_NAME = "family"
-"""Name that stands for all kinds in `FAMILY_TRUE_ARMS`, which take turns by the seed."""
+"""Name that selects all kinds of `FAMILY_TRUE_ARMS`: successive seeds use successive kinds."""
 DEFORMATION_BISECTIONS = 24
 """Bisection steps that find the size of a link's deformation."""
 
@@ -203,7 +203,7 @@ def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def with_random_couplings(C: Array, rng: np.random.Generator) -> Array:
-    """Replace the off-diagonal entries of a compliance, by a random correlation matrix.
+    """Replace the off-diagonal entries of a compliance by random ones, from a random correlation matrix.
 
     The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
     six: Wishart's density with n + 1 degrees of freedom, divided by the scales.
@@ -346,7 +346,8 @@ def true_arm_of_seed(family: str, seed: int) -> str:
     """Return the name of the kind of true arm that belongs to a seed.
 
     Args:
-        family: "family" if the kinds of `FAMILY_TRUE_ARMS` take turns by the seed, or the name of one kind.
+        family: "family", for which successive seeds use successive kinds of `FAMILY_TRUE_ARMS`, or the name
+            of one kind.
         seed: The seed.
 
     Returns:
