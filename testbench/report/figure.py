@@ -17,15 +17,17 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import RendererBase
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axis import Axis
+from matplotlib.backend_bases import GraphicsContextBase, RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg, get_hinting_flag
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
+from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator
+from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
@@ -68,6 +70,8 @@ KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
 BREAKS, LATE_BREAKS = (". ", " ("), ("; ", ": ", ", ")
 """Where a title that is too long ends, the best first; and where one ends that has no room in all lines."""
 
+
+Ticks = tuple[tuple[float, ...], ...]  #: Of the axis to the right and of the upright one.
 
 MICRO = re.compile(r"\bu(?=(?:m|rad)\b)")  #: The u of um and urad.
 TIMES_TEN = re.compile(r" x 10\^(-?\d+)")  #: Ends a number that has too many zeros.
@@ -123,33 +127,28 @@ def _lay_out(figure: Figure) -> None:
     """Lay a figure out once, and keep it so.
 
     Constrained layout measures what is around every axes twice, and color bars once more for each of their
-    axes, which takes most of its time. What stands beside an upright axis with chosen ticks is as wide the
-    second time; other numbers, and limits of equal scales, follow from the size of the axes.
+    axes, which takes most of its time. What is around axes is as wide as before if their ticks are the same.
     """
     figure.set_layout_engine("constrained")
     engine = figure.get_layout_engine()
     assert engine is not None  # just set
-    steady = [axes for axes in figure.axes if _is_steady(axes)]
-    for axes in steady:
-        axes.get_tightbbox = functools.partial(_around, axes, [])  # type: ignore[method-assign]
+    visible = [axes for axes in figure.axes if axes.get_visible()]
+    for axes in visible:
+        axes.get_tightbbox = functools.partial(_around, axes, {})  # type: ignore[method-assign]
     engine.execute(figure)
-    for axes in steady:
+    for axes in visible:
         del axes.get_tightbbox
     figure.set_layout_engine("none")
 
 
-def _is_steady(axes: Axes) -> bool:
-    """Tell whether what is around an axes does not depend on its size."""
-    chosen = isinstance(axes.yaxis.get_major_locator(), FixedLocator)
-    return axes.get_visible() and axes.get_aspect() == "auto" and chosen
-
-
-def _around(axes: Axes, measured: list[Array], renderer: RendererBase, *, for_layout_only: bool) -> Bbox:
-    """Return the box of an axes, with its words as far around it as they were measured first, and its key.
+def _around(
+    axes: Axes, measured: dict[Ticks, Array], renderer: RendererBase, *, for_layout_only: bool
+) -> Bbox:
+    """Return the box of an axes with its words and its key; words are measured once for the same ticks.
 
     Args:
         axes: The axes.
-        measured: What was measured first, (4,) [pixel]; empty the first time.
+        measured: How far words are around the axes, (4,) [pixel], by its ticks; words are added to it.
         renderer: As matplotlib gives it.
         for_layout_only: The same: names along an axis count only across it.
 
@@ -157,21 +156,72 @@ def _around(axes: Axes, measured: list[Array], renderer: RendererBase, *, for_la
         The box [pixel].
     """
     key, locator = axes.get_legend(), axes.get_axes_locator()
-    if not measured:
+    axes.apply_aspect(None if locator is None else locator(axes, renderer))  # to where it stands now
+    ticks = _ticks(axes)
+    if ticks not in measured:
         if key is not None:  # it may stand beside the axes, at a share of their size
             key.set_in_layout(False)
         whole = type(axes).get_tightbbox(axes, renderer, for_layout_only=for_layout_only)
         assert whole is not None  # it is visible
-        measured.append(np.subtract(whole.extents, axes.bbox.extents))
-    axes.apply_aspect(None if locator is None else locator(axes, renderer))  # to where it stands now
-    box = Bbox.from_extents(*(axes.bbox.extents + measured[0]))
+        measured[ticks] = np.subtract(whole.extents, axes.bbox.extents)
+    box = Bbox.from_extents(*(axes.bbox.extents + measured[ticks]))
     beside = None if key is None else key.get_tightbbox(renderer)
     return box if beside is None else Bbox.union([box, beside])
 
 
+def _ticks(axes: Axes) -> Ticks:
+    """Tell where both axes have ticks, in data."""
+    found = []
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        found.append(tuple(at for at in axis.get_majorticklocs().tolist() if low <= at <= high))
+    return tuple(found)
+
+
+class _Renderer(RendererAgg):
+    """Draw a level line of text as one image: matplotlib's own letter by letter takes three times as long."""
+
+    def draw_text(
+        self,
+        gc: GraphicsContextBase,
+        x: float,
+        y: float,
+        s: str,
+        prop: FontProperties,
+        angle: float,
+        ismath: bool | Literal["TeX"] = False,
+        mtext: Text | None = None,
+    ) -> None:
+        """Draw a text, see `RendererBase.draw_text`."""
+        if angle or ismath:
+            super().draw_text(gc, x, y, s, prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
+            return
+        font = self._prepare_font(prop)  # type: ignore[no-untyped-call]
+        font.set_text(s, 0.0, flags=get_hinting_flag())  # type: ignore[no-untyped-call]
+        font.draw_glyphs_to_bitmap(antialiased=True)
+        right, down = font.get_bitmap_offset()
+        at = round(x + right / 64), round(y + (down + font.get_descent()) / 64 + 0.5)
+        self._renderer.draw_text_image(font.get_image(), *at, 0, gc)
+
+
+class _Canvas(FigureCanvasAgg):
+    """Draw with `_Renderer`."""
+
+    _own: tuple[tuple[int, int, float], _Renderer] | None = (
+        None  #: Width, height, points per inch; for these.
+    )
+
+    def get_renderer(self) -> _Renderer:
+        """Return the renderer, the same one for the same size."""
+        size = (*self.get_width_height(physical=True), self.figure.dpi)
+        if self._own is None or self._own[0] != size:
+            self._own = size, _Renderer(*size)  # type: ignore[no-untyped-call]
+        return self._own[1]
+
+
 def _write_png(figure: Figure, path: Path | IO[bytes]) -> None:
     """Draw a figure in few colours, but where it holds an image."""
-    canvas = FigureCanvasAgg(figure)
+    canvas = _Canvas(figure)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         if figure.axes and figure.get_layout_engine() is not None:
@@ -410,6 +460,17 @@ def quiet(axes: Axes) -> None:
     """Without the frame above and on the right; labels of ticks reach farther than what stays of it."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_in_layout(False)
+
+
+def few_ticks(*every: Axis, most: int = 5) -> None:
+    """Give axes round numbers, whatever their length: words around them are measured once, see `_lay_out`.
+
+    Args:
+        every: The axes, to the right or upright.
+        most: Intervals between ticks at most.
+    """
+    for axis in every:
+        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
 
 
 def forest(

@@ -37,6 +37,7 @@ from testbench.report.figure import (
     SOFT,
     Figure,
     bands,
+    few_ticks,
     for_column,
     forest_height,
     forest_pane,
@@ -111,6 +112,7 @@ def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
     axes.set(xlabel="residual [µm]", ylabel="number of components", ylim=(0, 1.75 * most))
+    few_ticks(axes.xaxis, axes.yaxis)
     axes.set_title(row_head(row.name))
     quiet(axes)
 
@@ -139,6 +141,7 @@ def predicted_pane(axes: Axes, row: Row, looks: Mapping[str, Look], measured: st
     ends = (low - room, high + room)
     axes.plot(ends, ends, color=SOFT, linewidth=0.8, zorder=1)
     axes.set(xlabel=f"{measured} deflection [mm]", ylabel="predicted [mm]")
+    few_ticks(axes.xaxis, axes.yaxis)
     axes.legend(
         frameon=False,
         fontsize=MIN_LETTER_SIZE,

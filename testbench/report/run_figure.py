@@ -31,6 +31,7 @@ from testbench.report.figure import (
     SOFT,
     Figure,
     bands,
+    few_ticks,
     for_column,
     forest_height,
     forest_pane,
@@ -443,6 +444,7 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     axes.set_xlabel(chart.across)
     axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])))
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
+    few_ticks(axes.yaxis)
     if len(axes.get_legend_handles_labels()[1]) > 1:  # the title says what a line alone is
         axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     quiet(axes)

@@ -52,6 +52,7 @@ def test_the_layout_measures_models_once_and_places_all_as_if_all_were_measured_
             patched.setattr(Axes, "get_tightbbox", counted)
             _lay_out(own)
         assert measured.count(own.axes[0]) == times
+        assert measured.count(own.axes[-1]) == 1  # a row of models, or a chart with few ticks
         for a, b in zip(own.axes, other.axes, strict=True):
             np.testing.assert_allclose(a.get_position().bounds, b.get_position().bounds, atol=2e-3)
 
